@@ -1,0 +1,296 @@
+"""The schemes converge at their order to known solutions, whatever the memory; wrong calls are told."""
+
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fracid.errors import InputError
+from fracid.simulate import METHODS, Outcome, PaperSchemeWarning, solve_fde
+from oracles.problems import M2, PROBLEMS, T1, T8, T11, T19, T20, T27, T33, m1, t2, t4
+
+by_name = {"ids": lambda v: v.name if hasattr(v, "name") else str(v)}
+SCHEMES = ("pi2", "gl", "gl-sequential")
+
+
+def run(problem, step, **options):
+    return solve_fde(problem.rhs, problem.orders, problem.initial, step=step, end=max(problem.solution),
+                     parameters=problem.parameters, **options)  # fmt: skip
+
+
+def errors(problem, step, **options):
+    """Largest error over the known states at each known time."""
+    trajectory = run(problem, step, **options)
+    assert trajectory.completed
+    return np.array(
+        [np.nanmax(np.abs(trajectory.states[round(t / step)][: len(x)] - x)) for t, x in problem.solution.items()]
+    )
+
+
+def scale(problem):
+    return np.nanmax(np.abs(list(problem.solution.values())))
+
+
+# --- accuracy --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, **by_name)
+def test_pi2_reaches_the_known_solution(problem):
+    assert np.all(
+        errors(problem, problem.step / 8) < 1e-5 * max(1.0, scale(problem)) + 3e-5 * (max(problem.orders) > 1)
+    )
+
+
+@pytest.mark.parametrize(
+    ("problem", "convergence_order"),
+    [(t2(0.9), 2), (t2(1.5), 2), (t4((0.5,)), 2), (t4((0.8, 0.7, 0.9)), 2), (T8, 2), (T20, 2), (T27, 2), (m1(0.0), 2),
+     (m1(0.0417), 2), (T1, 1.8), (T11, 1.6), (t4((1.5, 1.2)), 1.5)],
+    **by_name,
+)  # fmt: skip
+def test_pi2_converges_at_order_two_where_f_is_smooth_and_below_it_where_it_is_not(problem, convergence_order):
+    # f of T1 begins like t^0.8 and costs 1 + 0.8 orders, T11's like t^0.6, T4's of order 1.5 like t^0.5
+    coarse, fine = (errors(problem, problem.step / k)[-1] for k in (4, 8))
+    measured = np.log2(coarse / fine)
+    assert measured == pytest.approx(convergence_order, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["gl", "gl-sequential"])
+@pytest.mark.parametrize("problem", PROBLEMS, **by_name)
+def test_grunwald_letnikov_schemes_converge_at_order_one(problem, method):
+    coarse, fine = (errors(problem, problem.step / k, method=method).max() for k in (4, 8))
+    assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_paper_scheme_is_gl_for_a_start_at_zero():
+    problem = replace(t4((0.8, 0.7, 0.9)))
+    paper, gl = (run(problem, 1e-2, method=method).states for method in ("gl-paper", "gl"))
+    np.testing.assert_array_equal(paper, gl)
+
+
+def test_the_paper_scheme_does_not_converge_for_a_start_that_is_not_zero():
+    with pytest.warns(PaperSchemeWarning, match="raw x"):
+        wrong = [errors(T1, step, method="gl-paper").max() for step in (1e-2, 1e-3)]
+    assert min(wrong) > 0.05
+    assert wrong[0] / wrong[1] < 1.5
+
+
+def test_the_paper_scheme_drops_a_ten_degree_release_within_a_millisecond():
+    with pytest.warns(PaperSchemeWarning):
+        first = np.degrees(run(T33, 1e-3, method="gl-paper").states[1, 2])
+    assert first == pytest.approx(10 * 0.9146, abs=1e-3)  # x¹ = −w_1 x⁰ = μ x⁰
+
+
+def _oscillator(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1]
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("pi2", 1e-5), ("gl", 5e-2), ("gl-sequential", 5e-3)])
+def test_order_one_is_the_ordinary_differential_equation(method, tolerance):
+    out = np.empty(2)
+
+    def f(t, x):
+        _oscillator(t, x, None, (9.81, 0.2), out)
+        return out.copy()
+
+    exact = solve_ivp(f, (0, 10), [1.0, 0.0], rtol=1e-12, atol=1e-12, method="DOP853", t_eval=[10.0]).y[:, -1]
+    ours = solve_fde(_oscillator, 1.0, [1.0, 0.0], step=5e-4, end=10.0, parameters=[9.81, 0.2], method=method)
+    np.testing.assert_allclose(ours.states[-1], exact, atol=tolerance)
+
+
+def test_explicit_gl_feeds_energy_into_an_undamped_pendulum_and_the_sequential_scheme_does_not():
+    def last_swing(method):
+        x = solve_fde(_oscillator, 1.0, [0.1, 0.0], step=1e-3, end=20.0, parameters=[9.81, 0.0], method=method).states
+        return np.abs(x[-2000:, 0]).max()
+
+    assert last_swing("gl") > 0.109
+    assert last_swing("gl-sequential") == pytest.approx(0.1, rel=2e-3)
+    assert last_swing("pi2") == pytest.approx(0.1, rel=1e-3)
+
+
+# --- memory ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("problem", [T1, t2(0.25), t2(1.5), t4((1.5, 1.2)), T8, T19, T33, M2], **by_name)
+def test_compressed_memory_gives_the_trajectory_of_full_memory(problem, method):
+    step = problem.step / 2
+    whole, kept = (run(problem, step, method=method, memory=memory).states for memory in ("full", "compressed"))
+    np.testing.assert_allclose(kept, whole, atol=2e-9 * np.abs(whole).max())
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("order", [0.001, 0.3, 0.99, 0.999, 1.0, 1.001, 1.5, 1.999])
+def test_compressed_equals_full_for_every_order(method, order):
+    initial = [1.0] if order <= 1 else [(1.0, 0.5)]
+
+    def force(t, x, u, p, out):
+        out[0] = np.cos(3 * t) - 0.5 * x[0]
+
+    whole, kept = (
+        solve_fde(force, order, initial, step=2e-3, end=10.0, method=method, memory=memory).states
+        for memory in ("full", "compressed")
+    )
+    np.testing.assert_allclose(kept, whole, atol=2e-9 * np.abs(whole).max())
+
+
+def test_a_looser_tolerance_costs_no_more_than_it_says():
+    whole = run(T33, 1e-3, memory="full").states
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        kept = run(T33, 1e-3, tolerance=tolerance).states
+        assert np.abs(kept - whole).max() < 100 * tolerance * np.abs(whole).max()
+
+
+def test_a_short_memory_as_long_as_the_run_is_the_full_memory():
+    for method in SCHEMES:
+        whole, cut = (run(T19, 1e-2, method=method, memory=memory).states for memory in ("full", "short(2000)"))
+        np.testing.assert_array_equal(whole, cut)
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+def test_a_longer_short_memory_is_nearer_to_the_full_one(method):
+    whole = run(T19, 1e-2, method=method, memory="full").states
+    off = [np.abs(run(T19, 1e-2, method=method, memory=f"short({n})").states - whole).max() for n in (20, 200, 1000)]
+    assert off[0] > off[1] > off[2]
+
+
+# --- inputs, initial derivatives, threads -----------------------------------------------------------
+
+
+def _driven(t, x, u, p, out):
+    out[0] = u[0] - x[0]
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("pi2", 1e-6), ("gl", 5e-3), ("gl-sequential", 5e-3)])
+def test_a_sampled_input_acts_as_the_same_function_of_time_does(method, tolerance):
+    def itself(t, x, u, p, out):
+        out[0] = np.sin(2 * t) - x[0]
+
+    time = np.linspace(0, 5, 5001)
+    sampled = solve_fde(_driven, 0.8, [0.0], step=1e-3, end=5.0, inputs=np.sin(2 * time), method=method)
+    analytic = solve_fde(itself, 0.8, [0.0], step=1e-3, end=5.0, method=method)
+    np.testing.assert_allclose(sampled.states, analytic.states, atol=1e-12)
+
+
+def test_an_initial_derivative_carries_a_free_state_of_order_above_one():
+    def free(t, x, u, p, out):
+        out[0] = 0.0
+
+    for method in METHODS:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PaperSchemeWarning)
+            states = solve_fde(free, 1.5, [(0.0, 2.0)], step=0.01, end=3.0, method=method).states
+        if method != "gl-paper":
+            np.testing.assert_allclose(states[:, 0], 2 * np.linspace(0, 3, 301), atol=1e-12)
+
+
+def test_runs_on_many_threads_are_the_runs_on_one():
+    orders = np.linspace(0.6, 1.1, 12)
+
+    def last(q):
+        return solve_fde(T20.rhs, q, T20.initial, step=5e-3, end=5.0).states[-1]
+
+    alone = [last(q) for q in orders]
+    with ThreadPoolExecutor(4) as pool:
+        np.testing.assert_array_equal(list(pool.map(last, orders)), alone)
+
+
+# --- outcomes --------------------------------------------------------------------------------------
+
+
+def _explodes(t, x, u, p, out):
+    out[0] = x[0] ** 2
+
+
+def _divides_by_zero(t, x, u, p, out):
+    out[0] = 1 / (0.5 - x[1]) if t < 0.5 else 1 / (x[1] - x[1])
+    out[1] = 0.0
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+def test_a_diverging_run_ends_with_its_finite_part_and_a_reason(method):
+    trajectory = solve_fde(_explodes, 0.9, [2.0], step=1e-3, end=5.0, method=method, limit=1e6)
+    assert trajectory.outcome is Outcome.DIVERGED
+    assert 1 < len(trajectory.time) == len(trajectory.states) < 5001
+    assert np.all(np.isfinite(trajectory.states))
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+def test_a_division_by_zero_ends_the_run_with_a_reason(method):
+    trajectory = solve_fde(_divides_by_zero, 0.9, [0.0, 0.0], step=1e-2, end=1.0, method=method)
+    assert trajectory.outcome is Outcome.NOT_FINITE
+    assert trajectory.time[-1] == pytest.approx(0.5, abs=0.011)
+    assert np.all(np.isfinite(trajectory.states))
+
+
+# --- callers' mistakes ------------------------------------------------------------------------------
+
+
+def _returns(t, x, u, p, out):
+    return -x
+
+
+def _too_few(t, x):
+    return None
+
+
+def _out_of_range(t, x, u, p, out):
+    out[0] = x[0]
+    out[2] = x[0]
+
+
+def _forgets(t, x, u, p, out):
+    out[0] = -x[0]
+
+
+def _not_numba(t, x, u, p, out):
+    out[0] = eval("x[0]")
+
+
+def _reads_input(t, x, u, p, out):
+    out[0] = u[0]
+
+
+GOOD = {"orders": 0.8, "initial": [1.0], "step": 0.1, "end": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("rhs", "changed", "message"),
+    [
+        (_t := T1.rhs, {"orders": 0.0}, r"orders\[0\] = 0: an order must lie strictly between 0 and 2"),
+        (_t, {"orders": 2.5}, r"orders\[0\] = 2.5"),
+        (_t, {"orders": [0.8, 0.9]}, "there are 1 states; give one order, or 1"),
+        (_t, {"orders": float("nan")}, "finite"),
+        (_t, {"orders": "high"}, "expected numbers"),
+        (_t, {"initial": [float("nan")]}, "initial.*finite"),
+        (
+            _t,
+            {"initial": [[1.0, 2.0]]},
+            r"initial\[0, 1\] = 2, but a state of order 0.8 has no initial derivative",
+        ),
+        (_t, {"initial": [[1.0, 2.0, 3.0]]}, "shape"),
+        (_t, {"step": -0.1}, "step = -0.1.*positive"),
+        (_t, {"step": 0.0}, "positive"),
+        (_t, {"end": -1.0}, "end = -1.0.*positive"),
+        (_t, {"end": 0.25}, r"not a whole number of steps of 0.1; type end=0.2 or end=0.3"),
+        (_t, {"method": "euler"}, "no method 'euler'; type one of pi2, gl"),
+        (_t, {"memory": "none"}, "no memory"),
+        (_t, {"corrections": 0}, "corrections"),
+        (_t, {"inputs": np.zeros(7)}, r"inputs has the shape \(7, 1\); expected \(11, n_inputs\)"),
+        (_t, {"parameters": ["a"]}, "parameters.*numbers"),
+        (_returns, {}, "_returns returns a value.*out"),
+        (_too_few, {}, r"_too_few takes \(t, x\); it must take \(t, x, u, p, out\)"),
+        (_out_of_range, {}, "_out_of_range does not fit its arguments.*x and out have 1"),
+        (_forgets, {"initial": [1.0, 2.0]}, r"_forgets leaves out\[1\] unwritten"),
+        (_not_numba, {}, "_not_numba cannot be compiled by Numba"),
+        (_reads_input, {}, "_reads_input does not fit its arguments.*u has 0"),
+        (3, {}, "must be a function"),
+    ],
+)
+def test_a_wrong_call_is_told_in_our_words(rhs, changed, message):
+    arguments = GOOD | changed
+    with pytest.raises(InputError, match=message):
+        solve_fde(rhs, arguments.pop("orders"), arguments.pop("initial"), **arguments)
