@@ -1,0 +1,275 @@
+"""The command line: parse, one call of the library, text for people or JSON for programs.
+
+Exit codes: 0 it did what was asked; 2 the caller's mistake; 3 a recording that fails its
+checks.  With ``--json`` standard output holds JSON alone, and all else goes to standard error.
+
+Heavy modules are imported inside the command that needs them: ``fracid --help`` and
+``fracid check`` answer in less than half a second.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid import __version__
+from fracid.errors import DataError, FracidError, InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from rich.console import Console
+
+    from fracid.recording import Recording, Report
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="fracid",
+    help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for what is written.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True)]
+Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the program and exit with its code.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        None takes the command line's.
+
+    Raises
+    ------
+    SystemExit
+        Always: 0 done, 2 the caller's mistake, 3 a recording that fails its checks.
+
+    Examples
+    --------
+    >>> main(["--version"])
+    Traceback (most recent call last):
+    SystemExit: 0
+    """
+    try:
+        app(args=arguments, prog_name="fracid")
+    except FracidError as error:
+        kind = "unfit recording" if isinstance(error, DataError) else "error"
+        sys.stderr.write(f"{kind}: {error}\n")
+        raise SystemExit(error.exit_code) from None
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"fracid {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""
+
+
+CHECK_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid check release.mat  [dim](guesses the columns and says so)[/dim]",
+    "fracid check release.mat --column theta=1 --column alpha=2,zero=3.14159 --out checked",
+    "fracid check swing.txt --rate 1000 --column alpha=0,unit=deg,scale=0.99 --json",
+    "fracid check log.csv --time stamp --column alpha=joint1/position --column u=command,unit=V,fill=hold",
+)
+
+
+@app.command(epilog="\n\n".join(CHECK_EXAMPLE))
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet")],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN[,FIELD=VALUE]...",
+            help="A signal and its column, by position from 0 or by name. Fields: unit (rad deg turns "
+            "counts rad/s deg/s V 'N m' 1), sign, scale, zero (a number in rad, or rest), "
+            "counts_per_turn, unwrap, fill (hold).",
+        ),
+    ] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
+    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
+    variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
+    out: Out = None,
+    seed: Seed = 0,
+    jobs: Jobs = 1,
+    json_: Json = False,
+) -> None:
+    """Check a recording: its clock, its signals, its release, and whether it is fit for use.
+
+    Exit code 0 if it is good or usable, 3 if it is unfit.
+    """
+    del seed, jobs  # nothing here is random or parallel; every command takes the same options
+    from fracid.recording import inspect_recording
+
+    recording = inspect_recording(
+        file,
+        dict(map(_column, column)) if column else None,
+        time=_time(time, rate),
+        start=_start(start),
+        stop=stop,
+        variable=variable,
+    )
+    figure = _write_overview(recording, out) if out is not None else None
+    if json_:
+        _print_json(recording, figure)
+    else:
+        _print_check(recording, figure)
+    if recording.report.level == "unfit":
+        raise typer.Exit(DataError.exit_code)
+
+
+# ------------------------------------------------------------------ from text to arguments
+
+
+def _column(text: str) -> tuple[str, dict[str, Any]]:
+    """Parse ``alpha=2,unit=deg,zero=rest``."""
+    name, _, rest = text.partition("=")
+    column, *fields = rest.split(",")
+    if not name or not column:
+        raise InputError(f"--column {text!r} is not possible; expected NAME=COLUMN, e.g. --column alpha=2,unit=deg.")
+    return name, {"column": _number(column)} | dict(map(_field, fields))
+
+
+def _field(text: str) -> tuple[str, Any]:
+    key, equals, value = text.partition("=")
+    return key.strip(), _number(value) if equals else True
+
+
+def _number(text: str) -> int | float | str | bool:
+    """Return the number that the text is, else the text."""
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _time(column: str | None, rate: float | None) -> dict[str, Any] | None:
+    if column is not None and rate is not None:
+        raise InputError("give --time or --rate, not both.")
+    if rate is not None:
+        return {"rate": rate}
+    if column is None:
+        return None
+    position, *fields = column.split(",")
+    return {"column": _number(position)} | dict(map(_field, fields))
+
+
+def _start(text: str | None) -> float | str | None:
+    value = None if text is None else _number(text)
+    if isinstance(value, str) and value != "release":
+        raise InputError(f"--from {text!r} is not possible; expected a time [s] or release.")
+    return value
+
+
+# ------------------------------------------------------------------ from results to text
+
+
+def _write_overview(recording: Recording, out: Path) -> Path:
+    from fracid.plots import recording_overview
+
+    figure = out / f"{recording.name}.png"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        recording_overview(recording).savefig(figure, dpi=130)
+    except OSError as error:
+        raise InputError(f"--out {out} cannot be written: {error.strerror or error}.") from error
+    return figure
+
+
+def _print_json(recording: Recording, figure: Path | None) -> None:
+    head = {
+        "name": recording.name,
+        "file": str(recording.path),
+        "sha256": recording.sha256,
+        "step": recording.step,
+    }
+    content = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
+    typer.echo(json.dumps(content, indent=2, ensure_ascii=False))
+
+
+def _print_check(recording: Recording, figure: Path | None) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(highlight=False)
+    report = recording.report
+    console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
+    for what, value in report.rows():
+        console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
+    _print_signals(console, report)
+    _print_sketches(console, recording)
+    for note in report.notes:
+        console.print(f"  • {escape(note)}", soft_wrap=True)
+    colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
+    console.print(f"[bold {colour}]{escape(report.verdict)}[/]", soft_wrap=True)
+    console.print(f"figure: {escape(str(figure))}" if figure else "[dim]figure: add --out DIR[/dim]", soft_wrap=True)
+
+
+def _print_signals(console: Console, report: Report) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    rows = report.signal_rows()
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in rows[0]:
+        table.add_column(heading, overflow="fold", no_wrap=heading != "signal")
+    for row in rows:
+        table.add_row(*map(escape, row.values()))
+    console.print(table)
+
+
+def _print_sketches(console: Console, recording: Recording) -> None:
+    from rich.markup import escape
+
+    wide = max(map(len, recording.signals))
+    for name, signal in recording.signals.items():
+        for k, line in enumerate(_sketch(recording.time, signal, max(20, min(100, console.width - wide - 4)))):
+            console.print(f"  {escape(name if k == 0 else ''):{wide}} [cyan]{line}[/cyan]", soft_wrap=True)
+
+
+DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+"""Braille: the bit of each dot, by column of two and row of four."""
+
+
+def _sketch(time: NDArray[np.float64], signal: NDArray[np.float64], width: int, height: int = 4) -> list[str]:
+    """Draw a signal over time in Braille dots, `width` by `height` characters."""
+    import numpy as np
+
+    seen = np.isfinite(signal) & np.isfinite(time)
+    if seen.sum() < 2 or np.ptp(time[seen]) == 0 or np.ptp(signal[seen]) == 0:
+        return ["(constant)"]
+    t, x = time[seen], signal[seen]
+    across = ((t - t.min()) / np.ptp(t) * (2 * width - 1)).astype(int)
+    down = ((x.max() - x) / np.ptp(x) * (4 * height - 1)).round().astype(int)
+    cells = np.zeros((height, width), dtype=int)
+    for i in np.unique(across):
+        rows = down[across == i]
+        for j in range(rows.min(), rows.max() + 1):
+            cells[j // 4, i // 2] |= DOTS[i % 2][j % 4]
+    return ["".join(chr(0x2800 + cell) for cell in row) for row in cells]

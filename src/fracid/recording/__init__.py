@@ -1,0 +1,43 @@
+"""Recordings of a real rig: read, check, trim, resample, split.
+
+A file becomes a :class:`Recording` in three steps, one module each::
+
+    table     any format            -> columns of numbers, as they stand in the file
+    channel   column                -> signal:  value = sign · scale · (raw in rad) − zero
+    report    time and signals      -> what they are worth: clock, resolution, noise, rest, release
+
+===========================  =====================================================================
+to                           call
+===========================  =====================================================================
+use a recording              :func:`load_recording`; raises DataError if it is unfit
+see what is wrong with one   :func:`inspect_recording`; never raises for unfitness, see ``.report``
+record a simulation          :meth:`Recording.of`
+===========================  =====================================================================
+
+Nothing is repaired unasked.  A missing sample in a used signal, time that does not increase
+and a gap above 5 % of the duration make a recording *unfit*.  Jitter above 1 % of a step and
+shorter gaps leave it *usable*: ``resample`` brings it onto a uniform grid, and the report
+then says how, and names each gap it bridged.  All that was guessed on reading is in
+``report.reading``.
+"""
+
+from fracid.recording.channel import UNITS, Channel
+from fracid.recording.record import Recording, inspect_recording, load_recording
+from fracid.recording.report import Clock, Report, SignalReport, measure, release_time, resolution
+from fracid.recording.table import Table, read_table
+
+__all__ = [
+    "UNITS",
+    "Channel",
+    "Clock",
+    "Recording",
+    "Report",
+    "SignalReport",
+    "Table",
+    "inspect_recording",
+    "load_recording",
+    "measure",
+    "read_table",
+    "release_time",
+    "resolution",
+]

@@ -1,0 +1,203 @@
+"""From a column of a file to a signal: units, sign, scale, zero, unwrapping, blanks.
+
+::
+
+    value = sign · scale · (raw in rad) − zero
+
+The unit decides what "raw in rad" is; volts, newton metres and pure numbers stay as they
+are.  ``zero = "rest"`` is the mean of the recording's tail, which must be at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError, InputError
+from fracid.recording.report import tail
+
+__all__ = ["UNITS", "Channel"]
+
+UNITS: dict[str, tuple[float, str]] = {
+    "rad": (1.0, "rad"),
+    "deg": (math.pi / 180, "rad"),
+    "turns": (2 * math.pi, "rad"),
+    "counts": (2 * math.pi, "rad"),  # divided by counts_per_turn
+    "rad/s": (1.0, "rad/s"),
+    "deg/s": (math.pi / 180, "rad/s"),
+    "V": (1.0, "V"),
+    "N m": (1.0, "N m"),
+    "1": (1.0, "1"),
+}
+"""Each unit of a file: the factor to the unit of the signal, and that unit."""
+
+SPELLINGS = {
+    **dict.fromkeys(("°", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("rev", "turn"), "turns"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("Nm", "N·m", "N*m"), "N m"),
+    "°/s": "deg/s",
+}
+"""Other spellings of units in headers."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """How one column of a file becomes one signal.
+
+    Raises
+    ------
+    InputError
+        A field has a value that it cannot have.
+
+    Examples
+    --------
+    A 4096-count encoder that counts backwards, hanging at 2048:
+
+    >>> hanging = Channel(2, "counts", sign=-1, counts_per_turn=4096, zero=-np.pi)
+    >>> hanging.convert(np.array([2048.0, 1024.0]))
+    array([0.        , 1.57079633])
+    """
+
+    column: int | str
+    """Position from 0, or name."""
+    unit: str | None = None
+    """A key of ``UNITS``; None takes the header's unit, and rad where it names none."""
+    sign: int = 1
+    """+1 or −1."""
+    scale: float = 1.0
+    """A factor that corrects the logger, e.g. 0.99."""
+    zero: float | str = 0.0
+    """Subtracted after sign and scale [rad for angles], or ``"rest"``: the tail's mean."""
+    counts_per_turn: int | None = None
+    """Of the encoder, after quadrature; for unit ``counts``."""
+    unwrap: bool = False
+    """Undo jumps of a whole turn."""
+    fill: str | None = None
+    """``"hold"`` keeps the last value through blanks (a command logged only when it changes)."""
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        _require(self.unit is None or self.unit in UNITS, "unit", self.unit, " ".join(map(repr, UNITS)))
+        _require(self.sign in (1, -1), "sign", self.sign, "1 or -1")
+        _require(_is_finite(self.scale) and self.scale != 0, "scale", self.scale, "a number other than 0")
+        _require(self.zero == "rest" or _is_finite(self.zero), "zero", self.zero, 'a number [rad] or "rest"')
+        _require(self.fill in (None, "hold"), "fill", self.fill, '"hold"')
+        counts = self.counts_per_turn
+        _require(
+            counts is None or (isinstance(counts, int) and counts > 0),
+            "counts_per_turn",
+            counts,
+            "a whole number > 0",
+        )
+        _require(
+            self.unit != "counts" or counts is not None,
+            "counts_per_turn",
+            counts,
+            "e.g. 4096, with unit 'counts'",
+        )
+        _require(_is_column(self.column), "column", self.column, "a position from 0 or a name")
+
+    @classmethod
+    def of(cls, given: Channel | Mapping[str, Any] | int | str, name: str = "a channel") -> Channel:
+        """Return a channel from a column or a table of fields.
+
+        Raises
+        ------
+        InputError
+            A field is unknown or ``column`` is missing.
+
+        Examples
+        --------
+        >>> Channel.of({"column": 2, "unit": "deg"}).unit
+        'deg'
+        """
+        if isinstance(given, Channel):
+            return given
+        if not isinstance(given, Mapping):
+            return cls(given)
+        known = [f.name for f in fields(cls)]
+        for key in given:
+            if key not in known:
+                raise InputError(f"{name}: unknown field {key!r}; the fields of a channel are {', '.join(known)}.")
+        if "column" not in given:
+            raise InputError(f"{name}: no column given; type e.g. {name} = {{ column = 1 }}.")
+        return cls(**given)
+
+    @property
+    def signal_unit(self) -> str:
+        """The unit of the signal: rad, rad/s, V, N m or 1."""
+        return UNITS[self.unit or "rad"][1]
+
+    def convert(self, raw: NDArray[np.float64], name: str = "the signal") -> NDArray[np.float64]:
+        """Return the signal from the raw column.
+
+        Parameters
+        ----------
+        raw : ndarray, shape (n_samples,)
+            As in the file; NaN is a missing sample.
+        name : str
+            Of the signal, for messages.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+
+        Raises
+        ------
+        DataError
+            ``zero = "rest"`` and the tail still moves.
+
+        Examples
+        --------
+        >>> Channel(0, "deg", zero="rest").convert(np.full(9, 180.0)).tolist()[0]
+        0.0
+        """
+        turns = self.counts_per_turn or 1 if self.unit == "counts" else 1
+        value = UNITS[self.unit or "rad"][0] / turns * raw
+        if self.unwrap:
+            seen = np.isfinite(value)
+            value[seen] = np.unwrap(value[seen])
+        value = self.sign * self.scale * value
+        return value - (_rest(value, name) if self.zero == "rest" else float(self.zero))
+
+
+def header_unit(said: str) -> str | None:
+    """Return the unit that a header's word means, None if it means none of ``UNITS``."""
+    unit = SPELLINGS.get(said, said)
+    return unit if unit in UNITS and unit not in ("1", "counts") else None
+
+
+def hold(raw: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fill each blank with the last value before it; blanks at the start stay."""
+    last = np.maximum.accumulate(np.where(np.isnan(raw), 0, np.arange(raw.size)))
+    return np.asarray(raw[last])
+
+
+def _rest(value: NDArray[np.float64], name: str) -> float:
+    rest, moving, at_rest = tail(value)
+    if not at_rest:
+        raise DataError(
+            f'{name}: zero = "rest" needs a recording that ends at rest, and its last samples still move '
+            f"through {moving:.3g}. Give zero as a number."
+        )
+    return rest
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_column(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
+
+
+def _require(condition: bool, field: str, value: Any, expected: str) -> None:
+    if not condition:
+        raise InputError(f"{field} = {value!r} is not possible; expected {expected}.")

@@ -1,0 +1,464 @@
+"""A recording: one clock and its signals, with what was measured of them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError, InputError
+from fracid.recording.channel import Channel, header_unit, hold
+from fracid.recording.report import Report, measure
+from fracid.recording.table import Table, read_table
+
+__all__ = ["Recording", "inspect_recording", "load_recording"]
+
+Array = NDArray[np.float64]
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")
+"""A column that is named like time."""
+CLOCK_STAMP = 1e6
+"""A first time beyond this [s], twelve days, is a date: time is then counted from the first sample."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Measured signals over one clock."""
+
+    name: str
+    path: Path
+    sha256: str
+    """Of the file."""
+    time: Array
+    """Shape (n_samples,) [s]; the file's own, from the first sample where the file gives dates."""
+    signals: Mapping[str, Array]
+    """Name to samples, shape (n_samples,) [rad for angles]."""
+    units: Mapping[str, str]
+    """Name to rad, rad/s, V, N m or 1."""
+    report: Report
+    held: frozenset[str] = field(default=frozenset())
+    """Signals that keep their value between samples (commands), so are never interpolated linearly."""
+
+    @property
+    def step(self) -> float | None:
+        """Step of the uniform grid [s], None where the samples lie on none: :meth:`resample` first."""
+        clock = self.report.clock
+        return clock.duration / (clock.samples - 1) if clock.samples > 1 and clock.uniform else None
+
+    def trim(self, start: float | str | None = None, stop: float | None = None) -> Recording:
+        """Return the part from `start` to `stop` [s], both included; time keeps its zero.
+
+        Parameters
+        ----------
+        start : float, "release" or None
+            None is the first sample.
+        stop : float, optional
+            None is the last sample.
+
+        Raises
+        ------
+        InputError
+            Fewer than two samples lie there.
+        DataError
+            `start` is "release" and none was found.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> twin.trim(1.0, 3.0).time
+        array([1., 2., 3.])
+        """
+        low = self._start(start)
+        high = np.inf if stop is None else float(stop)
+        slack = 1e-6 * (self.report.clock.step if self.report.clock.samples > 1 else 0.0)
+        inside = (self.time >= low - slack) & (self.time <= high + slack)
+        if inside.sum() < 2:
+            span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else "no time at all"
+            raise InputError(
+                f"{self.name}: from {low:.6g} to {high:.6g} s holds {inside.sum()} samples; it spans {span}."
+            )
+        return self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
+
+    def _start(self, start: float | str | None) -> float:
+        if start is None:
+            return -np.inf
+        if start != "release":
+            if isinstance(start, str):
+                raise InputError(f'from = {start!r} is not possible; expected a time [s] or "release".')
+            return float(start)
+        if self.report.release is None:
+            raise DataError(f"{self.name}: no release found ({self.report.release_reason}). Give from as a time [s].")
+        return self.report.release
+
+    def resample(self, step: float | None = None) -> Recording:
+        """Return the recording on a uniform grid: commands held, all else interpolated linearly.
+
+        Parameters
+        ----------
+        step : float, optional
+            [s]; None takes the recording's own, rounded to three digits.
+
+        Returns
+        -------
+        Recording
+            Its report says how, and names each gap that was bridged.
+
+        Raises
+        ------
+        InputError
+            `step` is not positive or leaves fewer than two samples.
+        DataError
+            Time does not increase, or samples are missing.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.array([0, 0.11, 0.19, 0.3]), {"alpha": np.arange(4.0)})
+        >>> twin.resample(0.1).time
+        array([0. , 0.1, 0.2, 0.3])
+        """
+        _demand(self)
+        clock = self.report.clock
+        h = float(f"{clock.step:.3g}") if step is None else float(step)
+        if not 0 < h <= clock.duration:
+            raise InputError(f"step = {step!r} s is not possible; expected above 0 and at most {clock.duration:.6g} s.")
+        grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
+        signals = {n: self._at(n, grid) for n in self.signals}
+        gaps = "".join(
+            f" The gap of {1e3 * g:.3g} ms after {t:.4g} s was bridged by a line."
+            for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
+        )
+        more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
+        held = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
+        how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{held}.{gaps}{more}"
+        new = self._with(grid, signals, how)
+        # a line between two encoder steps lies on no lattice: what was measured before still holds
+        kept = tuple(
+            replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
+            for s, r in zip(new.report.signals, self.report.signals, strict=True)
+        )
+        return replace(new, report=replace(new.report, signals=kept))
+
+    def _at(self, name: str, grid: Array) -> Array:
+        x = self.signals[name]
+        if name in self.held:
+            return np.asarray(x[np.searchsorted(self.time, grid + 1e-12, side="right") - 1])
+        return np.asarray(np.interp(grid, self.time, x))
+
+    def split(self, at: float) -> tuple[Recording, Recording]:
+        """Return the parts before and from `at` [s].
+
+        Raises
+        ------
+        InputError
+            A part would hold fewer than two samples.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> [len(part.time) for part in twin.split(2.0)]
+        [2, 3]
+        """
+        return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
+
+    def _with(self, time: Array, signals: Mapping[str, Array], resampled: str | None) -> Recording:
+        report = measure(time, signals, self.units, self.report.reading, resampled)
+        return replace(self, time=_frozen(time), signals={n: _frozen(x) for n, x in signals.items()}, report=report)
+
+    @classmethod
+    def of(
+        cls, name: str, time: Array, signals: Mapping[str, Array], units: Mapping[str, str] | None = None
+    ) -> Recording:
+        """Return a recording of arrays that come from no file.
+
+        Parameters
+        ----------
+        name : str
+        time : ndarray, shape (n_samples,)
+            [s]
+        signals : mapping
+            Name to samples, shape (n_samples,).
+        units : mapping, optional
+            Name to unit; rad where it says nothing.
+
+        Raises
+        ------
+        InputError
+            A signal is not as long as time.
+
+        Examples
+        --------
+        >>> Recording.of("twin", np.arange(5.0), {"alpha": np.zeros(5)}).step
+        1.0
+        """
+        time = np.asarray(time, dtype=float)
+        arrays = {n: np.asarray(x, dtype=float) for n, x in signals.items()}
+        for n, x in arrays.items():
+            if x.shape != time.shape or time.ndim != 1:
+                raise InputError(
+                    f"{name}: {n} has shape {x.shape} and time {time.shape}; expected (n_samples,) for both."
+                )
+        known = {n: (units or {}).get(n, "rad") for n in arrays}
+        digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
+        report = measure(time, arrays, known)
+        return cls(name, Path(), digest, _frozen(time), {n: _frozen(x) for n, x in arrays.items()}, known, report)
+
+
+def load_recording(
+    path: str | Path,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    *,
+    time: Mapping[str, Any] | int | str | None = None,
+    start: float | str | None = None,
+    stop: float | None = None,
+    resample: bool | float | str | None = None,
+    name: str | None = None,
+    variable: str | None = None,
+) -> Recording:
+    """Load a recording that is fit for use.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file: text, .mat, .npz, .npy, HDF5 or Parquet.
+    columns : mapping, optional
+        Signal name to column, or to the fields of a :class:`Channel`.  None guesses; the report says what.
+    time : mapping, optional
+        ``{"column": 0}``, ``{"column": "t", "unit": "ms"}`` or ``{"rate": 1000}`` [Hz].  None guesses.
+    start, stop : float, optional
+        The part to keep [s], both included; `start` may be ``"release"``.
+    resample : optional
+        True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
+        True only where time jitters by more than 1 % of a step or has gaps.
+    name : str, optional
+        None is the file's name without its ending.
+    variable : str, optional
+        Which array of a .mat, .npz or HDF5 file.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        No such file, format, column or option.
+    DataError
+        The file is damaged, or the recording unfit: missing samples, time that does not increase, a long gap.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "swing.csv"
+    >>> _ = file.write_text("t;alpha\\n0,0;10\\n0,1;9\\n0,2;7\\n")
+    >>> load_recording(file, {"alpha": {"column": "alpha", "unit": "deg"}}).signals["alpha"].round(3)
+    array([0.175, 0.157, 0.122])
+    """
+    recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    _demand(recording)
+    if resample is None or resample is False or (resample == "needed" and recording.step is not None):
+        return recording
+    if isinstance(resample, str) and resample != "needed":
+        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s] or "needed".')
+    return recording.resample(None if resample in (True, "needed") else float(resample))
+
+
+def inspect_recording(
+    path: str | Path,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    *,
+    time: Mapping[str, Any] | int | str | None = None,
+    start: float | str | None = None,
+    stop: float | None = None,
+    name: str | None = None,
+    variable: str | None = None,
+) -> Recording:
+    """Read a recording however unfit it is, so that its report can say why.
+
+    Parameters and errors are those of :func:`load_recording`, but for unfitness.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "swing.csv"
+    >>> _ = file.write_text("t,alpha\\n0,0.1\\n1,\\n2,0.3\\n")
+    >>> inspect_recording(file).report.level
+    'unfit'
+    """
+    path = Path(path)
+    table = read_table(path, variable)
+    clock, rows, said = _time(table, time)
+    channels, more = _channels(table, columns, said.column, rows)
+    reading = [*said.sentences, *more]
+    signals, units, held = {}, {}, set()
+    for signal, channel in channels.items():
+        channel, unit_said = _with_unit(table, signal, channel)
+        raw = table.values[:, table.find(channel.column)]
+        if channel.fill == "hold":
+            raw, filled = _held(raw, signal, channel)
+            reading.append(filled)
+            held.add(signal)
+        signals[signal] = channel.convert(raw[rows].copy(), signal)
+        units[signal] = channel.signal_unit
+        reading += [unit_said] if unit_said else []
+    report = measure(clock, signals, units, tuple(reading))
+    frozen = {n: _frozen(x) for n, x in signals.items()}
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    whole = Recording(name or path.stem, path, digest, _frozen(clock), frozen, units, report, frozenset(held))
+    return whole if start is None and stop is None else whole.trim(start, stop)
+
+
+def _demand(recording: Recording) -> None:
+    if recording.report.faults:
+        raise DataError(f"{recording.name}: {' '.join(recording.report.faults)}")
+
+
+def _frozen(array: Array) -> Array:
+    array = np.array(array, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+# ------------------------------------------------------------------------------- time
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What reading the time did."""
+
+    column: int | None
+    sentences: tuple[str, ...]
+
+
+def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Array, NDArray[np.bool_], _Said]:
+    """Return time stamps, the rows that have one, and what was done."""
+    spec = {"column": given} if isinstance(given, (int, str)) else dict(given or {})
+    unknown = set(spec) - {"column", "unit", "rate"}
+    if unknown or (spec and ("rate" in spec) == ("column" in spec)):
+        raise InputError(
+            f"time = {given!r} is not possible; expected "
+            "{column = 0}, {column = 0, unit = 'ms'} or {rate = 1000}."
+        )
+    if "rate" in spec:
+        return _from_rate(table, spec["rate"])
+    guessed = not spec
+    column = _guess_time(table) if guessed else table.find(spec["column"])
+    unit = spec.get("unit") or (table.units[column] if table.units[column] in SECONDS else "s")
+    if unit not in SECONDS:
+        raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
+    stamps = table.values[:, column] * SECONDS[unit]
+    rows = np.isfinite(stamps)
+    stamps = stamps[rows]
+    if not stamps.size:
+        raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
+    sentences = [f"Time is taken from {table.names[column]!r} [{unit}]."] if guessed else []
+    if not rows.all():
+        sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
+    if abs(stamps[0]) > CLOCK_STAMP:
+        sentences.append(f"Time is counted from the first stamp, {stamps[0]:.6f} s.")
+        stamps = stamps - stamps[0]
+    return stamps, rows, _Said(column, tuple(sentences))
+
+
+def _from_rate(table: Table, rate: Any) -> tuple[Array, NDArray[np.bool_], _Said]:
+    if not isinstance(rate, (int, float)) or isinstance(rate, bool) or not 0 < rate < np.inf:
+        raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
+    n = len(table.values)
+    return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, ())
+
+
+def _guess_time(table: Table) -> int:
+    """Return the column that increases most evenly, of those named like time if there are any."""
+    named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
+    among = named or range(len(table.names))
+    evenness = {j: e for j in among if (e := _unevenness(table.values[:, j])) is not None}
+    if named and not evenness:  # a clock that repeats or goes back: the report will say so
+        return named[0]
+    if not evenness:
+        header = f" The header says: {' | '.join(table.header)}." if table.header else ""
+        raise InputError(
+            f"{table.source}: no column increases like time.{header} Give the rate [Hz] or the time column."
+        )
+    return min(evenness, key=lambda j: evenness[j])
+
+
+def _unevenness(column: Array) -> float | None:
+    dt = np.diff(column[np.isfinite(column)])
+    if dt.size == 0 or not np.all(dt > 0):
+        return None
+    return float(np.std(dt) / np.median(dt))
+
+
+# ---------------------------------------------------------------------------- channels
+
+
+def _channels(
+    table: Table,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None,
+    time: int | None,
+    rows: NDArray[np.bool_],
+) -> tuple[dict[str, Channel], list[str]]:
+    """Return the channels asked for, or all columns that vary, and what was guessed."""
+    if columns is not None:
+        if not columns:
+            raise InputError("columns is empty; name at least one signal, e.g. alpha = 2.")
+        return {name: Channel.of(given, name) for name, given in columns.items()}, []
+    others = [j for j in range(len(table.names)) if j != time and (_unevenness(table.values[:, j]) or 1) > 1e-12]
+    blank = [j for j in others if np.isnan(table.values[rows, j]).all()]
+    still = [j for j in others if j not in blank and np.ptp(table.values[rows, j]) == 0]
+    kept = [j for j in others if j not in blank + still and not _is_clock(table, j, time)] or [
+        j for j in others if j in still
+    ]
+    if not kept:
+        raise DataError(f"{table.source} holds no signal besides its time. Its columns: {', '.join(table.names)}.")
+    sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in kept)}."]
+    for left, why in [
+        (blank, "blank where time is stamped"),
+        ([j for j in still if j not in kept], "constant"),
+    ]:
+        if left:
+            sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in left)}.")
+    twice = {name for name in table.names if table.names.count(name) > 1}
+    shared = re.match(r".*[/.]|", _common([table.names[j] for j in kept]))
+    cut = len(shared[0]) if shared and len(kept) > 1 else 0  # /joint_states/joint0/position: joint0/position
+    label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in kept}
+    return {label[j]: Channel(j) for j in kept}, sentences
+
+
+def _common(names: list[str]) -> str:
+    """Return the longest text that all names begin with."""
+    alike = (len(set(letters)) == 1 for letters in zip(*names, strict=False))
+    return names[0][: sum(takewhile(bool, alike))]
+
+
+def _is_clock(table: Table, j: int, time: int | None) -> bool:
+    """Tell whether a column is a second clock: dates that increase."""
+    return time is not None and _unevenness(table.values[:, j]) is not None and table.values[0, j] > CLOCK_STAMP
+
+
+def _with_unit(table: Table, name: str, channel: Channel) -> tuple[Channel, str | None]:
+    """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
+    if channel.unit is not None:
+        return channel, None
+    column = table.find(channel.column)
+    unit = header_unit(table.units[column])
+    if unit:
+        return replace(channel, unit=unit), f"{name} is in {unit}, as the header says."
+    unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"
+    return replace(channel, unit=unit), f"{name} has no unit: taken as {unit}."
+
+
+def _held(raw: Array, name: str, channel: Channel) -> tuple[Array, str]:
+    """Fill blanks with the last value; a command before its first is 0."""
+    blanks = int(np.isnan(raw).sum())
+    raw, before = hold(raw), ""
+    if channel.unit in ("V", "N m"):
+        raw, before = np.where(np.isnan(raw), 0.0, raw), " (0 before the first)"
+    return raw, f"{name}: {blanks} blanks hold the last value{before}."

@@ -1,0 +1,519 @@
+r"""What a recording is worth: its clock, its signals, where it is released.
+
+Clock
+    The step h is the median of the differences of time.  *Jitter* is the standard
+    deviation of those differences without gaps, and the largest of \|Δt − h\|/h.  A *gap* is a
+    difference above 1.5 h: at least one sample is missing.  The grid is *uniform* when
+    every difference lies within 1 % of h.
+
+Resolution
+    An encoder's values lie on a lattice of spacing q.  The smallest spacings of the values
+    seen are averaged (a logger's rounding scatters them: 4096 counts a turn printed to 0.01°
+    are 0.08° and 0.09° apart), and q is believed if the other spacings are its multiples.
+    A signal computed in floating point has no such q.
+
+Noise
+    Root mean square of third differences over √20, which a motion slow against the
+    sampling leaves alone and white noise of variance σ² turns into σ [1].
+
+Release
+    From the moment of greatest speed go back to the last moment where the speed was below
+    5 % of it.  If before that the signal stayed within 5 % of the way travelled in between,
+    for at least 0.6 of the time travelled, somebody held it (a mere turning point of a swing
+    stays so for 0.2 of it, of a hand-driven swing 0.4, by measurement), and the release is
+    there.  The band lets the hand shake and drift.
+
+[1] J. von Neumann et al., Ann. Math. Statist. 12 (1941) 153: the mean square successive difference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Clock",
+    "Report",
+    "SignalReport",
+    "measure",
+    "measure_clock",
+    "measure_signal",
+    "release_time",
+    "resolution",
+]
+
+Array = NDArray[np.float64]
+
+UNIFORM = 0.01
+"""Largest relative departure from the step on a uniform grid."""
+GAP = 1.5
+"""A difference of time above this many steps is a gap."""
+LONG_GAP = 0.05
+"""A gap of more than this part of the duration makes a recording unfit."""
+FEW = 50
+"""Fewer samples make a recording no better than usable."""
+HELD = 0.6
+"""A plateau at least this long against the way to full speed was held."""
+FAMILIAR_COUNTS = tuple(
+    sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
+)
+"""Encoder counts per turn that are sold."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How regular the time stamps are."""
+
+    samples: int
+    duration: float
+    """[s]"""
+    step: float
+    """Median difference of the time stamps [s]; NaN without two that increase."""
+    jitter: float
+    """Standard deviation of the differences, gaps left out [s]."""
+    worst_jitter: float
+    """Largest departure of a difference from the step, relative, gaps left out."""
+    gaps: tuple[tuple[float, float], ...]
+    """(time of the last sample before it, its length), both [s]."""
+    duplicated: tuple[float, ...]
+    """Stamps that repeat the one before [s]."""
+    backward: tuple[float, ...]
+    """Stamps that lie before the one before [s]."""
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [Hz]."""
+        return 1 / self.step
+
+    @property
+    def uniform(self) -> bool:
+        """Whether every difference lies within 1 % of the step."""
+        faults = self.gaps or self.duplicated or self.backward
+        return not faults and self.worst_jitter <= UNIFORM
+
+
+@dataclass(frozen=True)
+class SignalReport:
+    """What one signal is worth; every value in the signal's unit."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    missing: tuple[float, ...]
+    """Times of the samples that are NaN or infinite [s]."""
+    resolution: float | None
+    """Spacing of the values seen; None where there is no lattice."""
+    counts_per_turn: int | None
+    """2π/resolution, to the nearest number that encoders have (within 2 %)."""
+    noise: float
+    """Standard deviation of what is not motion, quantisation included."""
+    rest: float
+    """Mean of the tail: the last 5 % of the samples."""
+    at_rest: bool
+    """Whether the tail is still."""
+    rest_offset: float | None
+    """Rest value less the nearest multiple of π; None unless an angle at rest."""
+
+    @property
+    def range(self) -> float:
+        """Largest less smallest value."""
+        return self.maximum - self.minimum
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that was measured of a recording, and a verdict."""
+
+    clock: Clock
+    signals: tuple[SignalReport, ...]
+    release: float | None
+    """When the held pendulum is let go [s]."""
+    release_reason: str
+    """How that was found, or why not."""
+    reading: tuple[str, ...] = ()
+    """What was guessed, dropped or changed on reading, in sentences."""
+    resampled: str | None = None
+    """How the samples were brought onto a uniform grid, None if they are the file's own."""
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Why the recording cannot be used as it is, with what to do."""
+        return tuple([*_clock_faults(self.clock), *(_missing_fault(s) for s in self.signals if s.missing)])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What stands against it without making it useless."""
+        return tuple(_clock_warnings(self.clock))
+
+    @property
+    def level(self) -> str:
+        """``good``, ``usable`` or ``unfit``."""
+        return "unfit" if self.faults else "usable" if self.warnings or self.resampled else "good"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Everything worth saying, in sentences, the gravest first."""
+        resampled = (self.resampled,) if self.resampled else ()
+        return (
+            *self.faults,
+            *self.warnings,
+            *resampled,
+            *map(_signal_note, filter(_signal_note, self.signals)),
+            *self.reading,
+        )
+
+    @property
+    def verdict(self) -> str:
+        """The recording in one line."""
+        c = self.clock
+        if self.faults:
+            more = f" (and {len(self.faults) - 1} more)" if len(self.faults) > 1 else ""
+            return f"unfit: {self.faults[0].split('. ')[0].rstrip('.')}{more}"
+        released = f"released at {self.release:.3f} s" if self.release is not None else "no release found"
+        end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
+        jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM else ""
+        gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps else ""
+        few = "few samples" if c.samples < FEW else ""
+        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps))))
+        length = f"{c.samples} samples, {c.duration:.2f} s at {c.rate:.5g} Hz"
+        return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return (what, value) pairs for a table.
+
+        Examples
+        --------
+        >>> t = np.arange(100) / 10
+        >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).rows()[0]
+        ('samples', '100')
+        """
+        c = self.clock
+        jitter = f"{c.jitter * 1e6:.3g} µs standard deviation, at most {100 * c.worst_jitter:.2g} % of a step"
+        gaps = f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all"
+        found = f"{self.release:.3f} s" if self.release is not None else "none"
+        return [
+            ("samples", str(c.samples)),
+            ("duration", f"{c.duration:.6g} s"),
+            ("rate", f"{c.rate:.6g} Hz (step {c.step * 1e3:.6g} ms)" if c.step > 0 else "unknown"),
+            ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
+            ("gaps", gaps if c.gaps else "none"),
+            ("release", f"{found}: {self.release_reason}"),
+        ]
+
+    def signal_rows(self) -> list[dict[str, str]]:
+        """Return one row of texts for each signal; angles in degrees.
+
+        Examples
+        --------
+        >>> t = np.arange(100) / 10
+        >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).signal_rows()[0]["range"]
+        '-57.3 … 57.3°'
+        """
+        return [_signal_row(s) for s in self.signals]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain values for JSON; a value that is not a number becomes None.
+
+        Examples
+        --------
+        >>> measure(np.arange(99.0), {"a": np.arange(99.0)}, {"a": "1"}).to_dict()["level"]
+        'good'
+        """
+        derived = {"level": self.level, "verdict": self.verdict, "notes": list(self.notes)}
+        clock = asdict(self.clock) | {"rate": self.clock.rate, "uniform": self.clock.uniform}
+        signals = {s.name: asdict(s) | {"range": s.range} for s in self.signals}
+        plain: dict[str, Any] = _plain(derived | asdict(self) | {"clock": clock, "signals": signals})
+        return plain
+
+
+def measure(
+    time: Array,
+    signals: Mapping[str, Array],
+    units: Mapping[str, str],
+    reading: tuple[str, ...] = (),
+    resampled: str | None = None,
+) -> Report:
+    """Measure a recording.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_samples,)
+        [s], as the file has it: it may jitter, repeat and go back.
+    signals, units : mappings
+        Name to samples, shape (n_samples,), and name to unit.
+    reading, resampled
+        What was done before, carried into the report.
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 10, 1001)
+    >>> swing = np.where(t < 4, 0.5, 0.5 * np.cos(6 * (t - 4)))
+    >>> measure(t, {"alpha": swing}, {"alpha": "rad"}).verdict
+    'good: 1001 samples, 10.00 s at 100 Hz, released at 4.000 s, ends in motion'
+    """
+    clock = measure_clock(time)
+    if clock.duplicated or clock.backward or clock.samples < 2:
+        release, reason = None, "time does not increase"
+    else:
+        release, reason = release_time(time, _swinging(signals, units))
+    return Report(
+        clock,
+        tuple(measure_signal(n, units[n], time, x) for n, x in signals.items()),
+        release,
+        reason,
+        reading,
+        resampled,
+    )
+
+
+def measure_clock(time: Array) -> Clock:
+    """Measure step, jitter, gaps and order of time stamps, shape (n_samples,) [s].
+
+    Examples
+    --------
+    >>> measure_clock(np.array([0.0, 0.1, 0.2, 0.5, 0.6])).gaps
+    ((0.2, 0.3),)
+    """
+    dt = np.diff(time)
+    step = float(np.median(dt[dt > 0])) if np.any(dt > 0) else math.nan
+    gap = dt > GAP * step
+    even = dt[(dt > 0) & ~gap]
+    return Clock(
+        samples=time.size,
+        duration=float(time[-1] - time[0]) if time.size else 0.0,
+        step=step,
+        jitter=float(np.std(even)) if even.size else math.nan,
+        worst_jitter=float(np.max(np.abs(even / step - 1))) if even.size else math.nan,
+        gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
+        duplicated=tuple(map(float, time[1:][dt == 0])),
+        backward=tuple(map(float, time[1:][dt < 0])),
+    )
+
+
+def measure_signal(name: str, unit: str, time: Array, signal: Array) -> SignalReport:
+    """Measure one signal, shape (n_samples,).
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 100
+    >>> counts = np.round(300 * np.cos(t)) * 2 * np.pi / 4096
+    >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
+    4096
+    """
+    seen = np.isfinite(signal)
+    x = signal[seen]
+    if x.size < 2:
+        lost = tuple(map(float, time[~seen]))
+        return SignalReport(name, unit, math.nan, math.nan, lost, None, None, math.nan, math.nan, False, None)
+    q = resolution(x)
+    rest, _, at_rest = tail(x)
+    return SignalReport(
+        name=name,
+        unit=unit,
+        minimum=float(x.min()),
+        maximum=float(x.max()),
+        missing=tuple(map(float, time[~seen])),
+        resolution=q,
+        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
+        noise=float(np.sqrt(np.mean(np.diff(x, 3) ** 2) / 20)) if x.size > 3 else math.nan,
+        rest=rest,
+        at_rest=at_rest,
+        rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
+    )
+
+
+def resolution(signal: Array) -> float | None:
+    """Return the spacing q of the lattice on which the values lie, None if they lie on none.
+
+    Examples
+    --------
+    >>> resolution(np.array([0.0, 0.3, 0.5, 0.2, 0.1]))
+    0.1
+    >>> resolution(np.sqrt(np.arange(100.0))) is None
+    True
+    """
+    values = np.unique(signal)
+    spacings = np.diff(values)
+    spacings = spacings[spacings > 1e-9 * max(abs(values[0]), abs(values[-1]))]  # one value, written in two ways
+    if not spacings.size:
+        return None
+    q = float(np.mean(spacings[spacings < 1.5 * spacings.min()]))
+    multiples = spacings[spacings < 20 * q] / q
+    return round(q, 12) if np.mean(np.abs(multiples - np.round(multiples))) < 0.1 else None
+
+
+def _counts_per_turn(q: float) -> int:
+    counts = 2 * math.pi / q
+    nearest = min(FAMILIAR_COUNTS, key=lambda n: abs(math.log(n / counts)))
+    return nearest if abs(nearest / counts - 1) < 0.02 else round(counts)
+
+
+def tail(signal: Array) -> tuple[float, float, bool]:
+    """Return mean and peak-to-peak of the last 5 % of the samples, and whether they are at rest.
+
+    At rest is a motion below 1 % of the whole range, or within three steps of the lattice.
+    """
+    x = signal[np.isfinite(signal)]
+    if not x.size:
+        return math.nan, math.nan, False
+    end = x[-max(2, x.size // 20) :]
+    motion = float(np.ptp(end))
+    return (
+        float(np.mean(end)),
+        motion,
+        motion <= max(0.01 * float(np.ptp(x)), 3 * (resolution(x) or 0.0) * (1 + 1e-9)),
+    )
+
+
+def _swinging(signals: Mapping[str, Array], units: Mapping[str, str]) -> Array:
+    """Return the pendulum: `alpha` if there is one, else the angle (else the signal) that moves most."""
+    if "alpha" in signals:
+        return signals["alpha"]
+    angles = [x for n, x in signals.items() if units[n] == "rad"] or list(signals.values())
+    return max(angles, key=lambda x: float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else 0.0)
+
+
+def release_time(time: Array, signal: Array) -> tuple[float | None, str]:
+    """Find the last sample of the held plateau before the fastest motion.
+
+    Parameters
+    ----------
+    time, signal : ndarray, shape (n_samples,)
+        Increasing time [s] and the pendulum's angle.
+
+    Returns
+    -------
+    release : float or None
+        [s]
+    reason : str
+        How long it was held, or why there is no release.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 4, 401)
+    >>> release_time(t, np.sin(6 * t))
+    (None, 'the pendulum is not held still before its fastest motion')
+    """
+    seen = np.isfinite(signal)
+    t, x = time[seen], signal[seen]
+    if x.size < 10 or np.ptp(x) == 0:
+        return None, "nothing moves"
+    speed = _speed(t, x)
+    fastest = int(np.argmax(speed >= 0.95 * speed.max()))  # the first, should many be alike
+    slow = np.flatnonzero(speed[:fastest] < 0.05 * speed[fastest])
+    mid_swing = "the pendulum is not held still before its fastest motion"
+    if not slow.size:
+        return None, mid_swing
+    last = int(slow[-1])
+    travel, quarter = abs(x[fastest] - x[last]), t[fastest] - t[last]
+    away = np.flatnonzero(np.abs(x[:last] - x[last]) > 0.05 * travel)
+    held = float(t[last] - t[away[-1] + 1 if away.size else 0])
+    if held < HELD * quarter:
+        return None, mid_swing
+    return float(t[last]), f"held for {held:.2f} s before"
+
+
+def _speed(t: Array, x: Array) -> Array:
+    """Return |dx/dt| by central differences, zero at the ends."""
+    # over 20 ms: one encoder step within one sample is no motion
+    w = max(1, round(0.01 / float(np.median(np.diff(t)))))
+    w = min(w, (x.size - 1) // 2)
+    speed = np.zeros_like(x)
+    speed[w:-w] = np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w]))
+    return speed
+
+
+# ----------------------------------------------------------------------- the sentences
+
+
+def _clock_faults(c: Clock) -> Iterable[str]:
+    if c.samples < 2:
+        yield f"{c.samples} sample{'s' * (c.samples != 1)}; a recording needs at least two."
+    disorder = len(c.duplicated) + len(c.backward)
+    if disorder:
+        first = min((c.duplicated + c.backward), key=float)
+        yield (
+            f"time does not increase: {len(c.duplicated)} stamps repeat and {len(c.backward)} go back, "
+            f"the first at {first:.6g} s. Choose another time column, give the rate, or cut the part out."
+        )
+    longest = max((g for _, g in c.gaps), default=0.0)
+    if not disorder and longest > LONG_GAP * c.duration:
+        at = next(t for t, g in c.gaps if g == longest)
+        yield (
+            f"a gap of {longest:.4g} s after {at:.4g} s is {100 * longest / c.duration:.0f} % of the "
+            "recording. Use the part before or after it (from, to)."
+        )
+
+
+def _clock_warnings(c: Clock) -> Iterable[str]:
+    if c.samples < FEW:
+        yield f"{c.samples} samples are few to identify a model from"
+    if c.gaps:
+        listed = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])
+        more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
+        yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({listed}{more})"
+    if c.worst_jitter > UNIFORM:
+        yield f"the step jitters by up to {100 * c.worst_jitter:.2g} %: a fit resamples it to a uniform grid"
+
+
+def _missing_fault(s: SignalReport) -> str:
+    where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
+    return (
+        f"{s.name} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off with "
+        'from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
+    )
+
+
+def _signal_note(s: SignalReport) -> str | None:
+    if s.range == 0:
+        return f"{s.name} is constant: is its sensor connected?"
+    if s.unit == "rad" and s.resolution and s.range / s.resolution < 50:
+        return f"{s.name} moves through only {s.range / s.resolution:.0f} counts of its encoder."
+    return None
+
+
+def _signal_row(s: SignalReport) -> dict[str, str]:
+    show = _degrees if s.unit.startswith("rad") else _number
+    end = {"rad": "°", "rad/s": "°/s", "1": ""}.get(s.unit, f" {s.unit}")
+    turned = s.rest_offset is not None and abs(s.rest) > 1.5
+    offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if turned else ""
+    lattice = f"{s.counts_per_turn}/turn" if s.counts_per_turn else f"{show(s.resolution or 0.0)}{end}"
+    return {
+        "signal": s.name,
+        "range": f"{show(s.minimum)} … {show(s.maximum)}{end}",
+        "resolution": lattice if s.resolution else "none seen",
+        "noise": f"{show(s.noise)}{end}",
+        "rest": f"{show(s.rest)}{end}{offset}" if s.at_rest else "moving",
+    }
+
+
+def _degrees(value: float) -> str:
+    degrees = math.degrees(value)
+    return f"{degrees:.1f}" if abs(degrees) >= 100 else f"{degrees:.3g}" if abs(degrees) > 1e-9 else "0"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _pi(value: float) -> str:
+    turns = round(value / math.pi)
+    return {0: "0", 1: "π", -1: "−π"}.get(turns, f"{turns}π")
+
+
+def _plain(item: Any) -> Any:
+    if isinstance(item, Mapping):
+        return {k: _plain(v) for k, v in item.items()}
+    if isinstance(item, (list, tuple)):
+        return [_plain(v) for v in item]
+    return None if isinstance(item, float) and not math.isfinite(item) else item
