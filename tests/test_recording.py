@@ -269,6 +269,8 @@ def test_zero_rest_is_the_mean_of_a_tail_at_rest_and_refuses_one_that_moves():
     ("fields", "message"),
     [
         ({"column": 1, "unit": "grad"}, "unit = 'grad' is not possible; expected 'rad' 'deg'"),
+        ({"column": 1, "unit": ["deg"]}, r"unit = \['deg'\] is not possible"),
+        ({"column": 1, "unwrap": "yes"}, "unwrap = 'yes' is not possible; expected true or false"),
         ({"column": 1, "sign": 2}, "sign = 2 is not possible; expected 1 or -1"),
         ({"column": 1, "scale": 0}, "scale = 0"),
         ({"column": 1, "zero": "tail"}, 'expected a number .* or "rest"'),
@@ -338,6 +340,12 @@ def test_an_impossible_time_is_refused(tmp_path, time, message):
         return
     with pytest.raises(InputError, match=message):
         load_recording(file, {"alpha": 1}, time=time)
+
+
+@pytest.mark.parametrize("columns", [{}, ["alpha"]])
+def test_columns_that_name_no_signal_are_refused(tmp_path, columns):
+    with pytest.raises(InputError, match=r"names no signal; expected e.g. \{'alpha': 2\}"):
+        load_recording(_csv(tmp_path, t=TIME, alpha=ALPHA), columns)
 
 
 def test_without_a_clock_the_rate_is_asked_for_and_the_header_shown(tmp_path):

@@ -91,7 +91,7 @@ def _draw(axes: Axes, recording: Recording, name: str, part: Any, style: dict[st
     measured = next(s for s in recording.report.signals if s.name == name)
     axes.plot(recording.time[part], factor * recording.signals[name][part], color="C0", **style)
     for start, length in recording.report.clock.gaps:
-        axes.axvspan(start, start + length, color="C3", alpha=0.3, lw=0, label="gap")
+        axes.axvspan(start, start + length, color="C3", alpha=0.3, lw=0.5, label="gap")
     for moment in measured.missing[:200]:  # a thousand lines are a block of colour, and slow
         axes.axvline(moment, color="C3", alpha=0.3, lw=0.5, label="missing")
     if recording.report.release is not None:

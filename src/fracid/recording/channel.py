@@ -84,7 +84,8 @@ class Channel:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        _require(self.unit is None or self.unit in UNITS, "unit", self.unit, " ".join(map(repr, UNITS)))
+        _require(self.unit is None or self.unit in list(UNITS), "unit", self.unit, " ".join(map(repr, UNITS)))
+        _require(isinstance(self.unwrap, bool), "unwrap", self.unwrap, "true or false")
         _require(self.sign in (1, -1), "sign", self.sign, "1 or -1")
         _require(_is_finite(self.scale) and self.scale != 0, "scale", self.scale, "a number other than 0")
         _require(self.zero == "rest" or _is_finite(self.zero), "zero", self.zero, 'a number [rad] or "rest"')

@@ -339,7 +339,7 @@ class _Said:
 
 def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Array, NDArray[np.bool_], _Said]:
     """Return time stamps, the rows that have one, and what was done."""
-    spec = {"column": given} if isinstance(given, (int, str)) else dict(given or {})
+    spec = dict(given) if isinstance(given, Mapping) else {} if given is None else {"column": given}
     unknown = set(spec) - {"column", "unit", "rate"}
     if unknown or (spec and ("rate" in spec) == ("column" in spec)):
         raise InputError(
@@ -407,8 +407,8 @@ def _channels(
 ) -> tuple[dict[str, Channel], list[str]]:
     """Return the channels asked for, or all columns that vary, and what was guessed."""
     if columns is not None:
-        if not columns:
-            raise InputError("columns is empty; name at least one signal, e.g. alpha = 2.")
+        if not isinstance(columns, Mapping) or not columns:
+            raise InputError(f"columns = {columns!r} names no signal; expected e.g. {{'alpha': 2}}.")
         return {name: Channel.of(given, name) for name, given in columns.items()}, []
     others = [j for j in range(len(table.names)) if j != time and (_unevenness(table.values[:, j]) or 1) > 1e-12]
     blank = [j for j in others if np.isnan(table.values[rows, j]).all()]
