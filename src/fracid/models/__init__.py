@@ -1,0 +1,150 @@
+"""Models of nonlinear mechanical systems and the rigs they stand for.
+
+======================  ================================================================================
+to have                 take
+======================  ================================================================================
+the paper's pendulum    :func:`rotary_pendulum`, with a rig of :data:`RIGS` and any constant overridden
+its constants           :func:`lumped_constants`, from masses and lengths
+your own system         a :class:`Model`; the numbered list in :mod:`fracid.models.base` shows how
+what a file names       :func:`model_from_name`: "rotary-pendulum", or "my_rig.py:model"
+======================  ================================================================================
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.models.base import Model, Parameter, unknown_name
+from fracid.models.rigs import RIGS, Rig, lumped_constants
+from fracid.models.rotary_pendulum import energy, mass_matrix, rotary_pendulum
+
+__all__ = [
+    "MODELS",
+    "RIGS",
+    "Model",
+    "Parameter",
+    "Rig",
+    "energy",
+    "lumped_constants",
+    "mass_matrix",
+    "model_from_name",
+    "rotary_pendulum",
+]
+
+MODELS = {"rotary-pendulum": rotary_pendulum}
+"""The built-in models, by the name a project file gives them."""
+
+
+def model_from_name(
+    name: str,
+    rig: str | None = None,
+    zero: str | None = None,
+    actuation: str | None = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    folder: str | Path = ".",
+) -> Model:
+    """Return the model that a name stands for: built in, or from a user's own file.
+
+    Parameters
+    ----------
+    name
+        A name in :data:`MODELS`, or ``"file.py:attribute"``, where the attribute is a
+        :class:`Model` or a function that returns one.
+    rig, zero, actuation
+        As for :func:`rotary_pendulum`; those given are passed on as keywords to a user's function.
+        A :class:`Model` takes none of them but a ``zero`` that is its own.
+    parameters
+        Parameters that replace the model's own [SI].
+    folder
+        What a relative file name starts from.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    InputError
+        If there is no such model, file or attribute, if the file does not run, or if what it
+        gives is no model.
+
+    Examples
+    --------
+    >>> model_from_name("rotary-pendulum", rig="qube-servo2", parameters={"b_alpha": 1e-4}).zero
+    'hanging'
+    """
+    options = {key: value for key, value in dict(rig=rig, zero=zero, actuation=actuation).items() if value is not None}
+    values = dict(parameters or {})
+    if ":" in name or name.endswith(".py"):
+        return _built(_attribute(name, Path(folder)), options, name).with_parameters(**values)
+    if name not in MODELS:
+        raise unknown_name('model (a user\'s own is written "my_rig.py:model")', name, tuple(MODELS))
+    return MODELS[name](**{**values, **options})  # type: ignore[arg-type]
+
+
+def _attribute(name: str, folder: Path) -> Any:
+    """Run the file of "file.py:attribute" and return the attribute."""
+    path, _, attribute = name.rpartition(":")
+    if not path.endswith(".py") or not attribute.isidentifier():
+        raise InputError(f'model name {name!r}: expected a file and a name in it, like "my_rig.py:model"')
+    file = folder / path
+    if not file.is_file():
+        raise InputError(f"model {name!r}: there is no file {file}")
+    module = _run(file)
+    if not hasattr(module, attribute):
+        public = tuple(key for key in vars(module) if not key.startswith("_"))
+        raise unknown_name(f"name in {file}", attribute, public)
+    return getattr(module, attribute)
+
+
+def _run(file: Path) -> Any:
+    """Run a user's file as a module; whatever goes wrong in it is told with its line."""
+    spec = importlib.util.spec_from_file_location(f"fracid_user_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{file} cannot be loaded as Python: expected a file that ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses, pickle and Numba's cache look the module up by name
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{file}{_line(error, file)} does not run: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _line(error: BaseException, file: Path) -> str:
+    """Return ", line N" for the last line of the file that the error passed through."""
+    lines = [error.lineno] if isinstance(error, SyntaxError) else []
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            lines.append(trace.tb_lineno)
+        trace = trace.tb_next
+    return f", line {lines[-1]}," if lines and lines[-1] else ""
+
+
+def _built(thing: Any, options: Mapping[str, str], name: str) -> Model:
+    """Return the Model that a user's attribute is or makes."""
+    if callable(thing) and not isinstance(thing, Model):
+        try:
+            model = thing(**options)
+        except InputError:
+            raise
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise InputError(f"model {name!r} cannot be called with {dict(options)}: {reason}") from error
+    else:
+        model = thing
+        others = [key for key in options if key != "zero"]
+        if others and isinstance(model, Model):
+            raise InputError(f"model {name!r} is a Model, which knows no {others[0]}: leave {others[0]} out")
+    if not isinstance(model, Model):
+        raise InputError(f"model {name!r} is {model!r}: expected a fracid Model or a function that returns one")
+    if options.get("zero", model.zero) != model.zero:
+        raise InputError(f"model {name!r} has zero = {model.zero!r}, not {options['zero']!r}: write its own, or none")
+    return model

@@ -1,0 +1,327 @@
+"""What a model is: a right-hand side, the orders of its states, and named parameters in SI units.
+
+Every model of fracid, built in or a user's own, is one instance of :class:`Model`:
+
+.. math::  D^{q_i} x_i = f_i(t, x, u, p), \\qquad i = 1 \\dots n
+
+with x the states, :math:`q_i` the order of each state, u the inputs and p the parameters.
+
+How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"``):
+
+1. Write ``rhs(t, x, u, p, out)``: put :math:`D^{q_i} x_i` into ``out[i]`` and return nothing.  All four
+   arrays are one-dimensional float64; ``u`` has one entry for each name in ``inputs`` (zero where nothing
+   was recorded), ``p`` one for each parameter, in the order of ``parameters``.
+2. Keep to what Numba compiles: numbers, ``math``, indexing, ``if`` and ``for``.  It is compiled for you,
+   once in each process.
+3. Name each state and its order.  States of one angle share an order's name: ``("mu", "mu")``.
+4. Say which states are measured: ``outputs = {"alpha": 0}``.
+5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
+   them (a fit's own bounds belong into the project file).
+6. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
+
+>>> import math
+>>> def rhs(t, x, u, p, out):
+...     out[0] = x[1]
+...     out[1] = -p[0] * math.sin(x[0]) - p[1] * x[1]
+>>> pendulum = Model(
+...     name="simple pendulum", rhs=rhs,
+...     states=("alpha", "D^mu alpha"), orders=("mu", "mu"), outputs={"alpha": 0}, inputs=(),
+...     parameters=(Parameter("stiffness", "1/s^2", 9.81, "g over length", lower=0.0),
+...                 Parameter("damping", "1/s", 0.2, "viscous friction over inertia")),
+...     zero="hanging", source="an example")
+>>> pendulum.parameter_vector({"damping": 0.3})
+array([9.81, 0.3 ])
+>>> pendulum.state_orders({"mu": 0.95})
+array([0.95, 0.95])
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from numbers import Real
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+
+__all__ = ["FloatArray", "Model", "Parameter", "RightHandSide", "unknown_name"]
+
+FloatArray = NDArray[np.float64]
+
+RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
+"""``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
+
+ZEROS = ("hanging", "upright", "")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A constant of a model, in SI units.
+
+    Raises
+    ------
+    InputError
+        If the value is not a finite number, or lies outside the bounds.
+
+    Examples
+    --------
+    >>> Parameter("C1", "kg m^2", 4.3e-3, "pendulum inertia about its pivot", lower=0.0).value
+    0.0043
+    """
+
+    name: str
+    """As a Python identifier: what project files, results and overrides call it."""
+    unit: str
+    """SI, as text."""
+    value: float
+    """The rig's value: what holds where nobody says otherwise [unit]."""
+    description: str
+    """One phrase for tables."""
+    lower: float = -math.inf
+    """Below it the model means nothing [unit]."""
+    upper: float = math.inf
+    """Above it the model means nothing [unit]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number or lies outside the bounds."""
+        if not self.name.isidentifier():
+            raise InputError(f"a parameter's name must be a Python identifier, not {self.name!r}")
+        if not _is_number(self.value) or not math.isfinite(self.value):
+            raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
+        if not self.lower <= self.value <= self.upper:
+            raise InputError(
+                f"parameter {self.name} = {self.value!r} {self.unit} is outside its physical bounds"
+                f" [{self.lower:g}, {self.upper:g}]: give a value inside them"
+            )
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fractional state-space model: D^{q_i} x_i = f_i(t, x, u, p).
+
+    The module's docstring shows how to write one.
+
+    Raises
+    ------
+    InputError
+        If the fields do not fit together: a state without an order, an output that is no state,
+        two parameters of one name, a right-hand side that cannot be called.
+
+    Examples
+    --------
+    >>> from fracid.models import rotary_pendulum
+    >>> model = rotary_pendulum("srv02-rotpen", zero="hanging")
+    >>> model.states
+    ('theta', 'D^lambda theta', 'alpha', 'D^mu alpha')
+    >>> model.order_names
+    ('lambda', 'mu')
+    >>> model.state_orders({"lambda": 0.8623, "mu": 0.9146})
+    array([0.8623, 0.8623, 0.9146, 0.9146])
+    >>> model.with_parameters(b_alpha=2e-4).parameter("b_alpha").value
+    0.0002
+    """
+
+    name: str
+    """What tables and result files call it."""
+    rhs: RightHandSide
+    """Plain Python in Numba's language; see the module's docstring."""
+    states: tuple[str, ...]
+    """Names of the states x, shape (n_states,)."""
+    orders: tuple[str, ...]
+    """For each state the name of its order, shape (n_states,)."""
+    outputs: Mapping[str, int]
+    """Measured signals: name to index of the state."""
+    inputs: tuple[str, ...]
+    """Names of the inputs u; empty for a model that nothing drives."""
+    parameters: tuple[Parameter, ...]
+    """In the order of the vector p."""
+    zero: str
+    """Where the pendulum angle is zero: "hanging", "upright", or "" where that has no meaning."""
+    source: str
+    """Where the equations and numbers come from, and which of them are guesses."""
+
+    def __post_init__(self) -> None:
+        """Check that the fields fit together, so that no later layer has to."""
+        _check_names(self)
+        _check_shapes(self)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the vector p."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def order_names(self) -> tuple[str, ...]:
+        """Names of the orders, each once, in order of appearance."""
+        return tuple(dict.fromkeys(self.orders))
+
+    def parameter(self, name: str) -> Parameter:
+        """Return the parameter of that name.
+
+        Raises
+        ------
+        InputError
+            If the model has no such parameter.
+        """
+        if name not in self.parameter_names:
+            raise unknown_name(f"{self.name} parameter", name, self.parameter_names)
+        return self.parameters[self.parameter_names.index(name)]
+
+    def parameter_vector(self, overrides: Mapping[str, float] | None = None) -> FloatArray:
+        """Return the vector p that the right-hand side takes.
+
+        Parameters
+        ----------
+        overrides
+            Values that replace the model's own, by name [SI].
+
+        Returns
+        -------
+        ndarray, shape (n_parameters,)
+            In the order of :attr:`parameter_names`.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, or a value that is not finite or outside its bounds.
+        """
+        return np.array([parameter.value for parameter in self._overridden(overrides or {})])
+
+    def with_parameters(self, **values: float) -> Model:
+        """Return the same model with other parameter values [SI].
+
+        Raises
+        ------
+        InputError
+            As :meth:`parameter_vector`.
+        """
+        return replace(self, parameters=self._overridden(values))
+
+    def state_orders(self, orders: Mapping[str, float]) -> FloatArray:
+        """Return the order of each state.
+
+        Parameters
+        ----------
+        orders
+            A value for each of :attr:`order_names`.  A trailing underscore is dropped, so that
+            ``dict(lambda_=0.86, mu=0.91)`` can be written in Python.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+
+        Raises
+        ------
+        InputError
+            For a missing or unknown name, or an order outside (0, 2).
+        """
+        values = {name.rstrip("_"): order for name, order in orders.items()}
+        for name, order in values.items():
+            _check_order(self, name, order)
+        missing = [name for name in self.order_names if name not in values]
+        if missing:
+            example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
+            raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
+        return np.array([values[name] for name in self.orders], dtype=np.float64)
+
+    def state_vector(self, states: Mapping[str, float]) -> FloatArray:
+        """Return the states x from values by name; those left out are zero.
+
+        Parameters
+        ----------
+        states
+            Values by the names in :attr:`states` [rad, rad/s^order], or by the names of the outputs.
+
+        Returns
+        -------
+        ndarray, shape (n_states,)
+
+        Raises
+        ------
+        InputError
+            For an unknown name, or a value that is no finite number.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().state_vector({"alpha": 0.17})
+        array([0.  , 0.  , 0.17, 0.  ])
+        """
+        x = np.zeros(len(self.states))
+        index = {**self.outputs, **{name: i for i, name in enumerate(self.states)}}
+        for name, value in states.items():
+            if name not in index:
+                raise unknown_name(f"{self.name} state", name, self.states)
+            if not _is_number(value) or not math.isfinite(value):
+                raise InputError(f"initial state {name} = {value!r}: expected a finite number")
+            x[index[name]] = value
+        return x
+
+    def _overridden(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
+        for name in values:
+            self.parameter(name)
+        return tuple(replace(p, value=values[p.name]) if p.name in values else p for p in self.parameters)
+
+
+def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:
+    """Return the error for a name that is not one of the known ones, with the closest of them.
+
+    Examples
+    --------
+    >>> print(unknown_name("rig", "abc", ("qube-servo2", "srv02-rotpen")))
+    unknown rig 'abc'; the known ones are qube-servo2, srv02-rotpen
+    >>> print(unknown_name("parameter", "J_teta", ("J_theta", "C1")))
+    unknown parameter 'J_teta': did you mean J_theta?  The known ones are J_theta, C1
+    """
+    close = difflib.get_close_matches(str(name), known, n=2, cutoff=0.55)
+    everything = ", ".join(known) if known else "none"
+    if not close:
+        return InputError(f"unknown {what} {name!r}; the known ones are {everything}")
+    return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")
+
+
+def _is_number(value: object) -> bool:
+    """A real number of Python or NumPy; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
+def _check_order(model: Model, name: str, order: float) -> None:
+    if name not in model.order_names:
+        raise unknown_name(f"{model.name} order", name, model.order_names)
+    if not _is_number(order) or not 0.0 < order < 2.0:
+        raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
+
+
+def _check_names(model: Model) -> None:
+    """Tuples of distinct names, a known zero."""
+    for field in ("states", "orders", "inputs", "parameters"):
+        if not isinstance(getattr(model, field), tuple):
+            raise InputError(f"model {model.name}: {field} must be a tuple, got {getattr(model, field)!r}")
+    for field in ("states", "inputs", "parameter_names"):
+        names = getattr(model, field)
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise InputError(f"model {model.name}: {twice[0]!r} stands twice in {field}; names must differ")
+    if model.zero not in ZEROS:
+        raise InputError(f"model {model.name}: zero = {model.zero!r}; expected one of {ZEROS}")
+
+
+def _check_shapes(model: Model) -> None:
+    """An order for each state, a state for each output, a right-hand side to call."""
+    if not model.states or len(model.orders) != len(model.states):
+        raise InputError(
+            f"model {model.name}: {len(model.states)} states and {len(model.orders)} order names;"
+            " expected at least one state, and one order name for each"
+        )
+    for output, index in model.outputs.items():
+        if not isinstance(index, int) or not 0 <= index < len(model.states):
+            raise InputError(
+                f"model {model.name}: output {output!r} points to state {index!r};"
+                f" expected an index from 0 to {len(model.states) - 1}"
+            )
+    if not callable(model.rhs):
+        raise InputError(f"model {model.name}: rhs is {model.rhs!r}; expected a function rhs(t, x, u, p, out)")
