@@ -609,3 +609,10 @@ def test_every_recording_of_a_real_rig_loads_as_it_is(file, columns, time, sampl
 def test_the_43_ms_gap_of_fall_a_is_named():
     clock = load_recording(RECORDINGS / "odrive-furuta/fall_a.csv", ODRIVE, time=STAMP).report.clock
     assert max(length for _, length in clock.gaps) == pytest.approx(0.0428, abs=1e-4)
+
+
+def test_a_comment_with_as_many_commas_as_columns_is_not_taken_for_the_header(tmp_path):
+    file = tmp_path / "twin.csv"
+    file.write_text("# SIMULATED, not measured\n# made by a script\ntime [s],alpha [deg]\n0,1\n1,2\n2,3\n")
+    recording = load_recording(file)
+    assert list(recording.signals) == ["alpha [deg]"]

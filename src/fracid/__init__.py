@@ -1,3 +1,77 @@
-"""fracid identifies fractional-order and integer-order models of nonlinear mechanical systems."""
+"""fracid identifies fractional-order and integer-order models of nonlinear systems from recordings.
+
+>>> import fracid
+>>> rig = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
+>>> run = fracid.simulate(rig, orders={"lambda": 0.86, "mu": 0.91}, initial={"alpha": 0.17}, step=1e-3, end=20.0)
+>>> run.outcome.value
+'completed'
+
+From a shell: ``fracid check FILE`` looks at a recording, ``fracid fit PROJECT`` identifies.
+Names are imported when they are first used, so that ``import fracid`` costs nothing.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fracid.errors import DataError, FracidError, InputError
+    from fracid.fractional import derivative
+    from fracid.identify import Fit, identify
+    from fracid.models import Model, Parameter, rotary_pendulum
+    from fracid.problem import Experiment, Free, Problem
+    from fracid.project import Project, load_project
+    from fracid.recording import Recording, load_recording
+    from fracid.simulate import Outcome, Trajectory, simulate, solve_fde
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "DataError": "errors",
+    "Experiment": "problem",
+    "Fit": "identify",
+    "FracidError": "errors",
+    "Free": "problem",
+    "InputError": "errors",
+    "Model": "models",
+    "Outcome": "simulate",
+    "Parameter": "models",
+    "Problem": "problem",
+    "Project": "project",
+    "Recording": "recording",
+    "Trajectory": "simulate",
+    "derivative": "fractional",
+    "identify": "identify",
+    "load_project": "project",
+    "load_recording": "recording",
+    "rotary_pendulum": "models",
+    "simulate": "simulate",
+    "solve_fde": "simulate",
+}
+"""Which module each public name lives in."""
+
+__all__ = ["DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter",
+           "Problem", "Project", "Recording", "Trajectory", "__version__", "derivative", "identify", "load_project",
+           "load_recording", "rotary_pendulum", "simulate", "solve_fde"]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'fracid' has no attribute {name!r}; it has {', '.join(_HOME)}")
+    return getattr(import_module(f"fracid.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """Importing the modules ``simulate`` and ``identify`` must not hide the functions of these names."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -233,7 +233,7 @@ def simulate(
     (2001, 4)
     """
     q = model.state_orders(orders) if isinstance(orders, Mapping) else orders
-    x0: ArrayLike = model.state_vector(initial) if isinstance(initial, Mapping) else initial
+    x0 = _named_states(model, initial) if isinstance(initial, Mapping) else initial
     values = model.parameter_vector(parameters)
     start, slope, q = _initial_and_orders(x0, q, len(model.states))
     steps = _steps(step, end)
@@ -241,6 +241,14 @@ def simulate(
     chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
     return integrate(compile_rhs(model.rhs), q, start, slope, u, values, float(step), steps, chosen, kept,
                      corrections=corrections, limit=limit, time_scale=time_scale(model, values), name=method)  # fmt: skip
+
+
+def _named_states(model: Model, values: Mapping[str, float]) -> FloatArray:
+    """The initial state from some states' names; the others are 0."""
+    for name in values:
+        if name not in model.states:
+            raise InputError(f"There is no state {name!r}; {model.name} has {', '.join(map(repr, model.states))}.")
+    return np.array([values.get(name, 0.0) for name in model.states], dtype=np.float64)
 
 
 def time_scale(model: Model, values: FloatArray) -> float:

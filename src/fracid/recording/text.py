@@ -176,7 +176,7 @@ def _sniff(lines: list[str]) -> tuple[Dialect, int]:
 
 
 def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units: the first header line of `width` words and the one under it, if any."""
+    """Return names and units: the first header line of `width` words, rather no comment, and the one under it."""
     split = [dialect.split(line.lstrip("#%/ ") if line.startswith(COMMENT) else line) for line in header]
     for line, cells in zip(header, split, strict=True):
         texts = _text_cells(dialect, cells)
@@ -186,6 +186,8 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
             )
     blank = ("",) * width
     titles = [k for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)]
+    # a comment is a header only where nothing better is: prose has commas too
+    titles = [k for k in titles if not header[k].startswith(COMMENT)] or titles
     if not titles:
         return blank, blank
     below = any(b == a + 1 for a, b in pairwise(titles[:2]))
