@@ -1,23 +1,15 @@
-"""The command line: parse, one call of the library, text for people or JSON for programs.
-
-Exit codes: 0 it did what was asked; 2 the caller's mistake; 3 a recording that fails its
-checks.  With ``--json`` standard output holds JSON alone, and all else goes to standard error.
-
-Heavy modules are imported inside the command that needs them: ``fracid --help`` and
-``fracid check`` answer in less than half a second.
-"""
+"""``fracid check FILE``: what a recording is worth, as a table, a sketch and a one-line verdict."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid import __version__
-from fracid.errors import DataError, FracidError, InputError
+from fracid.cli.app import Jobs, Json, Out, Seed, app
+from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,64 +18,7 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-__all__ = ["app", "main"]
-
-app = typer.Typer(
-    name="fracid",
-    help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for what is written.")]
-Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True)]
-Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Run the program and exit with its code.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        None takes the command line's.
-
-    Raises
-    ------
-    SystemExit
-        Always: 0 done, 2 the caller's mistake, 3 a recording that fails its checks.
-
-    Examples
-    --------
-    >>> main(["--version"])
-    Traceback (most recent call last):
-    SystemExit: 0
-    """
-    try:
-        app(args=arguments, prog_name="fracid")
-    except FracidError as error:
-        kind = "unfit recording" if isinstance(error, DataError) else "error"
-        sys.stderr.write(f"{kind}: {error}\n")
-        raise SystemExit(error.exit_code) from None
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        typer.echo(f"fracid {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _program(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""
-
+__all__ = ["check"]
 
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",

@@ -1,0 +1,256 @@
+"""``fracid fit PROJECT``: identify, show the table, write the run folder with its figures."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fracid.identify import Estimate, Fit
+    from fracid.optimise import Evaluation
+    from fracid.project import Project
+
+__all__ = ["Ran", "fit", "run_fit", "show_fit"]
+
+FIT_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
+    "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
+    "fracid fit rig.toml --preset paper  [dim](gl-paper, ITAE on alpha, orders alone, genetic algorithm)[/dim]",
+    "fracid fit rig.toml --json | jq .orders",
+)
+
+
+@app.command(epilog="\n\n".join(FIT_EXAMPLE))
+def fit(
+    project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
+    preset: Annotated[str | None, typer.Option(metavar="NAME", help="paper: the paper to the letter.")] = None,
+    optimiser: Annotated[
+        str | None, typer.Option(help="In place of the file's: multistart, least-squares, genetic, ...")
+    ] = None,
+    out: Out = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
+    jobs: Jobs = CORES,
+    json_: Json = False,
+) -> None:
+    """Identify what a project leaves free, and write the run folder: result, log and figures.
+
+    Ctrl-C keeps the best so far.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the
+    model reached the end of the recording.
+    """
+    folder = out or Path("runs") / project.stem
+    ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_)
+    if json_:
+        typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
+    else:
+        show_fit(ran)
+    if ran.fit.uncertainty is None and not ran.fit.discretisation:
+        raise typer.Exit(DataError.exit_code)
+    if ran.interrupted:
+        raise typer.Exit(1)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A fit with its folder."""
+
+    project: Project
+    fit: Fit
+    folder: Path
+    figures: tuple[Path, ...]
+    result: dict[str, Any]
+    """The content of result.json."""
+    interrupted: bool
+    seconds: float
+
+
+def run_fit(
+    path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool
+) -> Ran:
+    """Load, identify and write everything."""
+    began = time.perf_counter()
+    from fracid.identify import identify
+    from fracid.optimise import EvaluationLog, Outcome
+    from fracid.project import load_project
+    from fracid.runs import EVALUATIONS, open_folder, write_result
+
+    project = load_project(path, preset=preset)
+    open_folder(folder)
+    laps = {"load": time.perf_counter() - began}
+    with EvaluationLog(folder / EVALUATIONS) as log, _progress(project, quiet) as callback:
+        found = identify(project, optimiser=optimiser, seed=seed, jobs=jobs, log=log, callback=callback)
+    laps |= found.timing
+    drawing = time.perf_counter()
+    figures = _draw(found, project, folder, jobs)
+    laps["figures"] = time.perf_counter() - drawing
+    laps["total"] = time.perf_counter() - began
+    result = write_result(folder, found, project, laps)
+    return Ran(project, found, folder, figures, result, Outcome.INTERRUPTED.value in found.outcome, laps["total"])
+
+
+@contextmanager
+def _progress(project: Project, quiet: bool) -> Iterator[Any]:
+    """Evaluations, rate and the best cost so far, on standard error; nothing where that is no terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    total = 520 if project.optimiser == "genetic" else None
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("searching", total=total)
+        cost = project.problem.cost_function.name
+
+        def callback(best: Evaluation, evaluations: int) -> None:
+            bar.update(task, completed=evaluations, description=f"best {cost} so far {best.cost:.6g}")
+
+        yield callback
+
+
+def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, ...]:
+    """Figures 2 and 3 of each recording, and the cost over the orders where two are free."""
+    import numpy as np
+
+    from fracid.diagnostics import cost_plane
+    from fracid.plots import cost_plane as draw_plane
+    from fracid.plots import fitted_over_time, residual_plots, save
+    from fracid.runs import FIGURES
+
+    where = folder / FIGURES
+    resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
+    paths: list[Path] = []
+    for recording in found.recordings.values():
+        if not np.isfinite(recording.cost):
+            continue
+        stem, resolution = _slug(recording.name), resolutions.get(recording.name, {})
+        figure = fitted_over_time(recording, zero=found.problem.model.zero, resolution=resolution)
+        paths += save(figure, where, f"figure2-{stem}")
+        for output in recording.measured if recording.use == "fit" else ():
+            paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
+    free = [u for u in found.problem.unknowns if u.kind == "order"]
+    if len(free) >= 2 and np.isfinite(found.cost):
+        plane = cost_plane(found.problem, found.x, jobs=jobs)
+        best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
+        figure = draw_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
+                            cost_name=found.problem.cost_function.name)  # fmt: skip
+        paths += save(figure, where, "cost-over-orders")
+    return tuple(paths)
+
+
+def _tried(folder: Path, names: tuple[str, str]) -> Any:
+    """The orders of all evaluations in the log, shape (n, 2)."""
+    import numpy as np
+
+    from fracid.runs import EVALUATIONS
+
+    lines = (json.loads(line) for line in (folder / EVALUATIONS).read_text(encoding="utf-8").splitlines())
+    points = [line["point"] for line in lines]
+    return np.array([[p[n] for n in names] for p in points if all(n in p for n in names)]).reshape(-1, 2)
+
+
+def _slug(name: str) -> str:
+    """A recording's name as a file's."""
+    return "".join(c if c.isalnum() else "-" for c in name).strip("-") or "recording"
+
+
+# ------------------------------------------------------------------ from results to text
+
+
+def show_fit(ran: Ran) -> None:
+    """Print the tables, the warnings and where everything is."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(highlight=False)
+    p, found = ran.fit.problem, ran.fit
+    console.print(
+        f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
+        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {found.optimiser}, {found.evaluations} evaluations, "
+        f"{ran.seconds:.1f} s: {escape(found.outcome)}",
+        soft_wrap=True,
+    )
+    _print_estimates(console, found)
+    _print_recordings(console, found)
+    for note in (*ran.project.notes, *found.warnings):
+        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    if found.discretisation is not None and not found.discretisation.warning:
+        console.print(f"  discretisation: {escape(_discretisation(found))}", soft_wrap=True)
+    console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
+    for path in ran.figures:
+        if path.suffix == ".png":
+            console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+
+
+def _print_estimates(console: Console, found: Fit) -> None:
+    from rich.markup import escape
+
+    table = _table("", "value", "95 % interval", "unit", "")
+    shown = {**found.orders, **{n: e for n, e in found.parameters.items() if e.free}}
+    for recording in found.recordings.values():
+        shown |= {f"{n} [{recording.name}]": e for n, e in recording.parameters.items()}
+    for name, e in shown.items():
+        verdict = "" if e.identifiable == "identifiable" else e.identifiable
+        table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
+    console.print(table)
+
+
+def _print_recordings(console: Console, found: Fit) -> None:
+    from math import degrees
+
+    from rich.markup import escape
+
+    outputs = found.problem.outputs
+    table = _table("recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), "cost")
+    for r in found.recordings.values():
+        scores = [text for n in outputs for text in (f"{degrees(r.rmse[n]):.4g}°", f"{r.fit_percent[n]:.2f} %")]
+        table.add_row(*map(escape, (r.name, r.use, *scores, f"{found.problem.cost_function.name} {r.cost:.6g}")))
+    console.print(table)
+
+
+def _table(*headings: str) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    return table
+
+
+def _digits(value: float, e: Estimate) -> str:
+    """As many digits as the standard error makes worth reading, and two more."""
+    if e.standard_error is None or not e.standard_error > 0 or value == 0:
+        return f"{value:.6g}"
+    from math import floor, log10
+
+    wanted = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
+    return f"{value:.{min(12, max(2, wanted))}g}"
+
+
+def _interval(e: Estimate) -> str:
+    if not e.free:
+        return "fixed"
+    if e.interval95 is None:
+        return "none"
+    return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
+
+
+def _discretisation(found: Fit) -> str:
+    check = found.discretisation
+    assert check is not None
+    moved = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
+    return f"with pi2 at half the step the cost is {check.cost_second_order:.6g} and the orders move by {moved or 'nothing'}"

@@ -1,0 +1,92 @@
+"""What to look at beside the best value: the cost over the plane of the two orders.
+
+The valley of the cost in (λ, μ) shows what a table of intervals cannot: whether the orders can be told
+apart, and whether the minimum is a point or a gorge.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.problem import Problem
+
+__all__ = ["CostPlane", "cost_plane"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CostPlane:
+    """The cost over two orders, all other unknowns fixed."""
+
+    names: tuple[str, str]
+    """The two orders."""
+    first: FloatArray
+    """Values of the first, shape (n,)."""
+    second: FloatArray
+    """Values of the second, shape (m,)."""
+    cost: FloatArray
+    """Shape (n, m); infinite where the run diverges."""
+
+
+def cost_plane(
+    problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1
+) -> CostPlane:
+    """Evaluate the cost around x over the problem's first two free orders, within their bounds.
+
+    Parameters
+    ----------
+    problem : Problem
+        With at least two free orders.
+    x : array, shape (n_unknowns,)
+        Where the other unknowns stay.
+    reach : float
+        How far from x to go in each order.
+    points : int
+        Along each order.
+
+    Raises
+    ------
+    InputError
+        If fewer than two orders are free.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=2.0)
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="measured")
+    >>> plane = cost_plane(problem, problem.start, points=5)
+    >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
+    (('lambda', 'mu'), (5, 5), True)
+    """
+    at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
+    if len(at) < 2:
+        raise InputError("The plane of the orders needs two free orders.")
+    axes = [_axis(problem.unknowns[i].range.lower, problem.unknowns[i].range.upper, x[i], reach, points) for i in at]
+    grid = [(a, b) for a in axes[0] for b in axes[1]]
+
+    def cost(pair: tuple[float, float]) -> float:
+        y = x.copy()
+        y[at] = pair
+        return problem.cost(y)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        costs = np.array(list(pool.map(cost, grid))).reshape(len(axes[0]), len(axes[1]))
+    first, second = (problem.unknowns[i].target for i in at)
+    return CostPlane((first, second), axes[0], axes[1], costs)
+
+
+def _axis(lower: float, upper: float, centre: float, reach: float, points: int) -> FloatArray:
+    """Points that hold the centre itself, within the bounds."""
+    low, high = max(lower, centre - reach), min(upper, centre + reach)
+    below = round((points - 1) * (centre - low) / (high - low))
+    return np.concatenate([np.linspace(low, centre, below + 1)[:-1], np.linspace(centre, high, points - below)])

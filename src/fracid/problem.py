@@ -1,0 +1,362 @@
+r"""An identification problem: a model, its recordings, what is free, and what counts as good.
+
+::
+
+    Problem = Model + Experiment, … + what is free + Cost   →   residuals(x), cost(x)
+
+The unknowns x, in this order, are
+
+1. the free orders, λ and μ of (25), and the free parameters, which all recordings share,
+2. for each recording the parameters named in `per_recording`, which it has for itself, and
+3. for each recording its initial state, unless that is taken as measured.
+
+``initial_state`` is one of
+
+=============  ====================================================================================
+``estimate``   every state at the start is free: the start may be in motion
+``rest``       the measured outputs at the start are free, the other states are 0: a held plateau
+``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
+``held``       nothing is free: outputs as measured, the other states 0: the paper's release
+=============  ====================================================================================
+
+A trajectory is stepped on the recording's own grid, or `substeps` times finer.  Residuals are measured
+minus simulated [rad].  A run that diverges has an infinite cost and its reason, never a NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.costs import COSTS, Cost
+from fracid.errors import InputError
+from fracid.memory import Memory, compressed
+from fracid.models import Model
+from fracid.optimise import Evaluation, Space
+from fracid.recording import Recording
+from fracid.simulate import METHODS, Trajectory, compile_rhs, integrate, time_scale
+
+__all__ = ["Experiment", "Free", "Problem", "Unknown"]
+
+FloatArray = NDArray[np.float64]
+InitialState = Literal["estimate", "rest", "measured", "held"]
+
+LIMIT = 1e4
+"""A state beyond this [rad, rad/s] ends a run as diverged."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """A value to be found: where the search starts and between which bounds."""
+
+    start: float
+    lower: float
+    upper: float
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that do not hold the start."""
+        if not self.lower <= self.start <= self.upper or self.lower == self.upper:
+            raise InputError(
+                f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
+                "expected lower <= start <= upper and lower < upper."
+            )
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One entry of x."""
+
+    name: str
+    """``mu``, ``b_alpha``, ``theta_rest [release 92°]`` or ``alpha(0) [release 92°]``."""
+    unit: str
+    kind: Literal["order", "parameter", "initial"]
+    target: str
+    """The order's, the parameter's or the state's own name."""
+    experiment: str | None
+    """The recording that it belongs to; None where all share it."""
+    range: Free
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A recording as a problem sees it: from time 0, on a uniform grid, outputs and inputs in columns."""
+
+    name: str
+    step: float
+    """[s]"""
+    measured: FloatArray
+    """Outputs [rad], shape (n_samples, n_outputs)."""
+    inputs: FloatArray
+    """u on the grid, shape (n_samples, n_inputs), or one row for all."""
+    start: float = 0.0
+    """Time of the first sample on the recording's own clock [s]."""
+    sha256: str = ""
+    """Of the file."""
+
+    @classmethod
+    def of(cls, recording: Recording, model: Model, outputs: Sequence[str]) -> Experiment:
+        """Take the outputs and the model's inputs out of a recording.
+
+        Raises
+        ------
+        InputError
+            If an output is not among its signals, or it is not on a uniform grid.
+
+        Examples
+        --------
+        >>> import fracid
+        >>> twin = Recording.of("twin", np.arange(3.0), {"alpha": np.zeros(3)})
+        >>> Experiment.of(twin, fracid.rotary_pendulum(), ["alpha"]).measured.shape
+        (3, 1)
+        """
+        for name in outputs:
+            if name not in recording.signals:
+                raise InputError(
+                    f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
+                    f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
+                )
+        if recording.step is None:
+            raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
+        measured = np.column_stack([recording.signals[name] for name in outputs])
+        driven = [name for name in model.inputs if name in recording.signals]
+        inputs = np.zeros((1, len(model.inputs)))
+        if driven:
+            columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
+            inputs = np.ascontiguousarray(np.column_stack(columns))
+        return cls(recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256)
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """From 0 [s], shape (n_samples,)."""
+        return np.arange(len(self.measured), dtype=np.float64) * self.step
+
+    def until(self, horizon: float) -> Experiment:
+        """Keep the first `horizon` seconds."""
+        n = min(len(self.measured), max(3, round(horizon / self.step) + 1))
+        return replace(self, measured=self.measured[:n], inputs=self.inputs[:n])
+
+    def first_values(self) -> tuple[FloatArray, FloatArray]:
+        """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
+        n = min(len(self.measured), max(5, round(0.04 / self.step)))
+        t = self.time[:n]
+        parabola = np.polynomial.polynomial.polyfit(t, self.measured[:n], min(2, n - 1))
+        return self.measured[0].astype(np.float64), parabola[1]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What :func:`fracid.identify` solves.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.2}, step=2e-3, end=4.0)
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)},
+    ...                   initial_state="measured")
+    >>> problem.names
+    ('lambda', 'mu')
+    >>> problem.cost(np.array([0.9, 0.95])) < 1e-9 < problem.cost(np.array([1.0, 1.0]))
+    True
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    orders: Mapping[str, float | Free]
+    """One per order's name: a number is fixed."""
+    parameters: Mapping[str, float | Free] = field(default_factory=dict)
+    """Those that differ from the model's own values: a number is fixed."""
+    per_recording: tuple[str, ...] = ()
+    """Names of free parameters that each recording has for itself."""
+    cost_function: Cost = COSTS["rmse"]
+    outputs: tuple[str, ...] = ("theta", "alpha")
+    initial_state: InitialState = "estimate"
+    method: str = "pi2"
+    memory: Memory = compressed()  # noqa: RUF009 (frozen)
+    substeps: int = 1
+    """Steps per sample of the recording."""
+
+    def __post_init__(self) -> None:
+        """Check names, orders and options."""
+        self.model.parameter_vector({n: _start(v) for n, v in self.parameters.items()})
+        q = self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
+        for name, value in self.orders.items():
+            low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
+            if not 0 < low <= high < 2:
+                raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
+        for name in self.outputs:
+            if name not in self.model.outputs:
+                raise InputError(f"There is no output {name!r}; {self.model.name} has {', '.join(self.model.outputs)}.")
+        for name in self.per_recording:
+            if not isinstance(self.parameters.get(name), Free):
+                raise InputError(
+                    f"per_recording names {name!r}, which is not free; "
+                    f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
+                )
+        if self.initial_state not in get_args(InitialState):
+            raise InputError(f"initial_state = {self.initial_state!r}; type one of {', '.join(get_args(InitialState))}.")
+        if self.method not in METHODS:
+            raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
+        if not self.experiments or not len(q):
+            raise InputError("A problem needs at least one recording.")
+
+    # --- the unknowns ------------------------------------------------------------------------------
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The entries of x, in order."""
+        units = {p.name: p.unit for p in self.model.parameters}
+        shared = [Unknown(n, "", "order", n, None, v) for n, v in self.orders.items() if isinstance(v, Free)]
+        own = []
+        for name, value in self.parameters.items():
+            if isinstance(value, Free) and name not in self.per_recording:
+                shared.append(Unknown(name, units[name], "parameter", name, None, value))
+        for e in self.experiments:
+            for name in self.per_recording:
+                value = self.parameters[name]
+                assert isinstance(value, Free)
+                own.append(Unknown(f"{name} [{e.name}]", units[name], "parameter", name, e.name, value))
+            own += self._initial_unknowns(e)
+        return (*shared, *own)
+
+    def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
+        if self.initial_state in ("measured", "held"):
+            return []
+        start, measured = self._initial_guess(e), {self.model.outputs[n] for n in self.outputs}
+        found = []
+        for i, state in enumerate(self.model.states):
+            if i in measured:
+                reach, unit = 0.2, "rad"
+            elif self.initial_state == "estimate" and i - 1 in measured:
+                reach, unit = 3.0 + abs(start[i]), "rad/s"
+            else:
+                continue
+            bounds = Free(float(start[i]), float(start[i]) - reach, float(start[i]) + reach)
+            found.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, bounds))
+        return found
+
+    def _initial_guess(self, e: Experiment) -> FloatArray:
+        """The state at the start as measured: outputs, and slopes where the next state is a rate."""
+        x0 = np.zeros(len(self.model.states))
+        values, slopes = e.first_values()
+        for name, value, slope in zip(self.outputs, values, slopes, strict=True):
+            i = self.model.outputs[name]
+            x0[i] = value
+            if self.initial_state in ("estimate", "measured"):
+                x0[i + 1] = slope
+        return x0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(u.name for u in self.unknowns)
+
+    @property
+    def start(self) -> FloatArray:
+        """Where the search starts, shape (n_unknowns,)."""
+        return np.array([u.range.start for u in self.unknowns])
+
+    @property
+    def space(self) -> Space:
+        """The unknowns with their bounds, for an optimiser."""
+        lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
+        return Space(self.names, lower, upper, self.start)
+
+    # --- from x to trajectories --------------------------------------------------------------------
+
+    def unpack(self, x: FloatArray, e: Experiment) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Orders per state, parameters and initial state of one recording, for the unknowns x."""
+        vectors = tuple(v.copy() for v in self._fixed[e.name])
+        for value, unknown, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
+            if unknown.experiment in (None, e.name):
+                vectors[vector][where] = value
+        return vectors[0], vectors[1], vectors[2]
+
+    @cached_property
+    def _fixed(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
+        """For each recording what :meth:`unpack` starts from: every value at its own start."""
+        orders = self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
+        values = self.model.parameter_vector({n: _start(v) for n, v in self.parameters.items()})
+        return {e.name: (orders, values, self._initial_guess(e)) for e in self.experiments}
+
+    @cached_property
+    def _places(self) -> tuple[tuple[int, list[int]], ...]:
+        """Where each unknown goes: which of the three vectors of :meth:`unpack`, and its entries there."""
+        kinds = {"order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states}
+        return tuple(
+            ([*kinds].index(u.kind), [i for i, name in enumerate(kinds[u.kind]) if name == u.target])
+            for u in self.unknowns
+        )
+
+    def simulate(self, x: FloatArray, e: Experiment) -> Trajectory:
+        """Simulate one recording with the unknowns x, on its grid divided by `substeps`."""
+        orders, values, initial = self.unpack(x, e)
+        inputs = e.inputs
+        if self.substeps > 1 and len(inputs) > 1:
+            at = np.arange((len(inputs) - 1) * self.substeps + 1) / self.substeps
+            inputs = np.column_stack([np.interp(at, np.arange(len(inputs)), column) for column in inputs.T])
+        return integrate(
+            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), np.ascontiguousarray(inputs), values,
+            e.step / self.substeps, (len(e.measured) - 1) * self.substeps, METHODS[self.method], self.memory,
+            limit=LIMIT, time_scale=time_scale(self.model, values), name=self.method,
+        )  # fmt: skip
+
+    def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | str:
+        """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
+        run = self.simulate(x, e)
+        if not run.completed:
+            return f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s"
+        return run.states[:: self.substeps, [self.model.outputs[n] for n in self.outputs]]
+
+    # --- what counts -------------------------------------------------------------------------------
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Rows whose squares the least-squares engine adds up; see :class:`fracid.costs.Cost`."""
+        evaluation = self.evaluate(x)
+        if evaluation.residuals is None:
+            raise InputError(f"The cost {self.cost_function.name!r} has no residuals: {evaluation.reason}.")
+        return evaluation.residuals
+
+    def cost(self, x: FloatArray) -> float:
+        """𝓛(x) of (25), joined over the recordings; infinite where a run diverges."""
+        return self.evaluate(x).cost
+
+    def evaluate(self, x: FloatArray) -> Evaluation:
+        """Cost, residuals and, where the cost is infinite, the reason."""
+        costs, rows = [], []
+        for e in self.experiments:
+            fitted = self.fitted(x, e)
+            if isinstance(fitted, str):
+                return Evaluation(x, np.inf, None, fitted)
+            residual = e.measured - fitted
+            costs.append(self.cost_function.value(e.time, residual))
+            if self.cost_function.squares is not None:
+                rows.append(self.cost_function.squares(e.time, residual))
+        cost = self.cost_function.join(costs, [len(e.measured) for e in self.experiments])
+        return Evaluation(x, cost, np.concatenate(rows) if rows else None, "")
+
+    # --- variants ----------------------------------------------------------------------------------
+
+    def until(self, horizon: float) -> Problem:
+        """The same problem on the first `horizon` seconds of each recording."""
+        return replace(self, experiments=tuple(e.until(horizon) for e in self.experiments))
+
+    def with_shared(self, x: FloatArray, experiments: tuple[Experiment, ...]) -> Problem:
+        """Fix all that is shared at its value in x, and leave to other recordings what is theirs.
+
+        For validation: initial states and `per_recording` parameters are found again, nothing else.
+        """
+        shared = {u.target: v for u, v in zip(self.unknowns, x.tolist(), strict=True) if u.experiment is None}
+        orders = {n: shared.get(n, _start(v)) for n, v in self.orders.items()}
+        parameters = {n: shared.get(n, v if n in self.per_recording else _start(v)) for n, v in self.parameters.items()}
+        return replace(self, orders=orders, parameters=parameters, experiments=experiments)
+
+
+def _start(value: float | Free) -> float:
+    return value.start if isinstance(value, Free) else float(value)

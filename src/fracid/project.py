@@ -1,0 +1,321 @@
+"""The project file: a TOML text that says which model, which recordings, what is free, what counts.
+
+::
+
+    [model]                                      [[recording]]
+    name = "rotary-pendulum"                     name  = "release 92°"
+    rig  = "srv02-rotpen"                        file  = "release_92deg.mat"
+    zero = "hanging"                             time  = { column = 0 }
+    [model.parameters]                           theta = { column = 1, unit = "rad" }
+    C4 = 0.1944                                  alpha = { column = 2, unit = "rad", zero = 3.14159265 }
+    b_alpha = { start = 2e-4,                    from  = 9.85
+                lower = -1e-2, upper = 1e-2 }    to    = 44.85
+    [model.orders]                               use   = "fit"
+    lambda = { start = 1.0,                      [fit]
+               lower = 0.6, upper = 1.2 }        cost  = "rmse"
+    mu = 1.0                                     initial_state = "estimate"
+
+A number fixes, a table frees, and what is left out keeps the rig's value; orders that are left out are
+free in [0.5, 1.2].  Paths are relative to the file.  :func:`load_project` reads it all, recordings included;
+an unknown key or a value of the wrong kind is told with its place in the file.
+
+``preset = "paper"`` is the paper to the letter: gl-paper, ITAE on α alone, the orders alone, from a held
+release, by its genetic algorithm.  It overrides whatever else the file says of these.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from fracid.costs import cost_from_name
+from fracid.errors import InputError
+from fracid.memory import memory_from_name
+from fracid.models import Model, model_from_name
+from fracid.optimise import OPTIMISERS
+from fracid.problem import Experiment, Free, Problem
+from fracid.recording import Recording, load_recording
+
+__all__ = ["PRESETS", "Project", "load_project"]
+
+ORDER_RANGE = Free(1.0, 0.5, 1.2)
+"""Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {
+        "method": "gl-paper",
+        "cost": "itae",
+        "outputs": ["alpha"],
+        "per_recording": [],
+        "initial_state": "held",
+        "optimiser": "genetic",
+    }
+}
+"""What a preset puts into ``[fit]``; ``paper`` also fixes every parameter and frees the orders."""
+
+
+class _Table(BaseModel):
+    """A table of the file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _Range(_Table):
+    start: float
+    lower: float
+    upper: float
+
+
+class _Model(_Table):
+    name: str = "rotary-pendulum"
+    rig: str | None = None
+    zero: str | None = None
+    actuation: Literal["voltage", "torque"] | None = None
+    parameters: dict[str, float | _Range] = {}
+    orders: dict[str, float | _Range] = {}
+
+
+class _Recording(BaseModel):
+    """Every other key of the table is a signal."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
+    name: str | None = None
+    file: str
+    time: dict[str, Any] | int | str | None = None
+    start: float | Literal["release"] | None = Field(None, alias="from")
+    stop: float | None = Field(None, alias="to")
+    use: Literal["fit", "validate"] = "fit"
+    resample: bool | float | Literal["needed"] = "needed"
+    variable: str | None = None
+
+
+class _Fit(_Table):
+    cost: str = "rmse"
+    outputs: list[str] | None = None
+    per_recording: list[str] = []
+    initial_state: str = "estimate"
+    method: str = "pi2"
+    memory: str = "compressed"
+    tolerance: float = 1e-10
+    substeps: int = Field(1, ge=1)
+    optimiser: str = "multistart"
+    starts: int = Field(1, ge=1)
+    seed: int = Field(1, ge=0)
+    preset: str | None = None
+
+
+class _File(_Table):
+    model: _Model = _Model()
+    recording: list[_Recording] = Field(min_length=1)
+    fit: _Fit = _Fit()
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project file with its recordings loaded."""
+
+    path: Path
+    text: str
+    """The file as it was read."""
+    problem: Problem
+    validation: tuple[Experiment, ...]
+    """The recordings with use = "validate"."""
+    recordings: tuple[Recording, ...]
+    """All, in the file's order, with their reports."""
+    optimiser: str
+    starts: int
+    seed: int
+    preset: str | None
+    notes: tuple[str, ...] = ()
+    """What was done that the file does not say in so many words."""
+
+
+def load_project(path: str | Path, *, preset: str | None = None) -> Project:
+    """Read a project file and the recordings that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+    preset : str, optional
+        In place of the file's own.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no TOML, or says something that cannot be; with the place.
+    DataError
+        If a recording fails its checks.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> time = np.arange(0, 2, 0.01)
+    >>> np.savez(folder / "swing.npz", time=time, alpha=0.1 * np.cos(6 * time))
+    >>> _ = (folder / "rig.toml").write_text('[[recording]]\\nfile = "swing.npz"\\nalpha = { column = "alpha" }')
+    >>> project = load_project(folder / "rig.toml")
+    >>> project.problem.outputs, project.problem.names[:2]
+    (('alpha',), ('lambda', 'mu'))
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"The project file {path} cannot be read: {reason}.") from None
+    try:
+        said = _File.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not TOML: {error}.") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {_explain(error)}") from None
+    try:
+        return _project(path, text, said, preset or said.fit.preset)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
+    fit = _apply(said.fit, preset)
+    if fit.optimiser not in OPTIMISERS:
+        raise InputError(f"[fit] optimiser = {fit.optimiser!r}; expected one of {', '.join(OPTIMISERS)}.")
+    parameters = {n: _value(n, v) for n, v in said.model.parameters.items()}
+    fixed = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+    model = _model(said.model, fixed, path.parent)
+    for name, value in parameters.items():
+        if name not in model.parameter_names and isinstance(value, Free):
+            raise InputError(f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead.")
+    parameters = {n: v for n, v in parameters.items() if n in model.parameter_names}
+    recordings = tuple(_load(r, model, path.parent) for r in said.recording)
+    _refuse_twins(recordings)
+    outputs = tuple(fit.outputs or _common_outputs(model, recordings))
+    experiments = [Experiment.of(r, model, outputs) for r in recordings]
+    uses = [r.use for r in said.recording]
+    fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
+    if not fitted:
+        raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
+    free_orders = {n: _value(n, said.model.orders.get(n, ORDER_RANGE)) for n in model.order_names}
+    _refuse_unknown_orders(said.model.orders, model)
+    if preset == "paper":
+        parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+        free_orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in free_orders.items()}
+    problem = Problem(
+        model, fitted, free_orders, parameters, tuple(fit.per_recording),
+        cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
+        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps,
+    )  # fmt: skip
+    validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
+    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
+    return Project(
+        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes)
+    )
+
+
+def _apply(fit: _Fit, preset: str | None) -> _Fit:
+    if preset is None:
+        return fit
+    if preset not in PRESETS:
+        raise InputError(f"There is no preset {preset!r}; type one of {', '.join(PRESETS)}.")
+    return fit.model_copy(update=PRESETS[preset])
+
+
+def _model(said: _Model, fixed: Mapping[str, float], folder: Path) -> Model:
+    return model_from_name(
+        said.name, said.rig, said.zero, said.actuation, parameters=fixed, folder=folder
+    )
+
+
+def _load(said: _Recording, model: Model, folder: Path) -> Recording:
+    """Load a recording; the keys that pydantic did not know are its signals."""
+    columns = dict(said.model_extra or {})
+    known = (*model.outputs, *model.inputs)
+    for name in columns:
+        if name not in known:
+            close = difflib.get_close_matches(name, [*known, "from", "to", "file", "time", "use", "resample"], 1)
+            hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(known)}."
+            raise InputError(f"[[recording]] {said.name or said.file}: unknown key {name!r}; {hint}")
+    if not columns:
+        raise InputError(
+            f"[[recording]] {said.name or said.file} names no signal; type for example "
+            f'{known[-2] if len(known) > 1 else known[0]} = {{ column = 1, unit = "deg" }}.'
+        )
+    return load_recording(
+        folder / said.file, columns, time=said.time, start=said.start, stop=said.stop, resample=said.resample,
+        name=said.name or Path(said.file).stem, variable=said.variable,
+    )  # fmt: skip
+
+
+def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
+    names = [r.name for r in recordings]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two recordings are named {name!r}; give each its own name.")
+
+
+def _refuse_unknown_orders(orders: Mapping[str, Any], model: Model) -> None:
+    for name in orders:
+        if name not in model.order_names:
+            raise InputError(f"[model.orders] has {name!r}; the orders of {model.name} are {model.order_names}.")
+
+
+def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
+    outputs = [n for n in model.outputs if all(n in r.signals for r in recordings)]
+    if not outputs:
+        raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
+    return outputs
+
+
+def _value(name: str, said: float | _Range | Free) -> float | Free:
+    if not isinstance(said, _Range):
+        return said
+    try:
+        return Free(said.start, said.lower, said.upper)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _in_folder(cost: str, folder: Path) -> str:
+    """A user's own cost, ``my.py:function``, is looked for beside the project file."""
+    return str(folder / cost) if ".py:" in cost else cost
+
+
+# --- what pydantic says, in our words ----------------------------------------------------------------
+
+
+def _explain(error: ValidationError) -> str:
+    """Turn the first few faults into sentences with their place in the file."""
+    sentences = []
+    for fault in error.errors()[:3]:
+        place = [p for p in fault["loc"] if p not in ("float", "_Range") and not str(p).startswith("literal")]
+        where = _place(place)
+        if fault["type"] == "extra_forbidden":
+            sentences.append(f"{where} is unknown{_close(place)}.")
+        elif fault["type"] == "missing":
+            sentences.append(f"{where} is missing.")
+        else:
+            sentences.append(f"{where} = {fault['input']!r}: {fault['msg'].lower()}.")
+    return " ".join(dict.fromkeys(sentences))
+
+
+def _place(path: list[Any]) -> str:
+    """``["recording", 0, "file"]`` → ``[[recording]] number 1: file``."""
+    if path and path[0] == "recording":
+        number = f" number {path[1] + 1}" if len(path) > 1 else ""
+        return f"[[recording]]{number}" + "".join(f": {p}" for p in path[2:])
+    table, key = ".".join(map(str, path[:-1])), str(path[-1]) if path else ""
+    return f"[{table}] {key}" if table else f"[{key}]"
+
+
+def _close(path: list[Any]) -> str:
+    tables = {(): _File, ("model",): _Model, ("fit",): _Fit}
+    table = tables.get(tuple(path[:-1]))
+    if table is None:
+        return ""
+    match = difflib.get_close_matches(str(path[-1]), [*table.model_fields], 1)
+    return f"; did you mean {match[0]!r}?" if match else f"; known are {', '.join(table.model_fields)}"
