@@ -34,9 +34,7 @@ class CostPlane:
     """Shape (n, m); infinite where the run diverges."""
 
 
-def cost_plane(
-    problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1
-) -> CostPlane:
+def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1) -> CostPlane:
     """Evaluate the cost around x over the problem's first two free orders, within their bounds.
 
     Parameters

@@ -153,7 +153,7 @@ class Fit:
             "evaluations": self.evaluations,
             "optimiser": self.optimiser,
             "outcome": self.outcome,
-            "interval_method": "HAC sandwich (Newey-West, Bartlett window)" if self.uncertainty else None,
+            "interval_method": "sandwich with Newey-West long-run covariance" if self.uncertainty else None,
             "warnings": list(self.warnings),
             "seed": self.seed,
         }
@@ -236,8 +236,10 @@ def identify(
     clock.lap("validation")
     check = _discretisation(problem, x, known, jobs)
     clock.lap("discretisation")
+    polished = _polish(problem, result, name, jobs)
+    clock.lap("polish")
     estimates = _estimates(problem, x, known)
-    warnings = [w for w in (*_warnings(problem, known), check.warning) if w]
+    warnings = [w for w in (*_warnings(problem, known), check.warning, _stopped_short(problem, result, polished)) if w]
     return Fit(
         problem=problem, x=x, recordings=recordings, cost=result.best.cost, outcome=how,
         orders={n: estimates[n] for n in problem.orders},
@@ -272,7 +274,13 @@ class _Watch:
 
 
 def _search(
-    problem: Problem, name: str, rng: np.random.Generator, jobs: int, starts: int, watch: _Watch, options: dict[str, Any]
+    problem: Problem,
+    name: str,
+    rng: np.random.Generator,
+    jobs: int,
+    starts: int,
+    watch: _Watch,
+    options: dict[str, Any],
 ) -> Result:
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
@@ -335,7 +343,9 @@ def _recordings(
         fitted = problem.fitted(x, e)
         cost = problem.cost_function.value(e.time, e.measured - fitted) if not isinstance(fitted, str) else np.inf
         values = fitted if not isinstance(fitted, str) else np.full(e.measured.shape, np.nan)
-        own = {u.target: estimates[u.name] for u in problem.unknowns if u.experiment == e.name and u.kind == "parameter"}
+        own = {
+            u.target: estimates[u.name] for u in problem.unknowns if u.experiment == e.name and u.kind == "parameter"
+        }
         _, _, initial = problem.unpack(x, e)
         states = {
             s: estimates.get(f"{s}(0) [{e.name}]", Estimate(float(v)))
@@ -362,7 +372,7 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
     refined = x
-    if problem.cost_function.squares is not None:
+    if problem.cost_function.loss is not None:
         refined = _refine(second, x, jobs, _Watch(None, None), tolerance=1e-6).best.point
     at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"]
     names = [problem.unknowns[i].target for i in at]
@@ -378,6 +388,26 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         problem.cost(x), half.cost(x), second.cost(x),
         {n: float(refined[i]) for n, i in zip(names, at, strict=True)}, shift, warning,
     )  # fmt: skip
+
+
+def _polish(problem: Problem, result: Result, name: str, jobs: int) -> Evaluation:
+    """Go on by least squares from the best of a search that is none: shows whether that one had arrived."""
+    if name in ("multistart", "least-squares") or problem.cost_function.loss is None or result.interrupted:
+        return result.best
+    return _refine(problem, result.best.point, jobs, _Watch(None, None)).best
+
+
+def _stopped_short(problem: Problem, result: Result, polished: Evaluation) -> str:
+    """Say so where polishing lowers the cost by more than a part in a thousand or moves an order by 0.001."""
+    moved = {u.name: (a, b) for u, a, b in zip(problem.unknowns, result.best.point, polished.point, strict=True)}
+    orders = [u.name for u in problem.unknowns if u.kind == "order"]
+    if polished.cost > 0.999 * result.best.cost and all(abs(np.subtract(*moved[n])) < 1e-3 for n in orders):
+        return ""
+    changes = ", ".join(f"{n} {moved[n][0]:.4f} -> {moved[n][1]:.4f}" for n in orders)
+    return (
+        f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
+        f"{polished.cost:.6g} from {result.best.cost:.6g} ({changes})."
+    )
 
 
 def _half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
@@ -406,15 +436,15 @@ def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str) -> Es
     )  # fmt: skip
 
 
-def _verdict(
-    u: Unknown, value: float, known: Uncertainty, i: int, interval: tuple[float, float] | None
-) -> str:
+def _verdict(u: Unknown, value: float, known: Uncertainty, i: int, interval: tuple[float, float] | None) -> str:
     """Say in words what the data know of an unknown."""
     if known.at_bound[i]:
         return "at its bound"
     for names in known.confounded:
         if u.name in names:
-            return f"only together with {', '.join(n for n in names if n != u.name)}" if len(names) > 1 else "not at all"
+            return (
+                f"only together with {', '.join(n for n in names if n != u.name)}" if len(names) > 1 else "not at all"
+            )
     if interval is None:
         return "unknown"
     half = (interval[1] - interval[0]) / 2
@@ -427,7 +457,7 @@ def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
     if problem.method == "gl-paper":
         yield (
             "gl-paper sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is forward "
-            "Euler: its own growth biases the orders. Use method = \"pi2\" for a result."
+            'Euler: its own growth biases the orders. Use method = "pi2" for a result.'
         )
     if "theta" in problem.model.outputs and problem.outputs == ("alpha",) and "lambda" in problem.names:
         yield "Only alpha is scored, and lambda can hardly be seen in it: score theta too."

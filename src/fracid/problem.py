@@ -25,6 +25,7 @@ minus simulated [rad].  A run that diverges has an infinite cost and its reason,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -37,6 +38,7 @@ from fracid.costs import COSTS, Cost
 from fracid.errors import InputError
 from fracid.memory import Memory, compressed
 from fracid.models import Model
+from fracid.models.base import unknown_name
 from fracid.optimise import Evaluation, Space
 from fracid.recording import Recording
 from fracid.simulate import METHODS, Trajectory, compile_rhs, integrate, time_scale
@@ -97,15 +99,19 @@ class Experiment:
     """Time of the first sample on the recording's own clock [s]."""
     sha256: str = ""
     """Of the file."""
+    initial: Mapping[str, float] = field(default_factory=dict)
+    """States whose initial value is known, such as a release angle [rad]: fixed, whatever `initial_state` says."""
 
     @classmethod
-    def of(cls, recording: Recording, model: Model, outputs: Sequence[str]) -> Experiment:
-        """Take the outputs and the model's inputs out of a recording.
+    def of(
+        cls, recording: Recording, model: Model, outputs: Sequence[str], initial: Mapping[str, float] | None = None
+    ) -> Experiment:
+        """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
 
         Raises
         ------
         InputError
-            If an output is not among its signals, or it is not on a uniform grid.
+            If an output is not among its signals, it is not on a uniform grid, or a state is unknown.
 
         Examples
         --------
@@ -122,13 +128,18 @@ class Experiment:
                 )
         if recording.step is None:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
+        for name in initial or {}:
+            if name not in model.states:
+                raise unknown_name(f"state in initial of {recording.name}", name, model.states)
         measured = np.column_stack([recording.signals[name] for name in outputs])
         driven = [name for name in model.inputs if name in recording.signals]
         inputs = np.zeros((1, len(model.inputs)))
         if driven:
             columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
             inputs = np.ascontiguousarray(np.column_stack(columns))
-        return cls(recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256)
+        return cls(
+            recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256, initial or {}
+        )
 
     @cached_property
     def time(self) -> FloatArray:
@@ -200,7 +211,9 @@ class Problem:
                     f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
                 )
         if self.initial_state not in get_args(InitialState):
-            raise InputError(f"initial_state = {self.initial_state!r}; type one of {', '.join(get_args(InitialState))}.")
+            raise InputError(
+                f"initial_state = {self.initial_state!r}; type one of {', '.join(get_args(InitialState))}."
+            )
         if self.method not in METHODS:
             raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
         if not self.experiments or not len(q):
@@ -231,6 +244,8 @@ class Problem:
         start, measured = self._initial_guess(e), {self.model.outputs[n] for n in self.outputs}
         found = []
         for i, state in enumerate(self.model.states):
+            if state in e.initial:
+                continue
             if i in measured:
                 reach, unit = 0.2, "rad"
             elif self.initial_state == "estimate" and i - 1 in measured:
@@ -250,6 +265,8 @@ class Problem:
             x0[i] = value
             if self.initial_state in ("estimate", "measured"):
                 x0[i + 1] = slope
+        for name, value in e.initial.items():
+            x0[self.model.states.index(name)] = value
         return x0
 
     @property
@@ -327,19 +344,33 @@ class Problem:
         """𝓛(x) of (25), joined over the recordings; infinite where a run diverges."""
         return self.evaluate(x).cost
 
-    def evaluate(self, x: FloatArray) -> Evaluation:
-        """Cost, residuals and, where the cost is infinite, the reason."""
-        costs, rows = [], []
+    def errors(self, x: FloatArray) -> list[FloatArray] | str:
+        """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
+        found = []
         for e in self.experiments:
             fitted = self.fitted(x, e)
             if isinstance(fitted, str):
-                return Evaluation(x, np.inf, None, fitted)
-            residual = e.measured - fitted
-            costs.append(self.cost_function.value(e.time, residual))
-            if self.cost_function.squares is not None:
-                rows.append(self.cost_function.squares(e.time, residual))
-        cost = self.cost_function.join(costs, [len(e.measured) for e in self.experiments])
-        return Evaluation(x, cost, np.concatenate(rows) if rows else None, "")
+                return fitted
+            found.append(e.measured - fitted)
+        return found
+
+    def evaluate(self, x: FloatArray) -> Evaluation:
+        """Cost, residuals and, where the cost is infinite, the reason."""
+        errors = self.errors(x)
+        if isinstance(errors, str):
+            return Evaluation(x, np.inf, None, errors)
+        pairs = [(e.time, error) for e, error in zip(self.experiments, errors, strict=True)]
+        samples = [len(time) for time, _ in pairs]
+        cost = self.cost_function.join([self.cost_function.value(*pair) for pair in pairs], samples)
+        rows = [self.cost_function.rows(*pair) for pair in pairs]
+        if any(row is None for row in rows):
+            return Evaluation(x, cost)
+        return Evaluation(x, cost, np.concatenate([w * r for w, r in zip(self.shares(), rows, strict=True)]))
+
+    def shares(self) -> list[float]:
+        """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
+        samples = [len(e.measured) for e in self.experiments]
+        return [math.sqrt(n / sum(samples)) if self.cost_function.root else 1.0 for n in samples]
 
     # --- variants ----------------------------------------------------------------------------------
 

@@ -93,6 +93,8 @@ class _Recording(BaseModel):
     use: Literal["fit", "validate"] = "fit"
     resample: bool | float | Literal["needed"] = "needed"
     variable: str | None = None
+    initial: dict[str, float] = {}
+    """States known at the start [rad], such as the angle of release."""
 
 
 class _Fit(_Table):
@@ -190,12 +192,14 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     model = _model(said.model, fixed, path.parent)
     for name, value in parameters.items():
         if name not in model.parameter_names and isinstance(value, Free):
-            raise InputError(f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead.")
+            raise InputError(
+                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
+            )
     parameters = {n: v for n, v in parameters.items() if n in model.parameter_names}
     recordings = tuple(_load(r, model, path.parent) for r in said.recording)
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
-    experiments = [Experiment.of(r, model, outputs) for r in recordings]
+    experiments = [Experiment.of(r, model, outputs, s.initial) for r, s in zip(recordings, said.recording, strict=True)]
     uses = [r.use for r in said.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
@@ -226,9 +230,7 @@ def _apply(fit: _Fit, preset: str | None) -> _Fit:
 
 
 def _model(said: _Model, fixed: Mapping[str, float], folder: Path) -> Model:
-    return model_from_name(
-        said.name, said.rig, said.zero, said.actuation, parameters=fixed, folder=folder
-    )
+    return model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=fixed, folder=folder)
 
 
 def _load(said: _Recording, model: Model, folder: Path) -> Recording:

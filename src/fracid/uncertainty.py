@@ -1,21 +1,24 @@
 r"""How sure an estimate is: the covariance of the unknowns of a problem, and which of them cannot be told.
 
-At the minimum of :math:`\tfrac12\sum r_t(x)^2` with Jacobian J and scores :math:`s_t = J_t r_t`,
+At the minimum of :math:`\sum_t w_t\,ρ(e_t(x))` over samples t, with :math:`J_t = \partial e_t/\partial x` and
+scores :math:`s_t = w_t\,ρ'(e_t)\,J_t`,
 
-.. math::  \mathrm{cov}\,\hat x = (J'J)^{-1}\, S\, (J'J)^{-1}, \qquad
-           S = \Gamma_0 + \sum_{k=1}^{B}\Big(1 - \frac{k}{B+1}\Big)(\Gamma_k + \Gamma_k'), \quad
+.. math::  \mathrm{cov}\,\hat x = A^{-1} S A^{-1}, \quad A = \overline{ρ''}\sum w_t J_t J_t', \quad
+           S = \Gamma_0 + \sum_{k=1}^{B}\Big(1 - \frac{k}{B+1}\Big)(\Gamma_k + \Gamma_k'), \;
            \Gamma_k = \sum_t s_t s_{t+k}' .
 
-This is the sandwich of Newey and West: it holds for residuals that are correlated in time, as 20,000
-samples of a 1 kHz recording are, where :math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too
-narrow.  The bandwidth B follows Andrews' rule for the Bartlett window, from the residuals' own lag-one
-correlation.  It does not know of model error: an interval says where the best value *of this model* lies.
+This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey and West [NW]_: it holds for
+residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
+:math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B follows Andrews'
+rule for the Bartlett window [A]_, from the residuals' own lag-one correlation.  It does not know of model
+error: an interval says where the best value *of this model* lies.
 
 An unknown at one of its bounds is held there; directions that J does not see (singular values of the
 column-scaled J below 10⁻⁶ of the largest) are reported by the names that take part in them.
 
 References
 ----------
+.. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
 .. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
 .. [A] D. Andrews, Econometrica 59 (1991) 817, eq. (6.4): the bandwidth.
 """
@@ -53,7 +56,7 @@ class Uncertainty:
     confounded: tuple[tuple[str, ...], ...]
     """Names that can only be known together, one tuple for each direction that the data do not see."""
     bandwidth: float
-    """B of the sandwich [rows of the residual]."""
+    """B of the sandwich [samples]."""
     condition: float
     """Of the column-scaled Jacobian."""
 
@@ -86,22 +89,28 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     margin = np.where(np.isfinite(width), 1e-6 * width, 0.0)
     at_bound = (x - space.lower <= margin) | (space.upper - x <= margin)
     free = np.flatnonzero(~at_bound)
-    residual = problem.evaluate(x).residuals
-    if residual is None:
-        return "the cost has no residuals"
-    J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, str):
-        return J
+    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+    if loss is None or weight is None:
+        return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
+    if isinstance(errors, str) or isinstance(J, str):
+        return errors if isinstance(errors, str) else str(J)
     error = np.full(len(x), np.nan)
     if not len(free):
         return Uncertainty(error, at_bound, (), 0.0, 1.0)
-    norm = np.linalg.norm(J, axis=0)
+    shares = [share**2 * weight(e.time) for e, share in zip(problem.experiments, problem.shares(), strict=True)]
+    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    rows = np.concatenate([np.sqrt(w)[:, None, None] * j for w, j in zip(shares, J, strict=True)])
+    rows = np.sqrt(curvature) * rows.reshape(-1, len(free))  # A = rows' rows
+    norm = np.linalg.norm(rows, axis=0)
     norm[norm == 0] = 1.0
-    _, singular, V = np.linalg.svd(J / norm, full_matrices=False)
+    _, singular, V = np.linalg.svd(rows / norm, full_matrices=False)
     seen = singular > UNSEEN * singular[0]
-    scores = (J / norm) * residual[:, None]
-    bandwidth = andrews_bandwidth(residual)
-    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled J'J
+    scores = np.concatenate(
+        [np.einsum("t,to,toi->ti", w, loss.psi(e), j) / norm for w, e, j in zip(shares, errors, J, strict=True)]
+    )
+    bandwidth = andrews_bandwidth(scores)
+    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
     covariance = inverse @ bartlett_long_run(scores, bandwidth) @ inverse
     known = ~np.any(np.abs(V[~seen]) > 0.1, axis=0)
     error[free[known]] = (np.sqrt(np.diag(covariance)) / norm)[known]
@@ -109,38 +118,40 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     return Uncertainty(error, at_bound, confounded, bandwidth, float(singular[0] / max(singular[-1], 1e-300)))
 
 
-def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> FloatArray | str:
-    """∂r/∂x by central differences, shape (n_rows, n_free), or why there is none; runs go on threads."""
+def jacobian(
+    problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1
+) -> list[FloatArray] | str:
+    """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads."""
     steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    steps = np.minimum(steps, 0.5 * np.minimum(problem.space.upper - x, x - problem.space.lower) + (steps == 0))
+    room = np.minimum(problem.space.upper - x, x - problem.space.lower)
+    steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
     points = [x + sign * steps[i] * (np.arange(len(x)) == i) for i in free for sign in (1, -1)]
     with ThreadPoolExecutor(jobs) as pool:
-        rows = list(pool.map(problem.evaluate, points))
-    for evaluation in rows:
-        if evaluation.residuals is None:
-            return f"a run next to the minimum fails: {evaluation.reason}"
-    columns = [
-        (plus.residuals - minus.residuals) / (plus.point[i] - minus.point[i])
-        for i, plus, minus in zip(free, rows[::2], rows[1::2], strict=True)
-    ]
-    return np.column_stack(columns) if columns else np.empty((0, 0))
+        errors = list(pool.map(problem.errors, points))
+    columns = []
+    for i, plus, minus in zip(free, errors[::2], errors[1::2], strict=True):
+        if isinstance(plus, str) or isinstance(minus, str):
+            return f"a run next to the minimum fails: {plus if isinstance(plus, str) else minus}"
+        columns.append([(p - m) / (2 * steps[i]) for p, m in zip(plus, minus, strict=True)])
+    return [np.stack([column[k] for column in columns], axis=-1) for k in range(len(problem.experiments) * bool(columns))]
 
 
-def andrews_bandwidth(residual: FloatArray) -> float:
-    """B = 1.1447·(α n)^(1/3), α = 4ρ²/((1−ρ)²(1+ρ)²), ρ the lag-one correlation; at most n/4.
+def andrews_bandwidth(scores: FloatArray) -> float:
+    """B = 1.1447·(α n)^(1/3) of the Bartlett window, at most n/4; α from the columns' lag-one correlations ρ.
+
+    With columns of equal variance, α = Σ 4ρ²/((1−ρ)⁶(1+ρ)²) / Σ 1/(1−ρ)⁴ ([A]_ (6.4)).
 
     Examples
     --------
-    >>> noise = np.random.default_rng(0).standard_normal(10_000)
-    >>> andrews_bandwidth(noise) < 10 < andrews_bandwidth(np.cumsum(noise))
+    >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
+    >>> andrews_bandwidth(noise) < 10 < andrews_bandwidth(np.cumsum(noise, axis=0))
     True
     """
-    n = len(residual)
-    power = float(residual @ residual)
-    rho = float(residual[1:] @ residual[:-1]) / power if power > 0 else 0.0
-    rho = min(abs(rho), 1 - 1 / n)
-    alpha = 4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2)
-    return min(n / 4, 1.1447 * (alpha * n) ** (1 / 3))
+    n = len(scores)
+    power = np.maximum(np.sum(scores**2, axis=0), 1e-300)
+    rho = np.clip(np.sum(scores[1:] * scores[:-1], axis=0) / power, -0.97, 1 - 1 / n)
+    alpha = np.sum(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum((1 - rho) ** -4.0)
+    return float(min(n / 4, 1.1447 * (alpha * n) ** (1 / 3)))
 
 
 def bartlett_long_run(scores: FloatArray, bandwidth: float) -> FloatArray:
