@@ -3,7 +3,7 @@
     python examples/make_twins.py            # writes src/fracid/twins/*.csv
 
 A release of the pendulum from α₀ = 10°, hanging, 20 s at 1000 Hz, both angles read by encoders of 4096
-counts a turn with Gaussian noise of one count before rounding; SRV02 constants, λ = 0.8623,
+counts a turn with Gaussian noise of 0.15° before rounding; SRV02 constants, λ = 0.8623,
 μ = 0.9146.  The seed is 20240914.
 
 ``paper-twin.csv``      stepped with gl-paper, h = 1 ms: what the paper's own scheme makes of its model
@@ -22,14 +22,14 @@ SEED = 20240914
 ORDERS = {"lambda": 0.8623, "mu": 0.9146}
 RELEASE = np.radians(10.0)
 COUNTS_PER_TURN = 4096
-NOISE = 1.0  # counts
+NOISE = 0.15  # degrees
 STEP, END = 1e-3, 20.0
 FOLDER = Path(__file__).parent.parent / "src" / "fracid" / "twins"
 
 HEADER = """\
 # SIMULATED, not measured: {what}
 # rotary inverted pendulum, rig srv02-rotpen, zero = hanging, lambda = 0.8623, mu = 0.9146,
-# released at rest from alpha = 10 deg; 4096 counts a turn, Gaussian noise of 1 count, seed {seed}
+# released at rest from alpha = 10 deg; 4096 counts a turn, Gaussian noise of 0.15 deg, seed {seed}
 # made by examples/make_twins.py
 time [s],theta [counts],alpha [counts]
 """
@@ -46,7 +46,8 @@ def angles(method, refinement):
 
 def encoder(signal, rng):
     """Whole counts, as an encoder with noise reads them."""
-    return np.rint(signal / (2 * np.pi) * COUNTS_PER_TURN + NOISE * rng.standard_normal(signal.shape)).astype(int)
+    noisy = signal + np.radians(NOISE) * rng.standard_normal(signal.shape)
+    return np.rint(noisy / (2 * np.pi) * COUNTS_PER_TURN).astype(int)
 
 
 def twins():

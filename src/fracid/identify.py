@@ -239,7 +239,7 @@ def identify(
     polished = _polish(problem, result, name, jobs)
     clock.lap("polish")
     estimates = _estimates(problem, x, known)
-    warnings = [w for w in (*_warnings(problem, known), check.warning, _stopped_short(problem, result, polished)) if w]
+    warnings = [w for w in (*_warnings(problem, known), check.warning, _stopped_short(problem, result, polished, known)) if w]
     return Fit(
         problem=problem, x=x, recordings=recordings, cost=result.best.cost, outcome=how,
         orders={n: estimates[n] for n in problem.orders},
@@ -397,13 +397,14 @@ def _polish(problem: Problem, result: Result, name: str, jobs: int) -> Evaluatio
     return _refine(problem, result.best.point, jobs, _Watch(None, None)).best
 
 
-def _stopped_short(problem: Problem, result: Result, polished: Evaluation) -> str:
-    """Say so where polishing lowers the cost by more than a part in a thousand or moves an order by 0.001."""
-    moved = {u.name: (a, b) for u, a, b in zip(problem.unknowns, result.best.point, polished.point, strict=True)}
-    orders = [u.name for u in problem.unknowns if u.kind == "order"]
-    if polished.cost > 0.999 * result.best.cost and all(abs(np.subtract(*moved[n])) < 1e-3 for n in orders):
+def _stopped_short(problem: Problem, result: Result, polished: Evaluation, known: Uncertainty | str) -> str:
+    """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
+    at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"]
+    before, after = result.best.point, polished.point
+    moved = [abs(after[i] - before[i]) > max(1e-3, 0.5 * _half_width(known, before, i)) for i in at]
+    if polished.cost > 0.999 * result.best.cost and not any(moved):
         return ""
-    changes = ", ".join(f"{n} {moved[n][0]:.4f} -> {moved[n][1]:.4f}" for n in orders)
+    changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
     return (
         f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
         f"{polished.cost:.6g} from {result.best.cost:.6g} ({changes})."
