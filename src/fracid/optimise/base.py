@@ -7,20 +7,22 @@ How to write one (a file of its own beside this one, and a row in ``OPTIMISERS``
 1. ``def name(space, rng, **options)``: a generator function; `rng` is its only source of randomness.
 2. ``evaluations = yield points`` with points of shape (k, n), in physical units, within the bounds.
    It gets a list of k :class:`Evaluation` back, in order.  All points of one batch may run in parallel.
-3. A failed run has an infinite cost and a reason, and no residuals: expect it anywhere.
+3. A failed run has an infinite cost (never NaN), a reason, and no residuals: expect it anywhere.
 4. Return an :class:`Outcome` when done.  The loop keeps the best; an optimiser need not.
 5. What is no generator but calls a function (SciPy's) goes through :func:`as_generator`.
+6. Check counts among the options with :func:`at_least`: a generator's own errors come only when it runs.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +33,18 @@ from numpy.typing import NDArray
 
 from fracid.errors import InputError
 
-__all__ = ["Evaluation", "EvaluationLog", "Optimiser", "Outcome", "Result", "Space", "as_generator", "minimise"]
+__all__ = [
+    "Ask",
+    "Evaluation",
+    "EvaluationLog",
+    "Optimiser",
+    "Outcome",
+    "Result",
+    "Space",
+    "as_generator",
+    "at_least",
+    "minimise",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -43,24 +56,44 @@ class Outcome(Enum):
     GENERATIONS_DONE = "all generations done"
     BUDGET_SPENT = "the budget of evaluations is spent"
     INTERRUPTED = "interrupted: the best so far is kept"
+    STOPPED = "stopped as asked: the best so far is kept"
     ALL_FAILED = "every run failed"
 
 
 @dataclass(frozen=True)
 class Space:
-    """The unknowns: names, bounds and where to start."""
+    """The unknowns: names, bounds and where to start, in physical units.
+
+    Raises
+    ------
+    InputError
+        If the bounds are no interval or do not hold the start.
+
+    Examples
+    --------
+    >>> space = Space(("lambda", "mu"), np.array([0.5, 0.5]), np.array([1.2, 1.2]), np.array([1.0, 1.0]))
+    >>> space.from_unit(np.array([[0.0, 0.5]]))
+    array([[0.5 , 0.85]])
+    """
 
     names: tuple[str, ...]
     lower: FloatArray
     """Shape (n,); −inf where there is no bound."""
     upper: FloatArray
+    """Shape (n,); inf where there is no bound."""
     start: FloatArray
+    """Shape (n,)."""
 
     def __post_init__(self) -> None:
-        """Refuse bounds that do not hold the start."""
+        """Refuse bounds that are none or do not hold the start."""
+        for side in (self.lower, self.upper, self.start):
+            if np.shape(side) != (len(self.names),):
+                raise InputError(f"A space of {len(self.names)} unknowns got an array of shape {np.shape(side)}.")
         for name, low, x, high in zip(self.names, self.lower, self.start, self.upper, strict=True):
             if not low <= x <= high:
                 raise InputError(f"{name}: the start {x:g} is not within its bounds {low:g} … {high:g}.")
+            if low == high:
+                raise InputError(f"{name}: both bounds are {low:g}; to fix it give the number alone, {name} = {low:g}.")
 
     def from_unit(self, points: FloatArray) -> FloatArray:
         """Map points of the unit cube, shape (…, n), onto the bounds.
@@ -81,6 +114,7 @@ class Evaluation:
     """The cost at one point."""
 
     point: FloatArray
+    """Shape (n,), in physical units."""
     cost: float
     """Infinite where the run failed."""
     residuals: FloatArray | None = None
@@ -90,6 +124,10 @@ class Evaluation:
 
 
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]
+"""Yields points of shape (k, n), is sent their k evaluations, returns how it ended."""
+
+Ask = Callable[[FloatArray], list[Evaluation]]
+"""The same seen from a function that calls: points of shape (k, n) → their k evaluations."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +135,10 @@ class Result:
     """What a search found."""
 
     best: Evaluation
+    """The first of those with the lowest cost; where every run failed, the last."""
     outcome: Outcome
     evaluations: int
+    """How many runs."""
 
     @property
     def interrupted(self) -> bool:
@@ -107,16 +147,38 @@ class Result:
 
 
 class EvaluationLog:
-    """An append-only file of evaluations, one JSON line each, flushed after every batch."""
+    """An append-only file of evaluations, one JSON line each, flushed after every batch.
+
+    A line has ``n`` (from 1, going on where an older log ends), ``point`` by name, ``cost`` (null where the run
+    failed) with the ``reason``, and ``seconds`` since the log was opened.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import os
+    >>> with EvaluationLog(os.devnull) as log:
+    ...     log.append(("mu",), [Evaluation(np.array([0.9]), 0.1)])
+    """
 
     def __init__(self, path: str | Path) -> None:
-        self._count, self._began = 0, time.perf_counter()
-        self._file: IO[str] = Path(path).open("a", encoding="utf-8")  # noqa: SIM115 (closed by __exit__)
+        """Open the file, at its end if it is there."""
+        self._began = time.perf_counter()
+        try:
+            self._count = len(Path(path).read_bytes().splitlines()) if Path(path).exists() else 0
+            self._file: IO[str] = Path(path).open("a", encoding="utf-8")  # noqa: SIM115 (closed by __exit__)
+        except OSError as error:
+            raise InputError(f"The log {path} cannot be written: {error.strerror}; is its folder there?") from error
 
     def __enter__(self) -> EvaluationLog:
+        """Give itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the file."""
         self._file.close()
 
     def append(self, names: tuple[str, ...], batch: list[Evaluation]) -> None:
@@ -124,8 +186,8 @@ class EvaluationLog:
         seconds = round(time.perf_counter() - self._began, 4)
         for e in batch:
             self._count += 1
-            line = {"n": self._count, "point": dict(zip(names, e.point.tolist(), strict=True)),
-                    "cost": e.cost if np.isfinite(e.cost) else None, "reason": e.reason, "seconds": seconds}  # fmt: skip
+            point, cost = dict(zip(names, e.point.tolist(), strict=True)), e.cost if math.isfinite(e.cost) else None
+            line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             self._file.write(json.dumps(line, ensure_ascii=False) + "\n")
         self._file.flush()
 
@@ -137,6 +199,7 @@ def minimise(
     jobs: int = 1,
     log: Callable[[list[Evaluation]], None] | None = None,
     callback: Callable[[Evaluation, int], None] | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> Result:
     """Run an optimiser to its end.
 
@@ -150,11 +213,20 @@ def minimise(
         Gets each batch as it ends.
     callback : function (best so far, evaluations so far) -> None, optional
         Called after each batch.
+    stop : function () -> bool, optional
+        Asked after each batch; the search ends where it says True.
 
     Returns
     -------
     Result
         The best, also after Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        If `jobs` is below 1, or whatever `evaluate` and the optimiser raise.
+    KeyboardInterrupt
+        If Ctrl-C came before a single run had ended.
 
     Examples
     --------
@@ -165,21 +237,25 @@ def minimise(
     (3.0, 'CONVERGED')
     """
     best: Evaluation | None = None
-    count = 0
-    batch: list[Evaluation] = []
-    with ThreadPoolExecutor(jobs) as pool:
+    outcome: Outcome | None = None
+    count, batch = 0, list[Evaluation]()
+    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
         try:
             points = next(optimiser)
-            while True:
-                batch = list(pool.map(evaluate, np.atleast_2d(points)))
-                count += len(batch)
-                for e in batch:
-                    best = e if best is None or e.cost < best.cost else best
-                if log is not None:
-                    log(batch)
+            while outcome is None:
+                batch = []
+                try:
+                    for e in pool.map(evaluate, np.atleast_2d(points)):
+                        batch.append(_sound(e))
+                finally:  # what an interrupted batch has done counts too
+                    count += len(batch)
+                    best = min([*([best] if best else []), *batch], key=lambda e: e.cost, default=None)
+                    if log is not None:
+                        log(batch)
                 if callback is not None and best is not None:
                     callback(best, count)
-                points = optimiser.send(batch)
+                outcome = Outcome.STOPPED if stop is not None and stop() else None
+                points = optimiser.send(batch) if outcome is None else points
         except StopIteration as end:
             outcome = end.value
         except KeyboardInterrupt:
@@ -187,14 +263,45 @@ def minimise(
             outcome = Outcome.INTERRUPTED
         finally:
             optimiser.close()
-    if best is None:
+    return _result(best, outcome, count, batch)
+
+
+def _sound(e: Evaluation) -> Evaluation:
+    """Make every cost that is no finite number infinite, with a reason and without residuals."""
+    if math.isfinite(e.cost):
+        return e
+    return replace(e, cost=math.inf, residuals=None, reason=e.reason or f"the cost is {e.cost}")
+
+
+def _result(best: Evaluation | None, outcome: Outcome | None, count: int, batch: list[Evaluation]) -> Result:
+    if best is None and outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt
-    if not np.isfinite(best.cost):
-        best, outcome = batch[-1], Outcome.ALL_FAILED
+    if best is None or outcome is None:
+        raise InputError("The optimiser ended without a point or an outcome; see the rules in fracid.optimise.base.")
+    if best.cost == math.inf:
+        return Result(batch[-1] if batch else best, Outcome.ALL_FAILED, count)
     return Result(best, outcome, count)
 
 
-def as_generator(run: Callable[[Callable[[FloatArray], list[Evaluation]]], Outcome]) -> Optimiser:
+def at_least(name: str, value: int, least: int) -> int:
+    """Give a count back if it is one.
+
+    Raises
+    ------
+    InputError
+        If it is below `least` or no whole number.
+
+    Examples
+    --------
+    >>> at_least("jobs", 4, 1)
+    4
+    """
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        raise InputError(f"{name} = {value!r}; expected a whole number, {least} or more.")
+    return int(value)
+
+
+def as_generator(run: Callable[[Ask], Outcome]) -> Optimiser:
     """Turn a function that calls `evaluate(points)` into a generator that yields the points.
 
     The function runs in a thread of its own and waits there for its evaluations; it ends with the generator.
@@ -242,5 +349,5 @@ def as_generator(run: Callable[[Callable[[FloatArray], list[Evaluation]]], Outco
         thread.join()
 
 
-class _Closed(Exception):
-    """The generator was closed: unwinds the function in its thread."""
+class _Closed(BaseException):
+    """The generator was closed: unwinds the function in its thread, past any `except Exception`."""

@@ -1,13 +1,19 @@
-"""Differential evolution (Storn and Price 1997) by SciPy: for rough costs with few unknowns."""
+"""Differential evolution by SciPy: for rough costs with few unknowns.
+
+A child of point i is :math:`x_{best} + F (x_a - x_b)`, mixed gene by gene with :math:`x_i` (F drawn from
+[0.5, 1) for each generation); it replaces :math:`x_i` where it is better [1]_.  A generation is one batch.
+
+References
+----------
+.. [1] R. Storn, K. Price, J. Global Optim. 11 (1997) 341.
+"""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.optimise.base import Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator, at_least
 
 __all__ = ["differential_evolution"]
 
@@ -27,15 +33,30 @@ def differential_evolution(
         After the initial one, at most.
     tolerance : float
         Relative spread of the population's costs at which it has converged.
+
+    Raises
+    ------
+    InputError
+        If a bound is infinite, or a count is not one.
+
+    Examples
+    --------
+    >>> from fracid.optimise import Evaluation, minimise
+    >>> space = Space(("a",), np.array([0.0]), np.array([9.0]), np.array([1.0]))
+    >>> search = differential_evolution(space, np.random.default_rng(1))
+    >>> found = minimise(lambda x: Evaluation(x, float(abs(x[0] - 3))), search)
+    >>> round(float(found.best.point[0]), 3)
+    3.0
     """
     from scipy.optimize import differential_evolution as scipy_differential_evolution
 
+    at_least("population", population, 5)
+    at_least("generations", generations, 1)
     corners = space.from_unit(np.array([[0.0], [1.0]]) * np.ones(len(space.names)))
 
-    def run(evaluate: Any) -> Outcome:
+    def run(evaluate: Ask) -> Outcome:
         def costs(points: FloatArray) -> FloatArray:  # SciPy's vectorised form: shape (n, k)
-            batch = evaluate(np.clip(points.T.reshape(-1, len(space.names)), *corners))
-            return np.array([e.cost if np.isfinite(e.cost) else 1e300 for e in batch])
+            return np.array([e.cost for e in evaluate(np.clip(points.T.reshape(-1, len(space.names)), *corners))])
 
         found = scipy_differential_evolution(
             costs, list(zip(*corners, strict=True)), x0=space.start, rng=rng, popsize=population, maxiter=generations,

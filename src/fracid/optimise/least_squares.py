@@ -1,8 +1,13 @@
-"""Bounded nonlinear least squares: SciPy's trust-region reflective method (Branch, Coleman, Li 1999).
+"""Bounded nonlinear least squares: SciPy's trust-region reflective method [1]_.
 
-The engine for everything smooth.  The Jacobian is taken by forward differences whose points are asked for
-as one batch, so that they run on all threads.  A trial step whose run fails gets rows of a thousand times
-the size of the last good ones: the trust region shrinks away from it.
+The engine for everything smooth.  The Jacobian is taken by differences, forward but at an upper bound,
+whose points are asked for as one batch, so that they run on all threads.  A trial step whose run fails has
+infinite rows: the method quarters its trust region and tries again.  An unknown whose difference fails
+stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum.
+
+References
+----------
+.. [1] M. Branch, T. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1.
 """
 
 from __future__ import annotations
@@ -11,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
-from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator, at_least
 
 __all__ = ["least_squares"]
 
@@ -29,37 +34,51 @@ def least_squares(
     Parameters
     ----------
     tolerance : float
-        Of the relative gain, step and gradient.
+        Of the gain relative to Σ r², and of the step relative to |x|.
     budget : int
         Trial steps at most (Jacobians not counted).
+
+    Raises
+    ------
+    InputError
+        When it runs, if the cost has no residuals.
+
+    Examples
+    --------
+    >>> from fracid.optimise import minimise
+    >>> space = Space(("a", "b"), np.array([0.0, 0.0]), np.array([9.0, 2.0]), np.array([1.0, 1.0]))
+    >>> def evaluate(x):
+    ...     r = x - [3.0, 4.0]
+    ...     return Evaluation(x, float(r @ r), r)
+    >>> minimise(evaluate, least_squares(space, None)).best.point.round(5)
+    array([3., 2.])
     """
+    at_least("budget", budget, 1)
     del rng  # nothing here is random
     from scipy.optimize import least_squares as scipy_least_squares
 
     size = _sizes(space)
 
-    def run(evaluate):  # type: ignore[no-untyped-def]
-        good: list[Evaluation] = []
+    def run(evaluate: Ask) -> Outcome:
+        x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
 
         def residuals(x: FloatArray) -> FloatArray:
+            nonlocal x_good, good
             e = evaluate(x)[0]
-            if e.residuals is not None:
-                good[:] = [e]
-                return np.asarray(e.residuals)
-            if not good:
+            if e.residuals is None and not good.size:
                 raise _StartFails(e)
-            return np.full_like(good[0].residuals, 1e3 * max(np.abs(good[0].residuals).max(), 1e-6))
+            if e.residuals is None:
+                return np.full_like(good, np.inf)
+            x_good, good = e.point, e.residuals
+            return good
 
         def jacobian(x: FloatArray) -> FloatArray:
-            h = DIFFERENCE * size
-            h = np.where(x + h > space.upper, -h, h)
-            batch = evaluate(x + np.diag(h))
-            base = good[0].residuals if np.array_equal(good[0].point, x) else residuals(x)
-            columns = [
-                (e.residuals - base) / (e.point[i] - x[i]) if e.residuals is not None else np.zeros_like(base)
-                for i, e in enumerate(batch)
-            ]
-            return np.column_stack(columns)
+            base = good if np.array_equal(x_good, x) else residuals(x)
+            steps = _steps(space, size, x)
+            batch = evaluate(x + np.diag(steps))
+            slopes = [(e.residuals - base) / (e.point - x)[i] if e.residuals is not None else np.zeros_like(base)
+                      for i, e in enumerate(batch)]  # fmt: skip
+            return np.column_stack(slopes)
 
         try:
             found = scipy_least_squares(
@@ -69,8 +88,8 @@ def least_squares(
         except _StartFails as failed:
             if failed.evaluation.cost < np.inf:
                 raise InputError(
-                    "This cost has no residuals for least squares: type optimiser = 'genetic' or "
-                    "'differential-evolution', or one of the built-in costs."
+                    "This cost has no residuals for least squares: type optimiser = 'differential-evolution' or "
+                    "'nelder-mead', or one of the built-in costs."
                 ) from None
             return Outcome.ALL_FAILED
         return Outcome.BUDGET_SPENT if found.status == 0 else Outcome.CONVERGED
@@ -84,7 +103,15 @@ def _sizes(space: Space) -> FloatArray:
     return np.maximum(np.abs(space.start), np.where(np.isfinite(width), 1e-2 * width, 1e-3))
 
 
+def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
+    """Steps of the differences at x, towards the inside of the bounds."""
+    h = np.minimum(DIFFERENCE * np.maximum(size, np.abs(x)), 0.25 * (space.upper - space.lower))
+    return np.where(x + h > space.upper, -h, h)
+
+
 class _StartFails(Exception):
+    """There is nothing to start from."""
+
     def __init__(self, evaluation: Evaluation) -> None:
         super().__init__(evaluation.reason)
         self.evaluation = evaluation

@@ -1,0 +1,80 @@
+"""The simplex of Nelder and Mead [1]_ by SciPy: a local search for a cost that has no residuals.
+
+One run at a time, so no threads help; use it from a good start, with few unknowns.  A failed run is merely
+a bad corner.  A corner beyond a bound is reflected there: clipped, the simplex would lie flat in the bound.
+
+References
+----------
+.. [1] J. Nelder, R. Mead, Comput. J. 7 (1965) 308; steps for many unknowns: F. Gao, L. Han, Comput. Optim. Appl.
+   51 (2012) 259.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator, at_least
+
+__all__ = ["nelder_mead"]
+
+FloatArray = NDArray[np.float64]
+
+
+def nelder_mead(
+    space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-6, budget: int = 1000
+) -> Optimiser:
+    """Move a simplex from the start of the space, whose first edges are a tenth of the bounds.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the edges, relative to the first ones, and of the corners' costs, relative to the start's.
+    budget : int
+        Evaluations at most.
+
+    Raises
+    ------
+    InputError
+        If `budget` is below 1.
+
+    Examples
+    --------
+    >>> from fracid.optimise import Evaluation, minimise
+    >>> space = Space(("a", "b"), np.array([0.0, 0.0]), np.array([9.0, 9.0]), np.array([1.0, 1.0]))
+    >>> found = minimise(lambda x: Evaluation(x, float(np.abs(x - [3.0, 4.0]).sum())), nelder_mead(space, None))
+    >>> found.best.point.round(3)
+    array([3., 4.])
+    """
+    at_least("budget", budget, 1)
+    del rng  # nothing here is random
+    from scipy.optimize import minimize
+
+    edge = _edges(space)
+
+    def run(evaluate: Ask) -> Outcome:
+        def cost(z: FloatArray) -> float:  # z counts edges from the start
+            return evaluate(_reflected(space.start + edge * z, space))[0].cost
+
+        first = cost(np.zeros_like(edge))
+        if first == np.inf:
+            return Outcome.ALL_FAILED
+        options = {"xatol": tolerance, "fatol": tolerance * abs(first), "maxfev": budget - 1, "adaptive": True,
+                   "initial_simplex": np.vstack([np.zeros_like(edge), np.eye(len(edge))])}  # fmt: skip
+        found = minimize(cost, np.zeros_like(edge), method="Nelder-Mead", options=options)
+        return Outcome.CONVERGED if found.success else Outcome.BUDGET_SPENT
+
+    return as_generator(run)
+
+
+def _reflected(x: FloatArray, space: Space) -> FloatArray:
+    x = np.where(x < space.lower, 2 * space.lower - x, x)
+    x = np.where(x > space.upper, 2 * space.upper - x, x)
+    return np.clip(x, space.lower, space.upper)
+
+
+def _edges(space: Space) -> FloatArray:
+    """A tenth of the bounds, or of the start where there are none, towards the inside."""
+    width = space.upper - space.lower
+    edge = np.where(np.isfinite(width), 0.1 * width, np.maximum(0.1 * np.abs(space.start), 1e-2))
+    return np.where(space.start + edge > space.upper, -edge, edge)
