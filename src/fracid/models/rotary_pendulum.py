@@ -260,7 +260,7 @@ def _right_hand_side(gravity: float) -> RightHandSide:
             f_alpha -= coulomb_alpha * math.tanh(alpha_rate / slip_speed)
 
         M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
-        det = M11 * C1 - M12 * M12
+        det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
         out[0], out[2] = theta_rate, alpha_rate
         out[1] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
         out[3] = (M11 * f_alpha - M12 * f_theta) / det
