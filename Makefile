@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-slow lint bench docs fuzz
+.PHONY: setup demo test test-slow lint bench
 
 setup: $(READY)
 
@@ -13,7 +13,8 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
 
-demo: $(READY)  ## the paper's experiment as a twin: fits it, writes runs/demo
+# The paper's experiment on simulated recordings: fits them, writes runs/demo.
+demo: $(READY)
 	$(BIN)/fracid demo --out runs/demo
 
 test: $(READY)
