@@ -285,6 +285,12 @@ def test_the_best_point_the_truth_and_the_search_are_shown():
     assert f"evaluations ({inside} of 21 in this window)" in said
 
 
+def test_runs_that_nearly_diverge_do_not_take_the_colours_from_the_valley():
+    costs = np.where(MU > 1.05, 1e9, VALLEY)
+    said = words(cost_plane(LAMBDA, MU, costs)).splitlines()
+    assert {"×2", "×10", "×50"} <= set(said)
+
+
 def test_diverging_runs_are_hatched_and_named():
     costs = np.where(MU > 1.0, np.inf, VALLEY)
     costs[0, 0] = np.nan

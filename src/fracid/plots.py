@@ -82,7 +82,7 @@ MARKS: dict[str, dict[str, Any]] = {
 COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
 """Of :data:`fracid.costs.COSTS`; a user's own cost has none that we know."""
 
-MULTIPLES = [1.2, *(m * 10.0**k for k in range(12) for m in (2, 5, 10))]
+MULTIPLES = (1.2, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 """Of the least cost, where lines are drawn."""
 
 SWINGS = 6
@@ -511,22 +511,30 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     first, second, values = plane
     logarithmic = not (values <= 0).any()
     depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
-    least = low = float(depth.min())
-    high = max(float(depth.max()), least + 1e-3 * max(1, abs(least)))  # a flat plane has one colour
-    if logarithmic:  # an exact twin's bottomless minimum must not take all colours
-        low = max(least, float(np.median(depth.compressed())) - 3)
-    shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 25))  # light enough for black lines
-    colours = axes.contourf(first, second, depth, levels=np.linspace(low, high, 25), colors=shades, extend="min")
-    bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=0.03 if low > least else 0)
+    least, (low, high) = float(depth.min()), _depths(depth.compressed(), logarithmic)
+    shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light enough for black lines
+    colours = axes.contourf(first, second, depth, levels=np.linspace(low, high, 25), colors=shades, extend="both")
+    beyond = (0.03 * (low > least), 0.03 * (high < depth.max()))  # arrows, where the colours end before the costs do
+    bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
     ticks = {f"{10**v if logarithmic else v:.3g}": v for v in reversed(_ticks(low, high, logarithmic))}
     bar.set_ticks(list(ticks.values()), labels=list(ticks))
     bar.ax.tick_params(labelsize=SMALL)
     bar.set_label(" ".join(_cost_label(cost_name)), fontsize=MEDIUM)
-    if low > least or not logarithmic:
-        _lines(axes, (first, second, depth), {v: text for text, v in ticks.items()}, "lines of equal cost")
-    else:
-        multiples = {least + float(np.log10(m)): f"×{m:.3g}" for m in MULTIPLES}
-        _lines(axes, (first, second, depth), multiples, "multiples of the least cost")
+    texts, legend = {v: text for text, v in ticks.items()}, "lines of equal cost"
+    if logarithmic and low == least:
+        texts, legend = {least + float(np.log10(m)): f"×{m:g}" for m in MULTIPLES}, "multiples of the least cost"
+    _lines(axes, (first, second, depth), {v: text for v, text in texts.items() if low < v < high}, legend)
+
+
+def _depths(depth: FloatArray, logarithmic: bool) -> tuple[float, float]:
+    """Return where the colours begin and end: neither an exact twin's bottomless minimum nor runs that nearly
+    diverge may take them from the valley."""
+    low, high = float(depth.min()), float(depth.max())
+    if logarithmic:
+        median = float(np.median(depth))
+        low = max(low, median - 3)
+        high = min(high, max(low + 2, median + 0.5))
+    return low, max(high, low + 1e-3 * max(1, abs(low)))  # a flat plane has one colour
 
 
 def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping[float, str], legend: str) -> None:
