@@ -81,6 +81,16 @@ def test_weights_of_the_start_and_of_the_rest_integrate_a_constant_exactly():
     assert total == pytest.approx(n**q / float(mpmath.gamma(q + 1)), rel=1e-12)
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("order", [1 - 1e-6, 1 + 1e-9, 1 + 1e-6, 1 + 1e-4])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-8])
+def test_a_loose_tolerance_next_to_order_one_still_holds(family, order, tolerance):
+    lags = lags_up_to(20_000)
+    exact = full().kernel(family, order, 20_000).at(lags)
+    error = np.abs(compressed(tolerance).kernel(family, order, 20_000).at(lags) - exact)
+    assert np.all(error <= tolerance * np.abs(exact))
+
+
 def test_short_memory_of_a_derivative_forgets_and_of_an_integral_freezes():
     derivative, integral = (short(50).kernel(family, 0.6, 1_000) for family in FAMILIES)
     assert np.all(derivative.at([51, 1_000]) == 0.0)

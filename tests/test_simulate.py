@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fracid.errors import InputError
+from fracid.memory import memory_from_name
 from fracid.simulate import METHODS, Outcome, PaperSchemeWarning, solve_fde
 from oracles.problems import M2, PROBLEMS, T1, T8, T11, T19, T20, T27, T33, m1, t2, t4
 
@@ -157,6 +158,38 @@ def test_a_longer_short_memory_is_nearer_to_the_full_one(method):
     assert off[0] > off[1] > off[2]
 
 
+def _force(t, x, u, p, out):
+    out[0] = np.cos(3 * t)
+
+
+def history_by_hand(kernel, v, n):
+    """The definition: w_1 … w_{n-1} for the samples after the first, and the start's own weight for that."""
+    lags = np.arange(1, n)
+    start = kernel.start[n] if n <= kernel.lags else 0.5 * kernel.weights[-1]  # short(L) of an integral
+    return kernel.at(lags) @ v[n - lags] + start * v[0]
+
+
+@pytest.mark.parametrize("memory", ["full", "short(1)", "short(3)", "short(8)", "short(9)", "short(25)"])
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.4])
+def test_the_integral_is_the_sum_that_the_memory_defines(memory, order):
+    h, steps = 0.01, 300
+    x = solve_fde(_force, order, [0.0], step=h, end=steps * h, memory=memory).states[:, 0]
+    kernel = memory_from_name(memory).kernel("pi", order, steps)
+    f = np.cos(3 * h * np.arange(steps + 1))
+    by_hand = [h**order * (kernel.weights[0] * f[n] + history_by_hand(kernel, f, n)) for n in range(1, steps + 1)]
+    np.testing.assert_allclose(x[1:], by_hand, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("memory", ["full", "compressed"])
+def test_a_run_is_the_beginning_of_any_longer_run(method, memory):
+    end = 0.4  # 80 steps; compressed keeps the rest of its window whole up to 64
+    longer = run(replace(T33, solution={end: ()}), 5e-3, method=method, memory=memory).states
+    for steps in (1, 2, 7, 8, 9, 16, 17, 18, 25, 40):
+        shorter = run(replace(T33, solution={steps * 5e-3: ()}), 5e-3, method=method, memory=memory).states
+        np.testing.assert_allclose(shorter, longer[: steps + 1], rtol=1e-9, atol=1e-10)
+
+
 # --- inputs, initial derivatives, threads -----------------------------------------------------------
 
 
@@ -215,6 +248,13 @@ def test_a_diverging_run_ends_with_its_finite_part_and_a_reason(method):
     trajectory = solve_fde(_explodes, 0.9, [2.0], step=1e-3, end=5.0, method=method, limit=1e6)
     assert trajectory.outcome is Outcome.DIVERGED
     assert 1 < len(trajectory.time) == len(trajectory.states) < 5001
+    assert np.all(np.isfinite(trajectory.states))
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+def test_without_a_limit_an_overflow_still_ends_the_run(method):
+    trajectory = solve_fde(_explodes, 0.9, [2.0], step=1e-3, end=5.0, method=method, limit=np.inf)
+    assert not trajectory.completed
     assert np.all(np.isfinite(trajectory.states))
 
 

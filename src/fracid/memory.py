@@ -57,14 +57,19 @@ References
    method*, Numer. Algorithms 36 (2004): the product-trapezoidal weights.
 """
 
+# mypy: disallow-untyped-decorators=False
+
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
+import numba as nb
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
@@ -151,8 +156,8 @@ def full() -> Memory:
 
     Examples
     --------
-    >>> full().kernel("gl", 1.0, steps=3).weights
-    array([ 1., -1.,  0.,  0.])
+    >>> full().kernel("gl", 0.5, steps=3).weights
+    array([ 1.    , -0.5   , -0.125 , -0.0625])
     """
     return Memory("full", lambda family, order, steps: _exact(family, order, steps))
 
@@ -249,22 +254,31 @@ def _exact(family: str, order: float, steps: int) -> Kernel:
     return Kernel(*_trapezoidal_weights(order, steps), *np.empty((3, 0)))
 
 
+# What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
+_real, _whole, _row = types.float64, types.int64, types.float64[::1]
+_compile = {"cache": True, "nogil": True, "error_model": "numpy"}
+_helper = nb.njit(nogil=True, error_model="numpy")
+
+
+@nb.njit(types.UniTuple(_row, 2)(_real, _whole), **_compile)
 def _trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
     With the binomial series, :math:`b_k Γ(q+2) = 2 \sum_j \binom{q+1}{2j} k^{q+1-2j}` and
     :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 8 on, 20 terms are exact.
     """
-    k = np.arange(steps + 1.0)
-    near, far = k[1:8], k[8:]
-    b, a = np.empty_like(k), np.zeros_like(k)
+    b, a, binomial = np.zeros(steps + 1), np.zeros(steps + 1), np.ones(20)
     b[0] = 1.0
-    b[1:8] = (near + 1) ** (q + 1) - 2 * near ** (q + 1) + (near - 1) ** (q + 1)
-    a[1:8] = (near - 1) ** (q + 1) - (near - 1 - q) * near**q
-    binomial = np.cumprod([1.0, *((q + 1 - j) / (j + 1) for j in range(19))])
-    scale, r = far ** (q - 1), 1 / far
-    b[8:] = 2 * scale * np.polyval(binomial[18:1:-2], r * r)
-    a[8:] = scale * np.polyval((binomial * (-1.0) ** np.arange(20))[:1:-1], r)
+    for k in range(1, min(8, steps + 1)):
+        b[k] = (k + 1.0) ** (q + 1) - 2 * float(k) ** (q + 1) + (k - 1.0) ** (q + 1)
+        a[k] = (k - 1.0) ** (q + 1) - (k - 1.0 - q) * float(k) ** q
+    for j in range(19):
+        binomial[j + 1] = binomial[j] * (q + 1 - j) / (j + 1)
+    for k in range(8, steps + 1):
+        even = odd = 0.0
+        for j in range(18, 1, -2):
+            even, odd = even / k / k + binomial[j], odd / k / k + binomial[j + 1]
+        b[k], a[k] = 2 * k ** (q - 1) * even, k ** (q - 1) * (even - odd / k)
     return b / math.gamma(q + 2), a / math.gamma(q + 2)
 
 
@@ -275,48 +289,9 @@ def _trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
 def _compressed(family: str, q: float, steps: int, tolerance: float) -> Kernel:
     if q == 1.0 or steps <= 4 * EXACT_LAGS:
         return _exact(family, q, steps)
-    L = EXACT_LAGS
-    exact = _exact(family, q, L)
     if family == "gl":
-        s, omega, _ = _quadrature(1 + q, -_sine(q), L, steps, tolerance, double=False)
-        slope = np.concatenate([[1.0], -np.expm1(-s[1:]) / s[1:]])
-        c = omega * slope**q * np.exp(-s * (L + 1 - q))
-        return Kernel(exact.weights, exact.start, np.expm1(-s), c, np.ones_like(s))
-    s, omega, slope_weight = _quadrature(1 - q, _sine(1 - q), L, steps, tolerance, double=q > 1)
-    hat = np.concatenate([[1.0], (np.sinh(s[1:] / 2) / (s[1:] / 2)) ** 2])
-    c = omega * hat * np.exp(-s * (L + 1))
-    c[0] -= slope_weight * (L + 1)
-    return Kernel(exact.weights, exact.start, np.expm1(-s), c, _half_hat(s) / hat, -slope_weight)
-
-
-def _half_hat(s: FloatArray) -> FloatArray:
-    """(e^s − 1 − s)/s², by its series where the difference would cancel."""
-    series = np.polyval(_HALF_HAT_SERIES, s)
-    return np.where(s < 0.5, series, (np.expm1(s) - s) / np.maximum(s, 0.5) ** 2)
-
-
-_HALF_HAT_SERIES = [1 / math.factorial(j + 2) for j in range(12, -1, -1)]
-
-
-def _quadrature(
-    a: float, sine: float, lags: int, steps: int, tolerance: float, *, double: bool
-) -> tuple[FloatArray, FloatArray, float]:
-    r"""Nodes, weights and ω' with (sin πa/π) ∫₀^∞ s^(a−1) F(s) ds = Σ ω F(s) + ω' F'(0).
-
-    For :math:`F(s) = g(s) e^{-sk}` with g smooth and k from `lags` to `steps`; the first node is 0.
-    `sine` is sin(πa)/π, from the caller, who knows a next to whole numbers better than 1 ± q does.
-    """
-    third = tolerance / 3
-    theta = (third / 3.6e-14) ** (1 / (2 * LOW_NODES + 1))  # θ^11/11! · ‖π_5‖² = a third
-    spacing, end = _spacing(a, third), _upper_end(a, third)
-    lowest = math.log(theta / steps)
-    count = max(1, math.ceil((math.log(end / (lags - 1)) - lowest) / spacing))
-    u = lowest + spacing * np.arange(1, count + 1)
-    s_J = math.exp(lowest)
-    low, low_weights, slope_weight = _low_end(a, sine, spacing, double)
-    nodes = np.concatenate([s_J * low, np.exp(u)])
-    weights = np.concatenate([s_J**a * low_weights, sine * spacing * np.exp(a * u)])
-    return nodes, weights, s_J ** (a + 1) * slope_weight
+        return Kernel(*_derivative_kernel(q, -_sine(q), steps, tolerance))
+    return Kernel(*_integral_kernel(q, _sine(1 - q), steps, tolerance))
 
 
 def _sine(a: float) -> float:
@@ -325,6 +300,42 @@ def _sine(a: float) -> float:
     return (1 - 2 * (whole % 2)) * math.sin(math.pi * (a - whole)) / math.pi
 
 
+@_helper
+def _half_hat(s: float) -> float:
+    """(e^s − 1 − s)/s², by its series where the difference would cancel."""
+    if s >= 0.5:
+        return (math.expm1(s) - s) / s**2
+    series = 1.0
+    for j in range(14, 2, -1):
+        series = 1 + series * s / j
+    return series / 2
+
+
+@_helper
+def _quadrature(
+    a: float, sine: float, lags: int, steps: int, tolerance: float, double: bool
+) -> tuple[FloatArray, FloatArray, float]:
+    r"""Nodes, weights and ω' with (sin πa/π) ∫₀^∞ s^(a−1) F(s) ds = Σ ω F(s) + ω' F'(0).
+
+    For :math:`F(s) = g(s) e^{-sk}` with g smooth and k from `lags` to `steps`; the first node is 0.
+    `sine` is sin(πa)/π, from the caller, who knows a next to whole numbers better than 1 ± q does.
+    """
+    third = tolerance / 3
+    theta = (third / 3.6e-14) ** (1 / (2 * LOW_NODES + 1))  # θ^11/11! · ‖π_5‖² = a third
+    spacing, s_J = _spacing(a, third), theta / steps
+    count = max(1, math.ceil(math.log(_upper_end(a, third) / (lags - 1) / s_J) / spacing))
+    s, omega = np.zeros(LOW_NODES + 1 + count), np.zeros(LOW_NODES + 1 + count)
+    slope_weight = _low_end(a, sine, spacing, double, s, omega)
+    for m in range(len(s)):
+        if m <= LOW_NODES:
+            s[m], omega[m] = s_J * s[m], s_J**a * omega[m]
+        else:
+            s[m] = s_J * math.exp(spacing * (m - LOW_NODES))
+            omega[m] = sine * spacing * s[m] ** a
+    return s, omega, s_J ** (a + 1) * slope_weight
+
+
+@_helper
 def _spacing(a: float, tolerance: float) -> float:
     """Δ with 2·|Γ(a + 2πi/Δ)| = tolerance·|Γ(a)|, by Stirling: |Γ(a+iy)| ~ √(2π) y^(a−½) e^(−πy/2)."""
     scale = math.log(2 * math.sqrt(2 * math.pi) / tolerance) - math.lgamma(a)
@@ -334,6 +345,7 @@ def _spacing(a: float, tolerance: float) -> float:
     return 2 * math.pi / y
 
 
+@_helper
 def _upper_end(a: float, tolerance: float) -> float:
     """y with Γ(a, y) ≈ y^(a−1) e^(−y) = tolerance·|Γ(a)|."""
     scale = -math.log(tolerance) - math.lgamma(a)
@@ -343,16 +355,76 @@ def _upper_end(a: float, tolerance: float) -> float:
     return y
 
 
-def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[FloatArray, FloatArray, float]:
-    """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`."""
-    n, p = (
-        LOW_NODES,
-        2 if double else 1,
-    )  # p conditions are met by the node at 0, the rest is Gauss for s^p dμ
-    M = np.array([sine * spacing / -math.expm1(-spacing * (a + k)) for k in range(2 * n + p)])
-    i = np.arange(n)
-    polynomial = np.linalg.solve(M[p + i[:, None] + i], -M[p + n :])
-    s = np.linalg.eigvals(np.diag(np.ones(n - 1), -1) - np.outer(polynomial, i == n - 1)).real  # its roots
-    omega = np.linalg.solve(s ** (p + i[:, None]), M[p : p + n])
-    slope_weight = float(M[1] - s @ omega) if double else 0.0
-    return np.concatenate([[0.0], s]), np.concatenate([[M[0] - omega.sum()], omega]), slope_weight
+@_helper
+def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray) -> float:
+    """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
+
+    It fills the first entries of s and ω.  p conditions are met by the node at 0; the other nodes are Gauss's
+    for masses A^j at Q^j, j = 0, 1, …: roots of the little q-Jacobi polynomial, whose coefficients are known.
+    """
+    n, p = LOW_NODES, 2 if double else 1
+    Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
+    M, c = np.empty(2 + n), np.ones(n + 1)
+    for k in range(n + 2):
+        M[k] = -sine * spacing / math.expm1(-spacing * (a + k))
+    for k in range(n):
+        c[k + 1] = c[k] * Q * (1 - Q ** (k - n)) * (1 - A * Q ** (n + k)) / ((1 - A * Q**k) * (1 - Q ** (k + 1)))
+    omega[0], slope_weight = M[0], M[1] if double else 0.0
+    for i in range(1, n + 1):
+        s[i] = _next_root(c, s[1:i])
+        quotient = mass = value = 0.0  # Π/(s − s_i): its coefficients, its integral, its value at s_i
+        for k in range(n - 1, -1, -1):
+            quotient = c[k + 1] + quotient * s[i]
+            mass, value = mass + quotient * M[p + k], value + quotient * s[i] ** k
+        omega[i] = mass / value / s[i] ** p
+        omega[0] -= omega[i]
+        if double:
+            slope_weight -= omega[i] * s[i]
+    return slope_weight
+
+
+@_helper
+def _next_root(c: FloatArray, known: FloatArray) -> float:
+    """The largest root of Σ c_k x^k that is not yet known, all being in (0, 1): Newton's method, from above."""
+    x = 1.1
+    for _ in range(60):
+        value = derivative = 0.0
+        for k in range(len(c) - 1, -1, -1):
+            derivative, value = derivative * x + value, value * x + c[k]
+        for root in known:
+            derivative -= value / (x - root)
+        change = value / derivative
+        x -= change
+        if abs(change) <= 4e-16 * x:
+            break
+    return x
+
+
+_rows = (_row,) * 5
+
+
+@nb.njit(types.Tuple(_rows)(_real, _real, _whole, _real), **_compile)
+def _derivative_kernel(q: float, sine: float, steps: int, tolerance: float) -> tuple[FloatArray, ...]:
+    """The fields of a ``gl`` kernel."""
+    L, w = EXACT_LAGS, np.ones(EXACT_LAGS + 1)
+    for k in range(1, L + 1):
+        w[k] = w[k - 1] * (k - 1 - q) / k  # (19)
+    s, omega, _ = _quadrature(1 + q, sine, L, steps, tolerance, False)
+    for m in range(len(s)):
+        slope = -math.expm1(-s[m]) / s[m] if s[m] > 0 else 1.0
+        omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
+    return w, w, np.expm1(-s), omega, np.ones(len(s))
+
+
+@nb.njit(types.Tuple((*_rows, _real))(_real, _real, _whole, _real), **_compile)
+def _integral_kernel(q: float, sine: float, steps: int, tolerance: float) -> tuple[Any, ...]:
+    """The fields of a ``pi`` kernel."""
+    b, a = _trapezoidal_weights(q, EXACT_LAGS)
+    s, omega, ramp = _quadrature(1 - q, sine, EXACT_LAGS, steps, tolerance, q > 1)
+    start = np.empty(len(s))
+    for m in range(len(s)):
+        hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
+        start[m] = _half_hat(s[m]) / hat
+        omega[m] *= hat * math.exp(-s[m] * (EXACT_LAGS + 1))
+    omega[0] -= ramp * (EXACT_LAGS + 1)
+    return b, a, np.expm1(-s), omega, start, -ramp

@@ -15,18 +15,28 @@ function pointer, so the loops compile once for all right-hand sides and are cac
 
 The first three are of convergence order 1, ``pi2`` of order 2 where f(t, x(t)) is smooth.
 
-The history of all four is one routine over a kernel's arrays: L exact lags against a sliding window of
-past samples, plus the exponentials' running sums.  A run stops where a state leaves ±`limit` or f is no
-longer finite, and returns the index of the last good sample.
+**The history** :math:`H_n = \sum_{k=1}^n w_k v_{n-k}` of all four is one routine, eight steps at a time, eight
+numbers to a vector register.  Before step n = 1, 9, 17, … :func:`_history` computes what the samples known by
+then add to H of the steps n … n + 7 (``ahead``): the last L of them through their weights, all older ones
+through the sums :math:`Y_m = \sum_s z_m^{n-L-1-s} v_s`.  Each new sample adds its share to the rest of its
+block (:func:`_enter`).  So every table entry that is loaded serves eight steps, and nothing is summed
+across a register.  Where a state leaves ±`limit` or f is no longer finite a run stops, and returns the index
+of the last good sample.
 """
+
+# ruff: noqa: ARG001, ARG005 (an intrinsic names its arguments for its callers, and gets types and values apart)
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba as nb
 import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
+from numba.core.datamodel import models
+from numba.extending import intrinsic, register_model
+from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from fracid.memory import Kernel
@@ -38,42 +48,257 @@ FloatArray = NDArray[np.float64]
 COMPLETED, DIVERGED, NOT_FINITE = 0, 1, 2
 """How a run ended; :class:`fracid.simulate.Outcome` has the sentences."""
 
+BLOCK = 8
+"""Steps whose history is computed at once: as many float64 as the widest vector registers hold."""
+
 
 class Kernels(NamedTuple):
-    """The kernels of all states, stacked for the compiled loops; row i belongs to state i."""
+    """The kernels of a run as tables for the compiled loops, a row for each that differs."""
 
+    of: NDArray[np.int64]
+    """The row of each state, (n_states,)."""
     weights: FloatArray
-    """Exact weights w_L … w_1, reversed to meet the window from its oldest sample, (n_states, L_max)."""
+    """w_k in column 7 + k for 1 ≤ k < L + 8, and zeros before, (rows, L_max + 15)."""
     start: FloatArray
-    """What weighs the first sample at lag k ≤ L, (n_states, L_max + 1)."""
-    exponentials: FloatArray
-    """z − 1, amplitude and the first sample's share of each exponential, (n_states, 3, M_max)."""
+    """The same for the first sample."""
+    forget: FloatArray
+    """z⁸ − 1 of each exponential: what its sum loses in eight steps, (rows, M_max)."""
+    collect: FloatArray
+    """z⁷, z⁶, … z⁰: what eight samples, the oldest first, add to each sum, (8 · rows, M_max)."""
+    foresee: FloatArray
+    """c, c z, … c z⁷: what each sum adds to H of eight steps, (rows, 8 · M_max)."""
+    enter: FloatArray
+    """What the first sample adds to each sum, (rows, M_max)."""
     own: FloatArray
-    """b_0, the weight of the newest sample, and the slope of the linear part, (n_states, 2)."""
+    """w_0, the weight of the newest sample, and 8 where the weights have a linear part, (rows, 2)."""
     sizes: NDArray[np.int64]
-    """L and the number of exponentials, (n_states, 2)."""
+    """L and the number of sums, multiples of 8, (rows, 2)."""
 
 
 def stack(kernels: list[Kernel]) -> Kernels:
-    """Stack one kernel per state."""
-    lags = [k.lags for k in kernels]
-    modes = [-(-len(k.decay) // LANES) * LANES for k in kernels]
-    weights, start = np.zeros((len(kernels), max(lags))), np.zeros((len(kernels), max(lags) + 1))
-    exponentials = np.zeros((len(kernels), 3, max(1, *modes)))
-    for i, k in enumerate(kernels):
-        weights[i, : lags[i]] = k.weights[:0:-1]
-        start[i, : lags[i] + 1] = k.start
-        exponentials[i, :, : len(k.decay)] = k.decay, k.amplitude, k.start_ratio
-        exponentials[i, 0, len(k.decay) :] = -1.0  # padding that forgets at once
-    own = np.array([(k.weights[0], k.ramp) for k in kernels])
-    return Kernels(weights, start, exponentials, own, np.array([*zip(lags, modes, strict=True)]))
+    """Make the tables for one kernel per state; states that share a kernel share its row."""
+    rows = list({id(k): k for k in kernels}.values())
+    row_of = {id(k): r for r, k in enumerate(rows)}
+    sizes = np.array([(_eights(k.lags), _eights(len(k.decay) + (k.ramp != 0.0))) for k in rows])
+    (L, M), R = sizes.max(axis=0), len(rows)
+    of = np.array([row_of[id(k)] for k in kernels])
+    own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
+    tables = Kernels(of, np.zeros((R, L + 15)), np.zeros((R, L + 15)), np.zeros((R, M)), np.zeros((R * BLOCK, M)),
+                     np.zeros((R, M * BLOCK)), np.zeros((R, M)), own, sizes)  # fmt: skip
+    for r, k in enumerate(rows):
+        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, tables)
+    return tables
 
 
-LANES = 8
-"""Exponentials are padded to a multiple of this, so that vector instructions leave no remainder."""
+def _eights(count: int) -> int:
+    """The next multiple of 8, but not 0."""
+    return max(1, -(-count // BLOCK)) * BLOCK
+
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
-_kernels = types.NamedTuple((_matrix, _matrix, types.float64[:, :, ::1], _matrix, types.int64[:, ::1]), Kernels)
+_kernels = types.NamedTuple((types.int64[::1], *[_matrix] * 7, types.int64[:, ::1]), Kernels)
+
+
+@nb.njit(types.void(types.int64, *[_vector] * 5, types.float64, _kernels), cache=True, nogil=True)
+def _fill(r, exact, start, decay, amplitude, start_ratio, ramp, tables):
+    """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
+
+    A linear part of the weights is one sum more, :math:`Y_0 = \\sum_s (n-L-1-s) v_s`; the constant's is Y_1 then.
+    """
+    known, first = len(exact) - 1, 1 if ramp != 0.0 else 0
+    more = tables.sizes[r, 0] - known  # exact lags that are not, to make L a multiple of 8
+    tables.weights[r, 8 : 8 + known], tables.start[r, 8 : 8 + known] = exact[1:], start[1:]
+    for m in range(len(decay)):
+        s = np.log1p(decay[m])
+        tables.forget[r, first + m], tables.enter[r, first + m] = np.expm1(BLOCK * s), start_ratio[m]
+        for j in range(more + BLOCK - 1):
+            weight = amplitude[m] * np.exp(j * s)
+            tables.weights[r, 8 + known + j] += weight
+            tables.start[r, 8 + known + j] += weight * start_ratio[m]
+        for j in range(BLOCK):
+            tables.collect[BLOCK * r + j, first + m] = np.exp((BLOCK - 1 - j) * s)
+            tables.foresee[r, BLOCK * (first + m) + j] = amplitude[m] * np.exp((more + j) * s)
+    if ramp != 0.0:
+        tables.enter[r, 0] = -1 / 6  # ∫ s (1 − s) ds over [0, 1], the half-hat's moment, with its sign
+        for j in range(more + BLOCK - 1):
+            tables.weights[r, 8 + known + j] += ramp * j
+            tables.start[r, 8 + known + j] += ramp * (j / 2 - 1 / 6)
+        for j in range(BLOCK):
+            tables.collect[BLOCK * r + j, 0] = BLOCK - 1 - j
+            tables.foresee[r, j] = ramp
+            tables.foresee[r, BLOCK + j] += ramp * (more + j)
+
+
+# --- eight numbers in a register -------------------------------------------------------------------
+
+
+class _Eight(types.Type):  # type: ignore[misc]
+    """Eight float64 in one vector register."""
+
+
+_eight, _lanes = _Eight("eight"), ir.VectorType(ir.DoubleType(), BLOCK)
+
+
+@register_model(_Eight)
+class _EightModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _lanes)
+
+
+def _pointer(context, builder, signature, args):
+    """Where array[i, k] stands; the intrinsics neither count references nor look for negative indices."""
+    array = make_array(signature.args[0])(context, builder, args[0])
+    row = builder.mul(args[1], builder.extract_value(array.shape, 1))
+    return builder.gep(array.data, [builder.add(row, args[2])])
+
+
+def _spread(builder, number):
+    """A number in all eight places."""
+    undefined = ir.Constant(_lanes, ir.Undefined)
+    first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), BLOCK), [0] * BLOCK))
+
+
+@intrinsic
+def _load(_, array, i, k):
+    """array[i, k : k + 8]."""
+
+    def emit(context, builder, signature, args):
+        at = _pointer(context, builder, signature, args)
+        return builder.load(builder.bitcast(at, _lanes.as_pointer()), align=8)
+
+    return _eight(array, types.intp, types.intp), emit
+
+
+@intrinsic
+def _store(_, array, i, k, eight):
+    """array[i, k : k + 8] = eight."""
+
+    def emit(context, builder, signature, args):
+        at = _pointer(context, builder, signature, args)
+        builder.store(args[3], builder.bitcast(at, _lanes.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, _eight), emit
+
+
+@intrinsic
+def _at(_, array, i, k):
+    """array[i, k] in all eight places."""
+
+    def emit(context, builder, signature, args):
+        return _spread(builder, builder.load(_pointer(context, builder, signature, args)))
+
+    return _eight(array, types.intp, types.intp), emit
+
+
+@intrinsic
+def _all(_, number):
+    """A number in all eight places."""
+    return _eight(types.float64), lambda context, builder, signature, args: _spread(builder, args[0])
+
+
+@intrinsic
+def _add(_, total, x, y):
+    """total + x · y, rounded once where the machine can."""
+
+    def emit(context, builder, signature, args):
+        product = builder.fmul(args[1], args[2], flags=("contract",))
+        return builder.fadd(args[0], product, flags=("contract",))
+
+    return _eight(_eight, _eight, _eight), emit
+
+
+# --- the history -----------------------------------------------------------------------------------
+
+_inline = nb.njit(nogil=True, error_model="numpy", forceinline=True)
+
+
+@_inline
+def _history(n, head, window, sums, ahead, kernels):
+    """Compute H of the steps n … n + 7 from the samples before n; window[i, head − k] is v_i^{n−k}."""
+    for i in range(len(kernels.of)):
+        r = kernels.of[i]
+        L, modes = kernels.sizes[r, 0], kernels.sizes[r, 1]
+        total = _sum(window, i, head - 1, -1, kernels.weights, r, 8, 1, min(n - 1, L))
+        if n <= L:
+            total = _add(total, _at(window, i, head - n), _load(kernels.start, r, 7 + n))
+        else:
+            if n == L + 1:
+                for m in range(modes):
+                    sums[i, m] = kernels.enter[r, m] * window[i, head - n]
+            else:
+                _collect(i, r, modes, head - L - BLOCK, window, sums, kernels.forget, kernels.collect, kernels.own)
+            total = _add(total, _all(1.0), _sum(sums, i, 0, 1, kernels.foresee, r, 0, BLOCK, modes))
+        _store(ahead, i, 0, total)
+
+
+@_inline
+def _sum(values, i, at, by, table, r, column, stride, count):
+    """Σ_{k < count} values[i, at + k·by] · table[r, column + k·stride : … + 8], in four chains side by side."""
+    a = b = c = d = _all(0.0)
+    for k in range(0, count, 4):
+        a = _add(a, _at(values, i, at + k * by), _load(table, r, column + k * stride))
+        b = _add(b, _at(values, i, at + (k + 1) * by), _load(table, r, column + (k + 1) * stride))
+        c = _add(c, _at(values, i, at + (k + 2) * by), _load(table, r, column + (k + 2) * stride))
+        d = _add(d, _at(values, i, at + (k + 3) * by), _load(table, r, column + (k + 3) * stride))
+    one = _all(1.0)
+    return _add(_add(a, one, b), one, _add(c, one, d))
+
+
+@_inline
+def _collect(i, r, modes, oldest, window, sums, forget, collect, own):
+    """Take the eight samples that leave the exact lags into the sums: Y ← Y + (z⁸ − 1) Y + Σ z^(7−j) v_j."""
+    sums[i, 0] += own[r, 1] * sums[i, 1]  # the linear part: every older sample's age grows by eight
+    v0, v1, v2, v3 = _quartet(window, i, oldest)
+    v4, v5, v6, v7 = _quartet(window, i, oldest + 4)
+    row, one = BLOCK * r, _all(1.0)
+    for m in range(0, modes, BLOCK):
+        y = _load(sums, i, m)
+        a = _add(_all(0.0), y, _load(forget, r, m))
+        a = _add(_add(a, v0, _load(collect, row, m)), v1, _load(collect, row + 1, m))
+        a = _add(_add(a, v2, _load(collect, row + 2, m)), v3, _load(collect, row + 3, m))
+        b = _add(_add(y, v4, _load(collect, row + 4, m)), v5, _load(collect, row + 5, m))
+        b = _add(_add(b, v6, _load(collect, row + 6, m)), v7, _load(collect, row + 7, m))
+        _store(sums, i, m, _add(a, one, b))
+
+
+@_inline
+def _quartet(array, i, k):
+    return _at(array, i, k), _at(array, i, k + 1), _at(array, i, k + 2), _at(array, i, k + 3)
+
+
+@_inline
+def _enter(i, j, v, head, window, ahead, kernels):
+    """Enter the new sample of state i, the j-th of its block, and add its share to the rest of the block."""
+    window[i, head] = v
+    _store(ahead, i, 0, _add(_load(ahead, i, 0), _all(v), _load(kernels.weights, kernels.of[i], 7 - j)))
+
+
+@_inline
+def _nothing_yet(kernels, steps):
+    """Give an empty window, which slides every 256 steps or more (never where all is kept), sums and H ahead."""
+    states, longest = len(kernels.of), kernels.sizes[:, 0].max()
+    width = min(steps, longest + max(256, longest // 4)) + 3 * BLOCK
+    return np.zeros((states, width)), np.zeros((states, kernels.forget.shape[1])), np.zeros((states, BLOCK))
+
+
+@_inline
+def _room(head, window, sizes):
+    """Give the place of the next eight samples; in a full window the newest part moves to the front first."""
+    if head + BLOCK <= window.shape[1]:
+        return head
+    keep = sizes[:, 0].max() + BLOCK
+    for i in range(len(window)):
+        for k in range(keep):
+            window[i, k] = window[i, head - keep + k]
+    return keep
+
+
+# --- the schemes -----------------------------------------------------------------------------------
+
+LARGEST = float(np.finfo(np.float64).max)
+"""No limit is larger, so that a state within it is a number."""
 
 RHS_SIGNATURE = types.void(types.float64, _vector, _vector, _vector, _vector)
 """rhs(t, x, u, p, out): the one signature of every right-hand side."""
@@ -91,73 +316,8 @@ _RUN = (
 )
 _ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run ended
 
-_fast = {"contract", "reassoc", "nsz"}  # lets sums be vectorised; NaN and inf keep their meaning
 
-
-@nb.njit(fastmath=_fast, error_model="numpy", nogil=True)
-def _history(n, head, window, sums, weights, start, exponentials, own, sizes, H):
-    """H_i = Σ_{k=1}^{n} w_k v_i^{n−k} for each state i; window[i, head − k] is v_i^{n−k}."""
-    for i in range(len(H)):
-        L, modes = sizes[i, 0], sizes[i, 1]
-        total = 0.0
-        if n <= L:
-            for k in range(1, n):
-                total += weights[i, L - k] * window[i, head - k]
-            H[i] = total + start[i, n] * window[i, head - n]
-            continue
-        w, recent = weights[i, :L], window[i, head - L : head]
-        for k in range(L):
-            total += w[k] * recent[k]
-        leaving = window[i, head - L - 1]  # leaves the exact lags in this step, for the exponentials
-        z, c, Y = exponentials[i, 0, :modes], exponentials[i, 1, :modes], sums[i, :modes]
-        if own[i, 1] != 0.0:
-            sums[i, modes] += Y[0]  # the linear part: every older sample's lag grows by one
-            total += own[i, 1] * sums[i, modes]
-        tail = 0.0
-        for m in range(modes):
-            y = Y[m] + (z[m] * Y[m] + leaving)
-            Y[m] = y
-            tail += c[m] * y
-        H[i] = total + tail
-        if n == L + 1:
-            H[i] += _enter_start(leaving, exponentials[i], own[i, 1], sums[i], modes)
-
-
-@nb.njit(nogil=True)
-def _enter_start(first, exponentials, slope, sums, modes):
-    """Correct the sums for the first sample, whose panel is only half a hat."""
-    change = 0.0
-    for m in range(modes):
-        excess = (exponentials[2, m] - 1.0) * first if exponentials[1, m] != 0.0 else 0.0
-        sums[m] += excess
-        change += exponentials[1, m] * excess
-    if slope != 0.0:
-        sums[modes] = -first / 6  # the half-hat's own slope at s = 0
-        change += slope * sums[modes]
-    return change
-
-
-@nb.njit(nogil=True)
-def _nothing_yet(sizes, steps):
-    """Give an empty window, which slides every 4096 steps (never where all is kept), and empty sums."""
-    longest, states = sizes[:, 0].max(), len(sizes)
-    width = min(steps, longest + max(4096, longest // 4)) + 2
-    return np.zeros((states, width)), np.zeros((states, sizes[:, 1].max() + 1))
-
-
-@nb.njit(nogil=True)
-def _room(head, window, sizes):
-    """Give the place of the next sample; where the window is full, its newest part moves to the front."""
-    if head < window.shape[1]:
-        return head
-    keep = sizes[:, 0].max() + 1
-    for i in range(len(window)):
-        for k in range(keep):
-            window[i, k] = window[i, head - keep + k]
-    return keep
-
-
-@nb.njit(nogil=True)
+@_inline
 def _finite(f):
     """Tell whether all derivatives are finite."""
     for v in f:  # noqa: SIM110 (Numba compiles no generators)
@@ -166,99 +326,99 @@ def _finite(f):
     return True
 
 
-@nb.njit(nogil=True)
-def _within(x, limit):
-    """Tell whether all states are within ±limit."""
-    for v in x:  # noqa: SIM110
-        if not abs(v) <= limit:
-            return False
-    return True
+@_inline
+def _read(u, n, now):
+    """Copy the inputs of step n, where there is more than one row: a view would cost more."""
+    if len(u) > 1:
+        for c in range(len(now)):
+            now[c] = u[n, c]
 
 
 @nb.njit(_ENDED(*_RUN, types.boolean, _matrix), cache=True, nogil=True, error_model="numpy")
 def step_gl(rhs, x0, slope, gain, u, p, h, limit, kernels, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, (steps + 1, n_states), from its second row on."""
-    steps, states = len(out) - 1, len(x0)
-    weights, start, exponentials, own, sizes = kernels
-    (window, sums), head = _nothing_yet(sizes, steps), 1
-    x, f, H = x0.copy(), np.zeros(states), np.zeros(states)
+    steps, states, limit = len(out) - 1, len(x0), min(limit, LARGEST)
+    (window, sums, ahead), head = _nothing_yet(kernels, steps), 1
+    x, f, now = x0.copy(), np.zeros(states), u[0].copy()
     if raw:
         window[:, 0] = x0
     for n in range(1, steps + 1):
-        rhs((n - 1) * h, x, u[min(n - 1, len(u) - 1)], p, f)
-        if not _finite(f):
-            return n - 1, NOT_FINITE
-        head = _room(head, window, sizes)
-        _history(n, head, window, sums, weights, start, exponentials, own, sizes, H)
+        j = (n - 1) % BLOCK
+        if j == 0:
+            head = _room(head, window, kernels.sizes)
+            _history(n, head, window, sums, ahead, kernels)
+        _read(u, n - 1, now)
+        rhs((n - 1) * h, x, now, p, f)
         for i in range(states):
-            v = gain[i] * f[i] - H[i]
-            window[i, head] = v
+            v = gain[i] * f[i] - ahead[i, j]
+            _enter(i, j, v, head, window, ahead, kernels)
             x[i] = v if raw else x0[i] + slope[i] * (n * h) + v
+            if not abs(x[i]) <= limit:
+                return n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            out[n, i] = x[i]
         head += 1
-        if not _within(x, limit):
-            return n - 1, DIVERGED
-        out[n] = x
     return steps, COMPLETED
 
 
 @nb.njit(_ENDED(*_RUN, _matrix), cache=True, nogil=True, error_model="numpy")
 def step_gl_sequential(rhs, x0, slope, gain, u, p, h, limit, kernels, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    steps, states = len(out) - 1, len(x0)
-    weights, start, exponentials, own, sizes = kernels
-    (window, sums), head = _nothing_yet(sizes, steps), 1
-    x, f, H = x0.copy(), np.zeros(states), np.zeros(states)
+    steps, states, limit = len(out) - 1, len(x0), min(limit, LARGEST)
+    (window, sums, ahead), head = _nothing_yet(kernels, steps), 1
+    x, f, now = x0.copy(), np.zeros(states), u[0].copy()
     for n in range(1, steps + 1):
-        head = _room(head, window, sizes)
-        _history(n, head, window, sums, weights, start, exponentials, own, sizes, H)
+        j = (n - 1) % BLOCK
+        if j == 0:
+            head = _room(head, window, kernels.sizes)
+            _history(n, head, window, sums, ahead, kernels)
+        _read(u, n - 1, now)
         for i in range(states - 1, -1, -1):
-            rhs((n - 1) * h, x, u[min(n - 1, len(u) - 1)], p, f)
-            if not np.isfinite(f[i]):
-                return n - 1, NOT_FINITE
-            v = gain[i] * f[i] - H[i]
-            window[i, head] = v
+            rhs((n - 1) * h, x, now, p, f)
+            v = gain[i] * f[i] - ahead[i, j]
+            _enter(i, j, v, head, window, ahead, kernels)
             x[i] = x0[i] + slope[i] * (n * h) + v
+            if not abs(x[i]) <= limit:
+                return n - 1, DIVERGED if np.isfinite(f[i]) else NOT_FINITE
+            out[n, i] = x[i]
         head += 1
-        if not _within(x, limit):
-            return n - 1, DIVERGED
-        out[n] = x
     return steps, COMPLETED
 
 
 @nb.njit(_ENDED(*_RUN, types.int64, _matrix), cache=True, nogil=True, error_model="numpy")
 def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
     """``pi2``: predict f by extrapolation, then `corrections` sweeps; the last f goes into the history."""
-    steps, states = len(out) - 1, len(x0)
-    weights, start, exponentials, own, sizes = kernels
-    (window, sums), head = _nothing_yet(sizes, steps), 1
-    x, f, H = x0.copy(), np.zeros(states), np.zeros(states)
-    before, known = np.zeros(states), np.zeros(states)
-    rhs(0.0, x, u[0], p, f)
+    steps, states, limit = len(out) - 1, len(x0), min(limit, LARGEST)
+    (window, sums, ahead), head = _nothing_yet(kernels, steps), 1
+    x, f, now = x0.copy(), np.zeros(states), u[0].copy()
+    before, known, newest = np.zeros(states), np.zeros(states), np.zeros(states)
+    rhs(0.0, x, now, p, f)
     if not _finite(f):
         return 0, NOT_FINITE
     for i in range(states):
+        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
     for n in range(1, steps + 1):
-        head = _room(head, window, sizes)
-        _history(n, head, window, sums, weights, start, exponentials, own, sizes, H)
+        j = (n - 1) % BLOCK
+        if j == 0:
+            head = _room(head, window, kernels.sizes)
+            _history(n, head, window, sums, ahead, kernels)
         for i in range(states):
-            known[i] = x0[i] + slope[i] * (n * h) + gain[i] * H[i]
-            extrapolated = 2 * f[i] - before[i]
+            known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            x[i] = known[i] + newest[i] * (2 * f[i] - before[i])
             before[i] = f[i]
-            x[i] = known[i] + gain[i] * own[i, 0] * extrapolated
-        now = u[min(n, len(u) - 1)]
+        _read(u, n, now)
         sweeps = corrections if n > 1 else corrections + 4  # nothing to extrapolate from at the start
         for _ in range(sweeps):
             rhs(n * h, x, now, p, f)
             for i in range(states):
-                x[i] = known[i] + gain[i] * own[i, 0] * f[i]
-        if not _within(x, limit):
-            return n - 1, DIVERGED if _finite(f) else NOT_FINITE
+                x[i] = known[i] + newest[i] * f[i]
+                if not abs(x[i]) <= limit:
+                    return n - 1, DIVERGED if _finite(f) else NOT_FINITE
         rhs(n * h, x, now, p, f)
-        if not _finite(f):
-            return n - 1, NOT_FINITE
         for i in range(states):
-            window[i, head] = f[i]
+            if not np.isfinite(f[i]):
+                return n - 1, NOT_FINITE
+            _enter(i, j, f[i], head, window, ahead, kernels)
+            out[n, i] = x[i]
         head += 1
-        out[n] = x
     return steps, COMPLETED
