@@ -334,3 +334,37 @@ def test_a_wrong_call_is_told_in_our_words(rhs, changed, message):
     arguments = GOOD | changed
     with pytest.raises(InputError, match=message):
         solve_fde(rhs, arguments.pop("orders"), arguments.pop("initial"), **arguments)
+
+
+# --- steep friction --------------------------------------------------------------------------------
+
+
+def _driven_block(t, x, u, p, out):
+    """A block on a table: driven by a sine, dry friction of slope p[0]/0.02."""
+    out[0] = x[1]
+    out[1] = 30 * np.sin(3 * t) - p[0] * np.tanh(x[1] / 0.02)
+
+
+def test_steep_friction_is_solved_at_steps_where_sweeps_alone_diverge():
+    step, friction = 5e-3, 20.0  # step · slope = 5, sweeps contract below 2
+    out = np.empty(2)
+
+    def f(t, x):
+        _driven_block(t, x, None, (friction,), out)
+        return out.copy()
+
+    time = np.arange(0, 4 + step / 2, step)
+    exact = solve_ivp(f, (0, 4), [0.0, 0.0], method="Radau", rtol=1e-9, atol=1e-10, t_eval=time).y.T
+    ours = solve_fde(_driven_block, 1.0, [0.0, 0.0], step=step, end=4.0, parameters=[friction]).states
+    assert np.abs(ours[:, 0] - exact[:, 0]).max() < 2e-3 * np.abs(exact[:, 0]).max()
+    assert np.abs(np.diff(ours[:, 1], 2)).max() < 0.5  # no ringing from step to step
+
+
+@pytest.mark.parametrize("order", [0.85, 0.95, 1.05])
+def test_steep_friction_at_fractional_orders_agrees_with_a_step_far_below_its_time_constant(order):
+    initial = [(0.0, 0.0), (0.0, 0.0)]
+    coarse, fine = (
+        solve_fde(_driven_block, order, initial, step=step, end=4.0, parameters=[20.0]).states[:, 0]
+        for step in (4e-3, 1.25e-4)
+    )
+    assert np.abs(coarse - fine[::32]).max() < 5e-3 * np.abs(fine).max()

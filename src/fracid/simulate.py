@@ -3,7 +3,7 @@
 =================  =================  ==========================================================
 method             convergence order  what for
 =================  =================  ==========================================================
-``pi2``            2                  everything; at order 1 it is a second-order ODE solver
+``pi2``            2                  everything, steep friction too; at order 1 a second-order ODE solver
 ``gl``             1                  the paper's scheme as it should be, on x − x(0)
 ``gl-sequential``  1                  the same without the anti-damping of explicit Euler
 ``gl-paper``       1 if x(0) = 0      (21)–(24) as printed, to reproduce the paper; else wrong

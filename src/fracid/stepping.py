@@ -13,6 +13,9 @@ function pointer, so the loops compile once for all right-hand sides and are cac
 ``pi2``            product trapezoidal rule on f, predictor from extrapolated f, then corrector sweeps:
                    :math:`x_i^l = x_i^0 + g_i\big(b_0 f_i^l + \sum_{k=1}^{l-1} b_k f_i^{l-k} + a_l f_i^0\big)`
 
+                   A step at which the sweeps contract slowly is solved by Newton's method: dry friction,
+                   tanh(v/v_s), is steep, and fixed sweeps would diverge beyond h·|∂f/∂x| = 2
+
 The first three are of convergence order 1, ``pi2`` of order 2 where f(t, x(t)) is smooth.
 
 **The history** :math:`H_n = \sum_{k=1}^n w_k v_{n-k}` of all four is one routine, eight steps at a time, eight
@@ -297,6 +300,10 @@ def _room(head, window, sizes):
 
 # --- the schemes -----------------------------------------------------------------------------------
 
+SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-7, 1e-3, 12
+"""When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
+and by more than 10⁻⁷ of (10⁻³ + its size).  At most 12 iterations."""
+
 LARGEST = float(np.finfo(np.float64).max)
 """No limit is larger, so that a state within it is a number."""
 
@@ -384,13 +391,78 @@ def step_gl_sequential(rhs, x0, slope, gain, u, p, h, limit, kernels, out):
     return steps, COMPLETED
 
 
+@_inline
+def _sweep(x, f, known, newest):
+    """Set x = known + g b_0 f; gives how far that moved it."""
+    moved = 0.0
+    for i in range(len(x)):
+        swept = known[i] + newest[i] * f[i]
+        moved = max(moved, abs(swept - x[i]) / (SMALL + abs(swept)))
+        x[i] = swept
+    return moved
+
+
+@_inline
+def _defect(x, f, known, newest):
+    """How far one more sweep would move x."""
+    moved = 0.0
+    for i in range(len(x)):
+        swept = known[i] + newest[i] * f[i]
+        moved = max(moved, abs(swept - x[i]) / (SMALL + abs(swept)))
+    return moved
+
+
+@nb.njit(nogil=True, error_model="numpy")
+def _newton(rhs, t, x, u, p, f, known, newest, A, trial):
+    """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
+
+    A holds 1 − g b_0 ∂f/∂x, by forward differences, and the residual in its last column.
+    """
+    for _ in range(NEWTON):
+        for j in range(len(x)):
+            d, kept = 1e-7 * (0.01 + abs(x[j])), x[j]
+            x[j] = kept + d
+            rhs(t, x, u, p, trial)
+            x[j] = kept
+            for i in range(len(x)):
+                A[i, j] = (i == j) - newest[i] * (trial[i] - f[i]) / d
+        for i in range(len(x)):
+            A[i, -1] = known[i] + newest[i] * f[i] - x[i]
+        _eliminate(A)
+        size = 0.0
+        for i in range(len(x)):
+            x[i] += A[i, -1]
+            size = max(size, abs(A[i, -1]) / (SMALL + abs(x[i])))
+        rhs(t, x, u, p, f)
+        if not size > 1e-10:
+            return
+
+
+@nb.njit(nogil=True, error_model="numpy")
+def _eliminate(A):
+    """Gauss–Jordan with row pivoting: the last column becomes the solution."""
+    n = len(A)
+    for k in range(n):
+        pivot = k + np.argmax(np.abs(A[k:, k]))
+        for j in range(k, n + 1):
+            A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+        for i in range(n):
+            if i != k:
+                factor = A[i, k] / A[k, k]
+                for j in range(k, n + 1):
+                    A[i, j] -= factor * A[k, j]
+    for k in range(n):
+        A[k, n] /= A[k, k]
+
+
 @nb.njit(_ENDED(*_RUN, types.int64, _matrix), cache=True, nogil=True, error_model="numpy")
 def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
-    """``pi2``: predict f by extrapolation, then `corrections` sweeps; the last f goes into the history."""
+    """``pi2``: predict f by extrapolation, then `corrections` sweeps, Newton where they are slow."""
     steps, states, limit = len(out) - 1, len(x0), min(limit, LARGEST)
     (window, sums, ahead), head = _nothing_yet(kernels, steps), 1
     x, f, now = x0.copy(), np.zeros(states), u[0].copy()
     before, known, newest = np.zeros(states), np.zeros(states), np.zeros(states)
+    A, trial = np.zeros((states, states + 1)), np.zeros(states)
     rhs(0.0, x, now, p, f)
     if not _finite(f):
         return 0, NOT_FINITE
@@ -408,13 +480,16 @@ def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
             before[i] = f[i]
         _read(u, n, now)
         sweeps = corrections if n > 1 else corrections + 4  # nothing to extrapolate from at the start
+        moved = 0.0
         for _ in range(sweeps):
             rhs(n * h, x, now, p, f)
+            moved = _sweep(x, f, known, newest)
             for i in range(states):
-                x[i] = known[i] + newest[i] * f[i]
                 if not abs(x[i]) <= limit:
                     return n - 1, DIVERGED if _finite(f) else NOT_FINITE
         rhs(n * h, x, now, p, f)
+        if _defect(x, f, known, newest) > max(SLOW * moved, SETTLED):
+            _newton(rhs, n * h, x, now, p, f, known, newest, A, trial)
         for i in range(states):
             if not np.isfinite(f[i]):
                 return n - 1, NOT_FINITE
