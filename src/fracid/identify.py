@@ -297,12 +297,12 @@ def _search(
 def _growing(problem: Problem, x: FloatArray, jobs: int, watch: _Watch) -> Result:
     """Least squares on the first seconds, then on twice as many, up to the whole record."""
     for horizon in _horizons(problem):
-        result = _refine(problem.until(horizon), x, jobs, watch, tolerance=1e-4)
+        result = _refine(problem.until(horizon), x, jobs, watch, tolerance=1e-2, budget=12)
         if np.isfinite(result.best.cost):
             x = result.best.point
         if result.interrupted:
             return replace(result, best=problem.evaluate(x))
-    return _refine(problem, x, jobs, watch)
+    return _refine(problem, x, jobs, watch, tolerance=1e-6)
 
 
 def _refine(problem: Problem, x: FloatArray, jobs: int, watch: _Watch, **options: Any) -> Result:
