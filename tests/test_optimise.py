@@ -149,7 +149,7 @@ def test_it_never_leaves_bounds_of_any_size_and_finds_the_point_nearest_to_the_t
     trail, result = recorded(name, squares(lambda x: (x - aim) / width), space=space)
     points = np.array([e.point[0] for e in trail])
     assert np.all((lower <= points) & (points <= upper))
-    assert abs(result.best.point[0] - np.clip(aim, lower, upper)) < 1e-3 * width + 1e-6 * abs(lower)
+    assert abs(result.best.point[0] - np.clip(aim, lower, upper)) < 1e-3 * width
 
 
 @every
@@ -513,6 +513,16 @@ def test_a_trial_step_that_fails_is_taken_back():
     assert any(e.cost == np.inf for e in trail)
     assert abs(result.best.point[0] - 1) < 1e-6
     assert result.outcome is Outcome.CONVERGED
+
+
+@pytest.mark.parametrize("start", [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0])
+def test_a_search_from_zero_or_from_a_bound_gets_as_far_as_any_other(start):
+    # With the unknowns unscaled SciPy called a step of 1e-10 converged.
+    space = Space(("coulomb", "drag"), np.zeros(2), np.ones(2), np.full(2, start))
+    evaluate = squares(lambda x: np.array([x[0] - 0.3, x[1] - 0.7, 0.1]))
+    result = search("least-squares", evaluate, space=space)
+    np.testing.assert_allclose(result.best.point, [0.3, 0.7], atol=1e-6)
+    assert result.evaluations < 60
 
 
 def test_unknowns_of_very_different_size_are_found_as_well():

@@ -5,7 +5,8 @@ cost       formula                               what to use when
 ========== ===================================== ===================================================
 ``rmse``   :math:`\sqrt{\frac1n\sum e^2}`        the default: constant-variance noise, in the data's unit
 ``ise``    :math:`\int e^2 dt`                   the same minimum for one recording; several add up by length
-``huber``  quadratic below 1°, linear above      outliers: a bump against the table, a lost count
+``huber``  :math:`\frac1n\sum ρ(e)`,             outliers: a bump against the table, a lost count
+           e² below 1°, linear above
 ``iae``    :math:`\int |e|\,dt`                  heavy-tailed errors
 ``itse``   :math:`\int t\,e^2 dt`                the late part matters more
 ``itae``   :math:`\int t\,|e|\,dt`, (26)         the paper's.  91–99 % of its weight can fall after the motion
@@ -23,13 +24,20 @@ A warning for encoders: the least :math:`\sum |e|` lies at the *median*, and the
 a whole count however the noise dithers it, while its mean is not.  On the paper's twin (10°, 4096 counts) this
 alone moves λ by −0.02 under ITAE; least squares is free of it.
 
-A cost of your own is a function (time, residual) → float, in a file: ``cost = "my.py:function"``.
+A cost of your own is a function (time, residual) → float, in a file: ``cost = "my.py:function"``.  Infinity
+means "as bad as a run that failed".  It has no rows: search by ``differential-evolution`` or ``nelder-mead``.
+
+References
+----------
+(26) is the paper's; ρ of ``huber``: P. Huber, Ann. Math. Statist. 35 (1964) 73; the integrals: D. Graham,
+R. Lathrop, AIEE Trans. 72 (1953) 273.
 """
 
 from __future__ import annotations
 
 import difflib
 import importlib.util
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,7 +56,7 @@ HUBER = math.radians(1.0)
 """Where the Huber loss turns from quadratic to linear [rad]."""
 
 SMOOTH = 1e-5
-"""δ of the smoothed |e| in the rows for least squares [rad]: a hundredth of a 4096-count encoder's step."""
+"""δ of the smoothed |e| in the rows for least squares [rad]: 1/150 of a 4096-count encoder's step."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,7 @@ class Loss:
     """ρ(e) with what estimation needs of it."""
 
     rho: Callable[[FloatArray], FloatArray]
+    """ρ of each residual, of the same shape."""
     psi: Callable[[FloatArray], FloatArray]
     """ρ′."""
     curvature: Callable[[FloatArray], float]
@@ -69,13 +78,20 @@ def _density_at_zero(e: FloatArray) -> float:
     return 1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12))
 
 
-SQUARE = Loss(np.square, lambda e: 2 * e, lambda e: 2.0, np.square)
-ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), lambda e: np.sqrt(e * e + SMOOTH * SMOOTH) - SMOOTH)
+def _smooth_abs(e: FloatArray) -> FloatArray:
+    """√(e² + δ²) − δ, without its cancellation near zero."""
+    return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
+
+
+SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
+ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), _smooth_abs)
 
 
 def _huber(e: FloatArray) -> FloatArray:
+    """e² up to HUBER, and from there on its tangent."""
     size = np.abs(e)
-    return np.where(size <= HUBER, e * e, HUBER * (2 * size - HUBER))
+    small = np.minimum(size, HUBER)
+    return np.asarray(small * (2 * size - small))
 
 
 HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
@@ -93,9 +109,11 @@ class Cost:
     """
 
     name: str
+    """As in the project file; of a user's own, the function's."""
     weight: Callable[[FloatArray], FloatArray] | None = None
     """time [s], shape (n,) → w, shape (n,)."""
     loss: Loss | None = None
+    """ρ; None for a user's own."""
     root: bool = False
     """Whether the square root is taken in the end."""
     function: Callable[[FloatArray, FloatArray], float] | None = None
@@ -120,7 +138,10 @@ class Cost:
             return math.inf
         if self.loss is None or self.weight is None:
             return self._own_value(time, residual)
-        total = float(self.weight(time) @ self.loss.rho(residual).sum(axis=1))
+        with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
+            total = float(self.weight(time) @ self.loss.rho(residual).sum(axis=1))
+        if not math.isfinite(total):
+            return math.inf
         return math.sqrt(total / residual.shape[1]) if self.root else total
 
     def _own_value(self, time: FloatArray, residual: FloatArray) -> float:
@@ -132,7 +153,9 @@ class Cost:
                 f"The cost {self.name} fails: {type(error).__name__}: {error}. It gets time of shape (n,) and the "
                 "residual of shape (n, n_outputs), and must return one number."
             ) from error
-        return cost if not math.isnan(cost) else math.inf
+        if math.isnan(cost) or cost == -math.inf:
+            raise InputError(f"The cost {self.name} gave {cost} for a finite residual; return a number, or inf.")
+        return cost
 
     def rows(self, time: FloatArray, residual: FloatArray) -> FloatArray | None:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
@@ -144,7 +167,13 @@ class Cost:
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
 
     def join(self, costs: list[float], samples: list[int]) -> float:
-        """Join the costs of several recordings: the root of the mean square, or else the sum."""
+        """Join the costs of several recordings: the root of the mean square, or else the sum.
+
+        Examples
+        --------
+        >>> COSTS["rmse"].join([1.0, 7.0], samples=[100, 100]), COSTS["itae"].join([1.0, 7.0], samples=[100, 100])
+        (5.0, 8.0)
+        """
         if self.root:
             return math.sqrt(sum(n * c * c for n, c in zip(samples, costs, strict=True)) / sum(samples))
         return sum(costs)
@@ -181,7 +210,7 @@ def cost_from_name(name: str) -> Cost:
     Raises
     ------
     InputError
-        If there is no such cost, file or function.
+        If there is no such cost, file or function, or the file does not run.
 
     Examples
     --------
@@ -205,5 +234,6 @@ def cost_from_name(name: str) -> Cost:
         raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
     own = getattr(module, function, None)
     if not callable(own):
-        raise InputError(f"cost = {name!r}: {file} has no function {function!r}.")
+        there = ", ".join(n for n, v in vars(module).items() if inspect.isfunction(v)) or "none"
+        raise InputError(f"cost = {name!r}: {file} has no function {function!r}; it has {there}.")
     return Cost(function, function=own)

@@ -5,6 +5,10 @@ whose points are asked for as one batch, so that they run on all threads.  A tri
 infinite rows: the method quarters its trust region and tries again.  An unknown whose difference fails
 stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum.
 
+The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
+wide as y is long, and in x a search from zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and
+call that converged.
+
 References
 ----------
 .. [1] M. Branch, T. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1.
@@ -34,7 +38,7 @@ def least_squares(
     Parameters
     ----------
     tolerance : float
-        Of the gain relative to Σ r², and of the step relative to |x|.
+        Of the gain relative to Σ r², and of the step relative to |y|.
     budget : int
         Trial steps at most (Jacobians not counted).
 
@@ -58,11 +62,18 @@ def least_squares(
     from scipy.optimize import least_squares as scipy_least_squares
 
     size = _sizes(space)
+    bounds = size + (space.lower - space.start), size + (space.upper - space.start)  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
 
-        def residuals(x: FloatArray) -> FloatArray:
+        def physical(y: FloatArray) -> FloatArray:
+            return np.clip(space.start + (y - size), space.lower, space.upper)
+
+        def residuals(y: FloatArray) -> FloatArray:
+            return rows(physical(y))
+
+        def rows(x: FloatArray) -> FloatArray:
             nonlocal x_good, good
             e = evaluate(x)[0]
             if e.residuals is None and not good.size:
@@ -72,8 +83,9 @@ def least_squares(
             x_good, good = e.point, e.residuals
             return good
 
-        def jacobian(x: FloatArray) -> FloatArray:
-            base = good if np.array_equal(x_good, x) else residuals(x)
+        def jacobian(y: FloatArray) -> FloatArray:
+            x = physical(y)
+            base = good if np.array_equal(x_good, x) else rows(x)
             steps = _steps(space, size, x)
             batch = evaluate(x + np.diag(steps))
             slopes = [(e.residuals - base) / (e.point - x)[i] if e.residuals is not None else np.zeros_like(base)
@@ -82,7 +94,7 @@ def least_squares(
 
         try:
             found = scipy_least_squares(
-                residuals, space.start, jacobian, bounds=(space.lower, space.upper), x_scale=size,
+                residuals, size, jacobian, bounds=bounds, x_scale=size,
                 ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=budget,
             )  # fmt: skip
         except _StartFails as failed:
@@ -98,9 +110,10 @@ def least_squares(
 
 
 def _sizes(space: Space) -> FloatArray:
-    """The size of each unknown: of its start, or of a hundredth of its range where it starts near zero."""
+    """The size of each unknown: of its start, but a hundredth of its range at least and all of it at most."""
     width = space.upper - space.lower
-    return np.maximum(np.abs(space.start), np.where(np.isfinite(width), 1e-2 * width, 1e-3))
+    floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
+    return np.minimum(np.maximum(np.abs(space.start), floor), width)
 
 
 def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
