@@ -66,7 +66,7 @@ def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: 
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
     """
-    at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
+    at = list(problem.order_indices[:2])
     if len(at) < 2:
         raise InputError("The plane of the orders needs two free orders.")
     axes = [_axis(problem.unknowns[i].range.lower, problem.unknowns[i].range.upper, x[i], reach, points) for i in at]

@@ -13,10 +13,13 @@ differential-evolution SciPy's
 
 Whatever found the minimum, :func:`identify` then
 
-1. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
-2. measures the uncertainty of every unknown (:mod:`fracid.uncertainty`),
+1. measures the uncertainty of every unknown (:mod:`fracid.uncertainty`),
+2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
-   far the orders move when they are refined there.  A scheme that manufactures fractional orders shows.
+   far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
+4. goes on by least squares from the best of a search that is none, and says so where that finds better.
+
+Ctrl-C keeps the best so far: in the search it skips the four, in one of them what is left of them.
 """
 
 from __future__ import annotations
@@ -31,7 +34,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
-from fracid.optimise import Evaluation, EvaluationLog, Result, least_squares, minimise, optimiser_from_name
+from fracid.optimise import (
+    Evaluation,
+    EvaluationLog,
+    Outcome,
+    Result,
+    least_squares,
+    minimise,
+    nelder_mead,
+    optimiser_from_name,
+)
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.uncertainty import Uncertainty, uncertainty
 
@@ -105,11 +117,11 @@ class Discretisation:
     cost_second_order: float
     """The same unknowns with pi2 at half the step."""
     orders: Mapping[str, float]
-    """The orders refined with pi2 at half the step, all other unknowns with them."""
+    """The orders refined with pi2 at half the step, all other unknowns with them; empty for a user's own cost."""
     shift: Mapping[str, float]
     """How far that moved them."""
     warning: str = ""
-    """A sentence, where an order moved by more than its interval's half width."""
+    """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
 
 
 @dataclass(frozen=True)
@@ -221,32 +233,81 @@ def identify(
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), max(starts, project.starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
-    clock = _Clock()
-    watched = _Watch(log, callback)
-    result = _search(problem, name, np.random.default_rng(seed), jobs, starts, watched, dict(options or {}))
+    _refuse_twins(problem, validation)
+    clock, watch = _Clock(), _Watch(log, callback)
+    result = _search(problem, name, np.random.default_rng(seed), jobs, starts, watch, dict(options or {}))
     clock.lap("search")
-    x, how = result.best.point, result.outcome.value
+    found = _Findings(problem, result)
     if not np.isfinite(result.best.cost):
-        return _failed(problem, result, name, seed, watched.count, clock.laps)
-    known = uncertainty(problem, x, jobs=jobs)
-    clock.lap("uncertainty")
-    recordings = dict(_recordings(problem, x, known, "fit"))
-    for e in validation:
-        recordings |= dict(_validate(problem, x, e, jobs))
-    clock.lap("validation")
-    check = _discretisation(problem, x, known, jobs)
-    clock.lap("discretisation")
-    polished = _polish(problem, result, name, jobs)
-    clock.lap("polish")
-    estimates = _estimates(problem, x, known)
-    warnings = [w for w in (*_warnings(problem, known), check.warning, _stopped_short(problem, result, polished, known)) if w]
+        found.known = "every run failed"
+        found.warnings.append(f"No run reached its end: {result.best.reason}.")
+    elif not result.interrupted:
+        _examine(found, name, validation, jobs, clock)
+    return _fit(found, name, seed, watch.count, clock.laps)
+
+
+@dataclass
+class _Findings:
+    """What is known of a minimum so far; Ctrl-C may end the examination at any point."""
+
+    problem: Problem
+    result: Result
+    known: Uncertainty | str = "the search was interrupted"
+    validated: dict[str, RecordingFit] = field(default_factory=dict)
+    check: Discretisation | None = None
+    warnings: list[str] = field(default_factory=list)
+    interrupted: bool = False
+
+
+def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jobs: int, clock: _Clock) -> None:
+    """The four steps after the search."""
+    problem, x = found.problem, found.result.best.point
+    try:
+        found.known = uncertainty(problem, x, jobs=jobs)
+        clock.lap("uncertainty")
+        for e in validation:
+            found.validated[e.name], reason = _validate(problem, x, e, jobs)
+            found.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+        clock.lap("validation")
+        found.check = _discretisation(problem, x, found.known, jobs)
+        found.warnings.append(found.check.warning)
+        clock.lap("discretisation")
+        if name not in ("multistart", "least-squares") and problem.cost_function.loss is not None:
+            polished = _arrived(_refine(problem, x, jobs, _Watch(None, None))).best
+            found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
+        clock.lap("polish")
+    except KeyboardInterrupt:
+        found.interrupted = True
+
+
+def _arrived(result: Result) -> Result:
+    """Pass an interruption on: half a refinement says nothing."""
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
+
+
+def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
+    problem, best, known = found.problem, found.result.best, found.known
+    estimates = _estimates(problem, best.point, known)
+    outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     return Fit(
-        problem=problem, x=x, recordings=recordings, cost=result.best.cost, outcome=how,
+        problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
+        outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        evaluations=watched.count, discretisation=check, uncertainty=known if isinstance(known, Uncertainty) else None,
-        seed=seed, optimiser=name, warnings=tuple(warnings), timing=clock.laps,
+        recordings={e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
+        | found.validated,
+        discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
+        warnings=tuple(w for w in (*_warnings(problem, known), *found.warnings) if w), timing=dict(timing),
     )  # fmt: skip
+
+
+def _refuse_twins(problem: Problem, validation: tuple[Experiment, ...]) -> None:
+    names = [e.name for e in (*problem.experiments, *validation)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
 
 
 # --- search ----------------------------------------------------------------------------------------
@@ -323,10 +384,14 @@ def _horizons(problem: Problem) -> Iterator[float]:
 
 def _minimise(problem: Problem, optimiser: Any, jobs: int, watch: _Watch) -> Result:
     before = watch.count
+
+    def callback(best: Evaluation, evaluations: int) -> None:
+        if watch.callback is not None:
+            watch.callback(best, before + evaluations)
+
     result = minimise(
         problem.evaluate, optimiser, jobs=jobs,
-        log=None if watch.log is None else partial(watch.log.append, problem.names),
-        callback=None if watch.callback is None else lambda best, n: watch.callback(best, before + n),
+        log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
     )  # fmt: skip
     watch.count += result.evaluations
     return result
@@ -335,79 +400,71 @@ def _minimise(problem: Problem, optimiser: Any, jobs: int, watch: _Watch) -> Res
 # --- what the minimum says -------------------------------------------------------------------------
 
 
-def _recordings(
-    problem: Problem, x: FloatArray, known: Uncertainty | str, use: str
-) -> Iterator[tuple[str, RecordingFit]]:
+def _recording(problem: Problem, x: FloatArray, known: Uncertainty | str, e: Experiment, use: str) -> RecordingFit:
+    """One recording beside its simulation, which is NaN where the run fails."""
+    simulated = problem.fitted(x, e)
+    failed = isinstance(simulated, str)
+    values = np.full(e.measured.shape, np.nan) if isinstance(simulated, str) else simulated
+    cost = np.inf if failed else problem.cost_function.value(e.time, e.measured - values)
     estimates = _estimates(problem, x, known)
-    for e in problem.experiments:
-        fitted = problem.fitted(x, e)
-        cost = problem.cost_function.value(e.time, e.measured - fitted) if not isinstance(fitted, str) else np.inf
-        values = fitted if not isinstance(fitted, str) else np.full(e.measured.shape, np.nan)
-        own = {
-            u.target: estimates[u.name] for u in problem.unknowns if u.experiment == e.name and u.kind == "parameter"
-        }
-        _, _, initial = problem.unpack(x, e)
-        states = {
-            s: estimates.get(f"{s}(0) [{e.name}]", Estimate(float(v)))
-            for s, v in zip(problem.model.states, initial, strict=True)
-        }
-        columns = range(len(problem.outputs))
-        yield e.name, RecordingFit(
-            e.name, use, e.start + e.time, {problem.outputs[i]: e.measured[:, i] for i in columns},
-            {problem.outputs[i]: values[:, i] for i in columns}, float(cost), states, own, e.sha256,
-        )  # fmt: skip
+    initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
+    return RecordingFit(
+        e.name, use, e.start + e.time,
+        dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
+        {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.per_recording}, e.sha256,
+    )  # fmt: skip
 
 
-def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> Iterator[tuple[str, RecordingFit]]:
-    """Find a recording's own unknowns, all that is shared fixed at x."""
+def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
+    """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
     alone = problem.with_shared(x, (e,))
-    found = alone.start
-    if alone.names:
-        found = _growing(alone, alone.start, jobs, _Watch(None, None)).best.point
-    known = uncertainty(alone, found, jobs=jobs)
-    return _recordings(alone, found, known, "validate")
+    quiet = _Watch(None, None)
+    if not alone.names:
+        best = alone.evaluate(alone.start)
+    elif problem.cost_function.loss is None:
+        best = _arrived(_minimise(alone, nelder_mead(alone.space, None), jobs, quiet)).best
+    else:
+        best = _arrived(_growing(alone, alone.start, jobs, quiet)).best
+    known = uncertainty(alone, best.point, jobs=jobs)
+    return _recording(alone, best.point, known, e, "validate"), best.reason
+
+
+SHIFT = 1e-4
+"""Orders that move by less than this do not matter, however narrow their intervals."""
 
 
 def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Discretisation:
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
-    refined = x
-    if problem.cost_function.loss is not None:
-        refined = _refine(second, x, jobs, _Watch(None, None), tolerance=1e-6).best.point
-    at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"]
-    names = [problem.unknowns[i].target for i in at]
-    shift = {n: float(refined[i] - x[i]) for n, i in zip(names, at, strict=True)}
-    width = {n: _half_width(known, x, i) for n, i in zip(names, at, strict=True)}
-    moved = [n for n in names if abs(shift[n]) > width[n]]
-    warning = "".join(
+    after = second.evaluate(x)
+    costs = (problem.cost(x), half.cost(x), after.cost)
+    if after.reason:
+        return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
+    if problem.cost_function.loss is None:  # least squares cannot refine it
+        return Discretisation(*costs, {}, {})
+    refined = _arrived(_refine(second, x, jobs, _Watch(None, None), tolerance=1e-6)).best.point
+    at = {problem.unknowns[i].target: i for i in problem.order_indices}
+    shift = {n: float(refined[i] - x[i]) for n, i in at.items()}
+    width = {n: max(SHIFT, _half_width(known, x, i)) for n, i in at.items()}
+    warning = " ".join(
         f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
-        f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}. "
-        for n in moved
-    ).strip()
-    return Discretisation(
-        problem.cost(x), half.cost(x), second.cost(x),
-        {n: float(refined[i]) for n, i in zip(names, at, strict=True)}, shift, warning,
+        f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."
+        for n in at if abs(shift[n]) > width[n]
     )  # fmt: skip
+    return Discretisation(*costs, {n: float(refined[i]) for n, i in at.items()}, shift, warning)
 
 
-def _polish(problem: Problem, result: Result, name: str, jobs: int) -> Evaluation:
-    """Go on by least squares from the best of a search that is none: shows whether that one had arrived."""
-    if name in ("multistart", "least-squares") or problem.cost_function.loss is None or result.interrupted:
-        return result.best
-    return _refine(problem, result.best.point, jobs, _Watch(None, None)).best
-
-
-def _stopped_short(problem: Problem, result: Result, polished: Evaluation, known: Uncertainty | str) -> str:
+def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | str) -> str:
     """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
-    at = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"]
-    before, after = result.best.point, polished.point
+    at, before, after = problem.order_indices, best.point, polished.point
     moved = [abs(after[i] - before[i]) > max(1e-3, 0.5 * _half_width(known, before, i)) for i in at]
-    if polished.cost > 0.999 * result.best.cost and not any(moved):
+    if polished.cost > 0.999 * best.cost and not any(moved):
         return ""
     changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
     return (
         f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
-        f"{polished.cost:.6g} from {result.best.cost:.6g} ({changes})."
+        f"{polished.cost:.6g} from {best.cost:.6g}{f' ({changes})' if changes else ''}."
     )
 
 
@@ -469,20 +526,6 @@ def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
             yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
         for i in np.flatnonzero(known.at_bound):
             yield f"{problem.names[i]} lies at its bound: widen the bound, or the model lacks something."
-
-
-def _failed(
-    problem: Problem, result: Result, name: str, seed: int, evaluations: int, timing: Mapping[str, float]
-) -> Fit:
-    """A search in which every run failed: a result all the same, with the reason."""
-    estimates = _estimates(problem, result.best.point, "every run failed")
-    return Fit(
-        problem, result.best.point, {n: estimates[n] for n in problem.orders},
-        {n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        dict(_recordings(problem, result.best.point, "every run failed", "fit")), np.inf,
-        f"{result.outcome.value}: {result.best.reason}", evaluations, None, None, seed, name,
-        (f"No run reached its end: {result.best.reason}.",), timing,
-    )  # fmt: skip
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:

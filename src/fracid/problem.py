@@ -13,11 +13,14 @@ The unknowns x, in this order, are
 ``initial_state`` is one of
 
 =============  ====================================================================================
-``estimate``   every state at the start is free: the start may be in motion
-``rest``       the measured outputs at the start are free, the other states are 0: a held plateau
+``estimate``   the scored outputs and their rates are free: the start may be in motion
+``rest``       the scored outputs are free, their rates are 0: a held plateau
 ``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
-``held``       nothing is free: outputs as measured, the other states 0: the paper's release
+``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
+
+States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
+The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 
 A trajectory is stepped on the recording's own grid, or `substeps` times finer.  Residuals are measured
 minus simulated [rad].  A run that diverges has an infinite cost and its reason, never a NaN.
@@ -26,7 +29,7 @@ minus simulated [rad].  A run that diverges has an infinite cost and its reason,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, get_args
@@ -170,7 +173,7 @@ class Problem:
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.2}, step=2e-3, end=4.0)
     >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)},
-    ...                   initial_state="measured")
+    ...                   initial_state="held")
     >>> problem.names
     ('lambda', 'mu')
     >>> problem.cost(np.array([0.9, 0.95])) < 1e-9 < problem.cost(np.array([1.0, 1.0]))
@@ -194,30 +197,16 @@ class Problem:
     """Steps per sample of the recording."""
 
     def __post_init__(self) -> None:
-        """Check names, orders and options."""
+        """Check names, bounds and options."""
         self.model.parameter_vector({n: _start(v) for n, v in self.parameters.items()})
-        q = self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
-        for name, value in self.orders.items():
-            low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
-            if not 0 < low <= high < 2:
-                raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
-        for name in self.outputs:
-            if name not in self.model.outputs:
-                raise InputError(f"There is no output {name!r}; {self.model.name} has {', '.join(self.model.outputs)}.")
-        for name in self.per_recording:
-            if not isinstance(self.parameters.get(name), Free):
-                raise InputError(
-                    f"per_recording names {name!r}, which is not free; "
-                    f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
-                )
-        if self.initial_state not in get_args(InitialState):
-            raise InputError(
-                f"initial_state = {self.initial_state!r}; type one of {', '.join(get_args(InitialState))}."
-            )
-        if self.method not in METHODS:
-            raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
-        if not self.experiments or not len(q):
-            raise InputError("A problem needs at least one recording.")
+        self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
+        _check_bounds(self)
+        _check_outputs(self)
+        _check_experiments(self)
+        _check_choice("initial_state", self.initial_state, get_args(InitialState))
+        _check_choice("method", self.method, METHODS)
+        if not isinstance(self.substeps, int) or self.substeps < 1:
+            raise InputError(f"substeps = {self.substeps!r}; expected a whole number, 1 or more.")
 
     # --- the unknowns ------------------------------------------------------------------------------
 
@@ -241,30 +230,45 @@ class Problem:
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
         if self.initial_state in ("measured", "held"):
             return []
-        start, measured = self._initial_guess(e), {self.model.outputs[n] for n in self.outputs}
+        guess = self._initial_guess(e).tolist()
+        reach = {self.model.outputs[n]: (0.2, "rad") for n in self.outputs}
+        if self.initial_state == "estimate":
+            reach |= {j: (3.0 + abs(guess[j]), "rad/s") for j in self._rates.values()}
         found = []
-        for i, state in enumerate(self.model.states):
-            if state in e.initial:
-                continue
-            if i in measured:
-                reach, unit = 0.2, "rad"
-            elif self.initial_state == "estimate" and i - 1 in measured:
-                reach, unit = 3.0 + abs(start[i]), "rad/s"
-            else:
-                continue
-            bounds = Free(float(start[i]), float(start[i]) - reach, float(start[i]) + reach)
-            found.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, bounds))
+        for i, (width, unit) in sorted(reach.items()):
+            state = self.model.states[i]
+            if state not in e.initial:
+                around = Free(guess[i], guess[i] - width, guess[i] + width)
+                found.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
         return found
 
+    @cached_property
+    def _rates(self) -> dict[int, int]:
+        """For each scored output's state i the state j with D^q x_i = x_j, found by asking the right-hand side."""
+        n = len(self.model.states)
+        x, out = np.linspace(0.1, 0.2, n), np.full(n, np.nan)  # no value twice
+        try:
+            with np.errstate(all="ignore"):
+                rhs = getattr(self.model.rhs, "py_func", self.model.rhs)
+                rhs(0.0, x, np.zeros(len(self.model.inputs)), self.model.parameter_vector(), out)
+        except ArithmeticError:
+            return {}
+        except Exception as error:
+            raise InputError(
+                f"The right-hand side of {self.model.name} fails: {type(error).__name__}: {error}. x and out have {n} "
+                f"entries, u has {len(self.model.inputs)}, p has {len(self.model.parameters)}."
+            ) from error
+        return {self.model.outputs[o]: j for o in self.outputs for j in range(n) if out[self.model.outputs[o]] == x[j]}
+
     def _initial_guess(self, e: Experiment) -> FloatArray:
-        """The state at the start as measured: outputs, and slopes where the next state is a rate."""
+        """The state at the start as measured: outputs, and the slopes for their rates."""
         x0 = np.zeros(len(self.model.states))
         values, slopes = e.first_values()
         for name, value, slope in zip(self.outputs, values, slopes, strict=True):
             i = self.model.outputs[name]
             x0[i] = value
-            if self.initial_state in ("estimate", "measured"):
-                x0[i + 1] = slope
+            if self.initial_state in ("estimate", "measured") and i in self._rates:
+                x0[self._rates[i]] = slope
         for name, value in e.initial.items():
             x0[self.model.states.index(name)] = value
         return x0
@@ -273,6 +277,11 @@ class Problem:
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns."""
         return tuple(u.name for u in self.unknowns)
+
+    @property
+    def order_indices(self) -> tuple[int, ...]:
+        """Which of the unknowns are orders."""
+        return tuple(i for i, u in enumerate(self.unknowns) if u.kind == "order")
 
     @property
     def start(self) -> FloatArray:
@@ -334,10 +343,17 @@ class Problem:
     # --- what counts -------------------------------------------------------------------------------
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Rows whose squares the least-squares engine adds up; see :class:`fracid.costs.Cost`."""
+        """Rows whose squares the least-squares engine adds up; see :class:`fracid.costs.Cost`.
+
+        Raises
+        ------
+        InputError
+            If the run fails, or the cost is a user's own.
+        """
         evaluation = self.evaluate(x)
         if evaluation.residuals is None:
-            raise InputError(f"The cost {self.cost_function.name!r} has no residuals: {evaluation.reason}.")
+            reason = evaluation.reason or "it is a user's own"
+            raise InputError(f"The cost {self.cost_function.name!r} has no residuals here: {reason}.")
         return evaluation.residuals
 
     def cost(self, x: FloatArray) -> float:
@@ -362,8 +378,8 @@ class Problem:
         pairs = [(e.time, error) for e, error in zip(self.experiments, errors, strict=True)]
         samples = [len(time) for time, _ in pairs]
         cost = self.cost_function.join([self.cost_function.value(*pair) for pair in pairs], samples)
-        rows = [self.cost_function.rows(*pair) for pair in pairs]
-        if any(row is None for row in rows):
+        rows = [row for row in (self.cost_function.rows(*pair) for pair in pairs) if row is not None]
+        if not rows:
             return Evaluation(x, cost)
         return Evaluation(x, cost, np.concatenate([w * r for w, r in zip(self.shares(), rows, strict=True)]))
 
@@ -391,3 +407,56 @@ class Problem:
 
 def _start(value: float | Free) -> float:
     return value.start if isinstance(value, Free) else float(value)
+
+
+# --- what cannot be ----------------------------------------------------------------------------------
+
+
+def _check_bounds(problem: Problem) -> None:
+    """Orders stay within (0, 2), parameters where the model means something."""
+    for name, value in problem.orders.items():
+        low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
+        if not 0 < low <= high < 2:
+            raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
+    for name, value in problem.parameters.items():
+        p = problem.model.parameter(name)
+        if isinstance(value, Free) and not p.lower <= value.lower < value.upper <= p.upper:
+            raise InputError(
+                f"{name} is free in {value.lower:g} … {value.upper:g} {p.unit}, but means something only in "
+                f"{p.lower:g} … {p.upper:g}: bring its lower and upper into that."
+            )
+    for name in problem.per_recording:
+        if not isinstance(problem.parameters.get(name), Free):
+            raise InputError(
+                f"per_recording names {name!r}, which is not free; "
+                f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
+            )
+
+
+def _check_outputs(problem: Problem) -> None:
+    if not problem.outputs:
+        raise InputError(f"outputs is empty: score at least one of {', '.join(problem.model.outputs)}.")
+    for name in problem.outputs:
+        _check_choice("output", name, problem.model.outputs)
+
+
+def _check_experiments(problem: Problem) -> None:
+    """At least one, each with its own name, a column an output, and enough samples."""
+    names = [e.name for e in problem.experiments]
+    if not names:
+        raise InputError("A problem needs at least one recording.")
+    for e in problem.experiments:
+        if names.count(e.name) > 1:
+            raise InputError(f"Two recordings are named {e.name!r}; give each its own name.")
+        if e.measured.ndim != 2 or e.measured.shape[1] != len(problem.outputs) or len(e.measured) < 3:
+            raise InputError(
+                f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
+                f"{len(problem.outputs)} outputs: {', '.join(problem.outputs)}."
+            )
+        if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
+            raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
+
+
+def _check_choice(what: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        raise unknown_name(what, name, known)

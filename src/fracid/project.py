@@ -16,7 +16,7 @@
     mu = 1.0                                     initial_state = "estimate"
 
 A number fixes, a table frees, and what is left out keeps the rig's value; orders that are left out are
-free in [0.5, 1.2].  Paths are relative to the file.  :func:`load_project` reads it all, recordings included;
+free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are relative to the file.  :func:`load_project` reads it all, recordings included;
 an unknown key or a value of the wrong kind is told with its place in the file.
 
 ``preset = "paper"`` is the paper to the letter: gl-paper, ITAE on α alone, the orders alone, from a held
@@ -38,7 +38,8 @@ from fracid.costs import cost_from_name
 from fracid.errors import InputError
 from fracid.memory import memory_from_name
 from fracid.models import Model, model_from_name
-from fracid.optimise import OPTIMISERS
+from fracid.models.base import unknown_name
+from fracid.optimise import optimiser_from_name
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 
@@ -61,9 +62,9 @@ PRESETS: dict[str, dict[str, Any]] = {
 
 
 class _Table(BaseModel):
-    """A table of the file; unknown keys are refused."""
+    """A table of the file; unknown keys are refused, and so are texts and truth values for numbers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class _Range(_Table):
@@ -81,15 +82,15 @@ class _Model(_Table):
     orders: dict[str, float | _Range] = {}
 
 
-class _Recording(BaseModel):
+class _Recording(_Table):
     """Every other key of the table is a signal."""
 
-    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="allow")
     name: str | None = None
     file: str
     time: dict[str, Any] | int | str | None = None
-    start: float | Literal["release"] | None = Field(None, alias="from")
-    stop: float | None = Field(None, alias="to")
+    start: float | Literal["release"] | None = Field(default=None, alias="from")
+    stop: float | None = Field(default=None, alias="to")
     use: Literal["fit", "validate"] = "fit"
     resample: bool | float | Literal["needed"] = "needed"
     variable: str | None = None
@@ -105,10 +106,10 @@ class _Fit(_Table):
     method: str = "pi2"
     memory: str = "compressed"
     tolerance: float = 1e-10
-    substeps: int = Field(1, ge=1)
+    substeps: int = Field(default=1, ge=1)
     optimiser: str = "multistart"
-    starts: int = Field(1, ge=1)
-    seed: int = Field(1, ge=0)
+    starts: int = Field(default=1, ge=1)
+    seed: int = Field(default=1, ge=0)
     preset: str | None = None
 
 
@@ -185,17 +186,9 @@ def load_project(path: str | Path, *, preset: str | None = None) -> Project:
 
 def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     fit = _apply(said.fit, preset)
-    if fit.optimiser not in OPTIMISERS:
-        raise InputError(f"[fit] optimiser = {fit.optimiser!r}; expected one of {', '.join(OPTIMISERS)}.")
-    parameters = {n: _value(n, v) for n, v in said.model.parameters.items()}
-    fixed = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
-    model = _model(said.model, fixed, path.parent)
-    for name, value in parameters.items():
-        if name not in model.parameter_names and isinstance(value, Free):
-            raise InputError(
-                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
-            )
-    parameters = {n: v for n, v in parameters.items() if n in model.parameter_names}
+    optimiser_from_name(fit.optimiser)
+    model, parameters = _model(said.model, path.parent)
+    orders = _orders(said.model.orders, model)
     recordings = tuple(_load(r, model, path.parent) for r in said.recording)
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
@@ -204,13 +197,12 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
         raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
-    free_orders = {n: _value(n, said.model.orders.get(n, ORDER_RANGE)) for n in model.order_names}
-    _refuse_unknown_orders(said.model.orders, model)
     if preset == "paper":
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
-        free_orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in free_orders.items()}
+        orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
+    parameters |= _freed_by_recording(fit.per_recording, parameters, model)
     problem = Problem(
-        model, fitted, free_orders, parameters, tuple(fit.per_recording),
+        model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
         fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps,
     )  # fmt: skip
@@ -225,12 +217,33 @@ def _apply(fit: _Fit, preset: str | None) -> _Fit:
     if preset is None:
         return fit
     if preset not in PRESETS:
-        raise InputError(f"There is no preset {preset!r}; type one of {', '.join(PRESETS)}.")
+        raise unknown_name("preset", preset, PRESETS)
     return fit.model_copy(update=PRESETS[preset])
 
 
-def _model(said: _Model, fixed: Mapping[str, float], folder: Path) -> Model:
-    return model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=fixed, folder=folder)
+def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, float | Free]]:
+    """The model with every parameter at its start, and those of the file that are its own."""
+    parameters = {n: _value(n, v) for n, v in said.parameters.items()}
+    starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+    model = model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=starts, folder=folder)
+    for name, value in parameters.items():
+        if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
+            raise InputError(
+                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
+            )
+    return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
+
+
+def _freed_by_recording(
+    names: list[str], parameters: Mapping[str, float | Free], model: Model
+) -> dict[str, float | Free]:
+    """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
+    values = {n: parameters.get(n, model.parameter(n).value) for n in names}
+    return {
+        n: Free(v, v - 1.0, v + 1.0)
+        for n, v in values.items()
+        if not isinstance(v, Free) and model.parameter(n).unit == "rad"
+    }
 
 
 def _load(said: _Recording, model: Model, folder: Path) -> Recording:
@@ -260,10 +273,12 @@ def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
             raise InputError(f"two recordings are named {name!r}; give each its own name.")
 
 
-def _refuse_unknown_orders(orders: Mapping[str, Any], model: Model) -> None:
-    for name in orders:
+def _orders(said: Mapping[str, float | _Range], model: Model) -> dict[str, float | Free]:
+    """Those that are left out are free."""
+    for name in said:
         if name not in model.order_names:
-            raise InputError(f"[model.orders] has {name!r}; the orders of {model.name} are {model.order_names}.")
+            raise unknown_name("order in [model.orders]", name, model.order_names)
+    return {n: _value(n, said.get(n, ORDER_RANGE)) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -315,7 +330,7 @@ def _place(path: list[Any]) -> str:
 
 
 def _close(path: list[Any]) -> str:
-    tables = {(): _File, ("model",): _Model, ("fit",): _Fit}
+    tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
     table = tables.get(tuple(path[:-1]))
     if table is None:
         return ""

@@ -19,7 +19,6 @@ import json
 import os
 import platform
 import sys
-import tempfile
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -57,17 +56,30 @@ def open_folder(folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not (folder / "environment.json").exists():
             raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
-        (folder / EVALUATIONS).unlink(missing_ok=True)
-        (folder / "result.json").unlink(missing_ok=True)
+        for old in (folder / EVALUATIONS, folder / "result.json", *_figures(folder)):
+            old.unlink(missing_ok=True)
         environment = {"versions": versions(), "platform": platform.platform(), "command": sys.argv[1:]}
         write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
     return folder
 
 
+def _figures(folder: Path) -> list[Path]:
+    """Figures of an earlier run: of recordings, perhaps, that this one does not have."""
+    return [path for kind in ("*.svg", "*.png") for path in (folder / FIGURES).glob(kind)]
+
+
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a result depends on."""
+    """Versions of Python and of the packages that a result depends on.
+
+    Examples
+    --------
+    >>> sorted(versions())
+    ['fracid', 'numba', 'numpy', 'pymoo', 'python', 'scipy']
+    """
     found = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
@@ -78,16 +90,30 @@ def versions() -> dict[str, str]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all: to a neighbour first, then renamed."""
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    """Write a file whole or not at all: to a neighbour first, then renamed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; an earlier file of that name then stays as it was.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_text(folder / "note.txt", "done")
+    >>> [path.name for path in folder.iterdir()]
+    ['note.txt']
+    """
+    neighbour = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        with neighbour.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(name, path)
+        os.replace(neighbour, path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        neighbour.unlink(missing_ok=True)
         raise
 
 

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.optimise import Space
 from fracid.problem import Problem
 
 __all__ = ["Uncertainty", "andrews_bandwidth", "bartlett_long_run", "jacobian", "uncertainty"]
@@ -43,6 +44,12 @@ NORMAL_95 = 1.959963984540054
 
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
+
+PART = 1e-2
+"""Who has less than this of the largest share in an unseen direction takes no part in it."""
+
+BOUND = 1e-6
+"""An unknown within this part of its range of a bound lies at it."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,19 @@ class Uncertainty:
 def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | str:
     """Find the covariance at the minimum x, or say why there is none.
 
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum; elsewhere the result means nothing.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Uncertainty or str
+        The sentence says why there is none: nothing is free, a user's own cost, a run that fails.
+
     Examples
     --------
     >>> import fracid, numpy as np
@@ -76,51 +96,83 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=4.0)
     >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((2001, 2))
-    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
-    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)})
-    >>> found = uncertainty(problem, problem.start)
-    >>> bool(np.all(found.standard_error[:2] < 0.01))
-    True
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> found = uncertainty(problem, problem.start)  # here the start is the minimum
+    >>> bool(np.all((found.standard_error > 1e-6) & (found.standard_error < 1e-3))), found.confounded
+    (True, ())
     """
-    names, space = problem.names, problem.space
-    if not names:
+    if not problem.names:
         return "nothing is free"
-    width = space.upper - space.lower
-    margin = np.where(np.isfinite(width), 1e-6 * width, 0.0)
-    at_bound = (x - space.lower <= margin) | (space.upper - x <= margin)
-    free = np.flatnonzero(~at_bound)
-    loss, weight = problem.cost_function.loss, problem.cost_function.weight
-    if loss is None or weight is None:
+    if problem.cost_function.loss is None:
         return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
-    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    if isinstance(errors, str) or isinstance(J, str):
-        return errors if isinstance(errors, str) else str(J)
+    at_bound = _at_bound(problem.space, x)
+    free = np.flatnonzero(~at_bound)
     error = np.full(len(x), np.nan)
     if not len(free):
         return Uncertainty(error, at_bound, (), 0.0, 1.0)
-    shares = [share**2 * weight(e.time) for e, share in zip(problem.experiments, problem.shares(), strict=True)]
-    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    rows = np.concatenate([np.sqrt(w)[:, None, None] * j for w, j in zip(shares, J, strict=True)])
-    rows = np.sqrt(curvature) * rows.reshape(-1, len(free))  # A = rows' rows
+    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
+    if isinstance(errors, str) or isinstance(J, str):
+        return errors if isinstance(errors, str) else str(J)
+    rows, scores = _rows_and_scores(problem, errors, J)
     norm = np.linalg.norm(rows, axis=0)
     norm[norm == 0] = 1.0
     _, singular, V = np.linalg.svd(rows / norm, full_matrices=False)
     seen = singular > UNSEEN * singular[0]
-    scores = np.concatenate(
-        [np.einsum("t,to,toi->ti", w, loss.psi(e), j) / norm for w, e, j in zip(shares, errors, J, strict=True)]
-    )
-    bandwidth = andrews_bandwidth(scores)
+    scaled = [s / norm for s in scores]
+    bandwidth = andrews_bandwidth(np.concatenate(scaled))
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
-    covariance = inverse @ bartlett_long_run(scores, bandwidth) @ inverse
-    known = ~np.any(np.abs(V[~seen]) > 0.1, axis=0)
+    covariance = inverse @ sum(bartlett_long_run(s, bandwidth) for s in scaled) @ inverse
+    partners = _sparse(V[~seen])
+    known = ~np.any(partners, axis=0)
     error[free[known]] = (np.sqrt(np.diag(covariance)) / norm)[known]
-    confounded = tuple(tuple(names[free[i]] for i in np.flatnonzero(np.abs(v) > 0.1)) for v in V[~seen])
+    confounded = tuple(tuple(problem.names[free[i]] for i in np.flatnonzero(row)) for row in partners)
     return Uncertainty(error, at_bound, confounded, bandwidth, float(singular[0] / max(singular[-1], 1e-300)))
 
 
-def jacobian(
-    problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1
-) -> list[FloatArray] | str:
+def _at_bound(space: Space, x: FloatArray) -> NDArray[np.bool_]:
+    """Which unknowns lie within a millionth of their range of a bound."""
+    width = space.upper - space.lower
+    margin = np.where(np.isfinite(width), BOUND * width, 0.0)
+    return np.asarray((x - space.lower <= margin) | (space.upper - x <= margin))
+
+
+def _rows_and_scores(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
+    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+    assert loss is not None
+    assert weight is not None
+    weights = [share**2 * weight(e.time) for e, share in zip(problem.experiments, problem.shares(), strict=True)]
+    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    rows = [np.sqrt(curvature * w)[:, None, None] * j for w, j in zip(weights, J, strict=True)]
+    scores = [np.einsum("t,to,toi->ti", w, loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
+    return np.concatenate([r.reshape(-1, r.shape[-1]) for r in rows]), scores
+
+
+def _sparse(unseen: FloatArray) -> NDArray[np.bool_]:
+    """Who takes part in each unseen direction, shape (n_unseen, n_free).
+
+    A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
+    """
+    rows, lead = unseen.copy(), 0
+    for column in np.argsort(-np.max(np.abs(unseen), axis=0, initial=0.0), kind="stable"):
+        if lead == len(rows):
+            break
+        best = lead + int(np.argmax(np.abs(rows[lead:, column])))
+        if abs(rows[best, column]) < PART:
+            continue
+        rows[[lead, best]] = rows[[best, lead]]
+        rows[lead] /= rows[lead, column]
+        others = np.arange(len(rows)) != lead
+        rows[others] -= np.outer(rows[others, column], rows[lead])
+        lead += 1
+    return np.asarray(np.abs(rows) > PART * np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0))
+
+
+def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
     """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads."""
     steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
     room = np.minimum(problem.space.upper - x, x - problem.space.lower)
@@ -133,7 +185,7 @@ def jacobian(
         if isinstance(plus, str) or isinstance(minus, str):
             return f"a run next to the minimum fails: {plus if isinstance(plus, str) else minus}"
         columns.append([(p - m) / (2 * steps[i]) for p, m in zip(plus, minus, strict=True)])
-    return [np.stack([column[k] for column in columns], axis=-1) for k in range(len(problem.experiments) * bool(columns))]
+    return [np.stack(recording, axis=-1) for recording in zip(*columns, strict=True)]
 
 
 def andrews_bandwidth(scores: FloatArray) -> float:

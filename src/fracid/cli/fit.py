@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import degrees, floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -56,8 +57,10 @@ def fit(
     if json_:
         typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
     else:
-        show_fit(ran)
-    if ran.fit.uncertainty is None and not ran.fit.discretisation:
+        from rich.console import Console
+
+        show_fit(ran, Console(highlight=False))
+    if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:
         raise typer.Exit(1)
@@ -124,8 +127,6 @@ def _progress(project: Project, quiet: bool) -> Iterator[Any]:
 
 def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, ...]:
     """Figures 2 and 3 of each recording, and the cost over the orders where two are free."""
-    import numpy as np
-
     from fracid.diagnostics import cost_plane
     from fracid.plots import cost_plane as draw_plane
     from fracid.plots import fitted_over_time, residual_plots, save
@@ -135,15 +136,14 @@ def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, 
     resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
     paths: list[Path] = []
     for recording in found.recordings.values():
-        if not np.isfinite(recording.cost):
+        if not isfinite(recording.cost):
             continue
         stem, resolution = _slug(recording.name), resolutions.get(recording.name, {})
         figure = fitted_over_time(recording, zero=found.problem.model.zero, resolution=resolution)
         paths += save(figure, where, f"figure2-{stem}")
         for output in recording.measured if recording.use == "fit" else ():
             paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
-    free = [u for u in found.problem.unknowns if u.kind == "order"]
-    if len(free) >= 2 and np.isfinite(found.cost):
+    if len(found.problem.order_indices) >= 2 and isfinite(found.cost):
         plane = cost_plane(found.problem, found.x, jobs=jobs)
         best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
         figure = draw_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
@@ -171,12 +171,10 @@ def _slug(name: str) -> str:
 # ------------------------------------------------------------------ from results to text
 
 
-def show_fit(ran: Ran) -> None:
+def show_fit(ran: Ran, console: Console) -> None:
     """Print the tables, the warnings and where everything is."""
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(highlight=False)
     p, found = ran.fit.problem, ran.fit
     console.print(
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
@@ -210,8 +208,6 @@ def _print_estimates(console: Console, found: Fit) -> None:
 
 
 def _print_recordings(console: Console, found: Fit) -> None:
-    from math import degrees
-
     from rich.markup import escape
 
     outputs = found.problem.outputs
@@ -235,8 +231,6 @@ def _digits(value: float, e: Estimate) -> str:
     """As many digits as the standard error makes worth reading, and two more."""
     if e.standard_error is None or not e.standard_error > 0 or value == 0:
         return f"{value:.6g}"
-    from math import floor, log10
-
     wanted = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
     return f"{value:.{min(12, max(2, wanted))}g}"
 
@@ -253,4 +247,5 @@ def _discretisation(found: Fit) -> str:
     check = found.discretisation
     assert check is not None
     moved = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
-    return f"with pi2 at half the step the cost is {check.cost_second_order:.6g} and the orders move by {moved or 'nothing'}"
+    cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
+    return f"{cost} and the orders move by {moved}" if moved else cost
