@@ -523,7 +523,10 @@ def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
         yield f"There are no intervals: {known}."
     else:
         for names in known.confounded:
-            yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
+            if len(names) == 1:
+                yield f"The data do not see {names[0]} in this model: fix it, or free what it works through."
+            else:
+                yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
         for i in np.flatnonzero(known.at_bound):
             yield f"{problem.names[i]} lies at its bound: widen the bound, or the model lacks something."
 

@@ -48,7 +48,7 @@ UNSEEN = 1e-6
 PART = 1e-2
 """Who has less than this of the largest share in an unseen direction takes no part in it."""
 
-BOUND = 1e-6
+BOUND = 1e-3
 """An unknown within this part of its range of a bound lies at it."""
 
 
@@ -132,7 +132,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
 
 
 def _at_bound(space: Space, x: FloatArray) -> NDArray[np.bool_]:
-    """Which unknowns lie within a millionth of their range of a bound."""
+    """Which unknowns lie within a thousandth of their range of a bound."""
     width = space.upper - space.lower
     margin = np.where(np.isfinite(width), BOUND * width, 0.0)
     return np.asarray((x - space.lower <= margin) | (space.upper - x <= margin))
