@@ -1,0 +1,302 @@
+"""A problem: each unknown in its place, the cost of the truth is 0, what fails has a reason."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fracid
+from fracid.costs import COSTS, Cost
+from fracid.errors import InputError
+from fracid.models import Model, Parameter
+from fracid.problem import Experiment, Free, Problem
+from fracid.recording import Recording
+
+RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
+TRUE = {"lambda": 0.9, "mu": 0.95}
+FREE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+STEP = 4e-3
+
+
+def twin(name="swing", end=2.0, alpha=0.4, *, rig=RIG, orders=TRUE, known=True, **run):
+    """An exact release from `alpha` [rad], the arm at 0."""
+    run = fracid.simulate(rig, orders=orders, initial={"alpha": alpha}, step=STEP, end=end, **run)
+    initial = {"theta": 0.0, "alpha": alpha} if known else {}
+    return Experiment(name, STEP, run.states[:, [0, 2]], np.zeros((1, 1)), initial=initial)
+
+
+def problem(*experiments, **options):
+    return Problem(RIG, experiments or (twin(),), **{"orders": FREE, "initial_state": "held"} | options)
+
+
+# --- the unknowns ---------------------------------------------------------------------------------
+
+
+def test_unknowns_are_orders_then_constants_then_what_each_recording_has_for_itself():
+    p = problem(
+        twin("a", known=False),
+        twin("b", known=False),
+        orders={"lambda": 0.9, "mu": Free(1.0, 0.5, 1.2)},
+        parameters={
+            "theta_rest": Free(0.0, -1.0, 1.0),
+            "C1": Free(4e-3, 1e-3, 1e-2),
+            "C4": 0.19,
+        },
+        per_recording=("theta_rest",),
+        initial_state="rest",
+    )
+    assert p.names == (
+        "mu",
+        "C1",
+        *("theta_rest [a]", "theta(0) [a]", "alpha(0) [a]"),
+        *("theta_rest [b]", "theta(0) [b]", "alpha(0) [b]"),
+    )
+    assert [u.unit for u in p.unknowns[:4]] == ["", "kg m^2", "rad", "rad"]
+    assert p.order_indices == (0,)
+
+
+def test_unpack_puts_each_unknown_in_its_place_and_only_there():
+    p = problem(
+        twin("a", known=False),
+        twin("b", known=False),
+        parameters={"theta_rest": Free(0.0, -1.0, 1.0), "C1": Free(4e-3, 1e-3, 1e-2), "C4": 0.19},
+        per_recording=("theta_rest",),
+        initial_state="estimate",
+    )
+    x = p.start + 1e-4 * np.arange(1, len(p.names) + 1)
+    value = dict(zip(p.names, x, strict=True))
+    for e in p.experiments:
+        orders, constants, initial = p.unpack(x, e)
+        assert orders.tolist() == [value["lambda"]] * 2 + [value["mu"]] * 2
+        assert initial.tolist() == [value[f"{state}(0) [{e.name}]"] for state in RIG.states]
+        wanted = {"theta_rest": value[f"theta_rest [{e.name}]"], "C1": value["C1"], "C4": 0.19}
+        assert dict(zip(RIG.parameter_names, constants, strict=True)) == {
+            n: wanted.get(n, RIG.parameter(n).value) for n in RIG.parameter_names
+        }
+
+
+@pytest.mark.parametrize(
+    ("mode", "free", "rate"),
+    [
+        ("estimate", ("theta", "D^lambda theta", "alpha", "D^mu alpha"), True),
+        ("rest", ("theta", "alpha"), False),
+        ("measured", (), True),
+        ("held", (), False),
+    ],
+)
+def test_initial_state_says_what_is_free_and_where_it_starts(mode, free, rate):
+    time = np.arange(200) * STEP
+    moving = Experiment("a", STEP, np.column_stack([0.1 + 0.5 * time, 0.3 - 2 * time]), np.zeros((1, 1)))
+    p = problem(moving, initial_state=mode, orders=TRUE)
+    assert p.names == tuple(f"{state}(0) [a]" for state in free)
+    x0 = p.unpack(p.start, moving)[2]
+    assert x0 == pytest.approx([0.1, 0.5, 0.3, -2.0] if rate else [0.1, 0.0, 0.3, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["estimate", "rest", "measured", "held"])
+def test_a_known_initial_value_is_fixed_whatever_the_mode(mode):
+    e = replace(twin(known=False), initial={"alpha": 0.5, "D^mu alpha": -0.25})
+    p = problem(e, initial_state=mode)
+    assert not [n for n in p.names if "alpha" in n]
+    assert p.unpack(p.start, e)[2][2:].tolist() == [0.5, -0.25]
+
+
+def test_only_scored_outputs_have_a_free_start():
+    swing = twin(known=False)
+    alone = replace(swing, measured=swing.measured[:, 1:])
+    p = problem(alone, outputs=("alpha",), initial_state="estimate")
+    assert p.names[2:] == ("alpha(0) [swing]", "D^mu alpha(0) [swing]")
+
+
+def positions_first(t, x, u, p, out):
+    out[0] = x[2]
+    out[1] = x[3]
+    out[2] = -p[0] * x[0]
+    out[3] = -2.0 * p[0] * x[1]
+
+
+def two_angles(rhs=positions_first):
+    return Model("two angles", rhs, ("a", "b", "va", "vb"), ("q",) * 4, {"a": 0, "b": 1}, (),
+                 (Parameter("k", "1/s^2", 9.0, "stiffness", lower=0.0),), "", "a test")  # fmt: skip
+
+
+def test_the_rate_of_an_output_is_found_wherever_the_model_keeps_it():
+    time = np.arange(50) * STEP
+    e = Experiment("a", STEP, np.column_stack([time, -2 * time]), np.zeros((1, 0)))
+    p = Problem(two_angles(), (e,), {"q": 1.0}, outputs=("a", "b"))
+    assert p.names == ("a(0) [a]", "b(0) [a]", "va(0) [a]", "vb(0) [a]")
+    assert p.start == pytest.approx([0, 0, 1, -2], abs=1e-9)
+
+
+def test_a_model_that_reaches_beyond_its_arrays_is_told_and_does_not_run():
+    def beyond(t, x, u, p, out):
+        out[4] = x[0]
+
+    e = Experiment("a", STEP, np.zeros((9, 2)), np.zeros((1, 0)))
+    with pytest.raises(InputError, match=r"right-hand side of two angles fails: IndexError.*x and out have 4 entries"):
+        _ = Problem(two_angles(beyond), (e,), {"q": 1.0}, outputs=("a", "b")).names
+
+
+# --- the cost ---------------------------------------------------------------------------------------
+
+
+@given(order=st.tuples(st.floats(0.7, 1.1), st.floats(0.8, 1.05)), alpha=st.floats(0.05, 1.0))
+@settings(max_examples=15, deadline=None)
+def test_the_cost_of_the_truth_is_zero(order, alpha):
+    p = problem(twin(alpha=alpha, end=1.0, orders=dict(zip(TRUE, order, strict=True))))
+    assert p.cost(np.array(order)) == 0.0
+    assert p.cost(np.array(order) - 0.02) > 1e-5
+
+
+@pytest.mark.parametrize("name", sorted(COSTS))
+def test_the_rows_squares_add_up_as_the_cost_does(name):
+    p = problem(twin("long", 2.0), twin("short", 0.5, alpha=0.2), cost_function=COSTS[name])
+    x = np.array([0.97, 0.9])
+    square = p.cost(x) ** 2 if COSTS[name].root else p.cost(x)
+    scale = 2 if COSTS[name].root else 1  # rmse is a mean over the outputs too
+    assert p.residuals(x) @ p.residuals(x) == pytest.approx(scale * square, rel=2e-3)  # |e| is smoothed near 0
+
+
+def test_two_recordings_cost_what_one_of_all_their_samples_would():
+    long, short = twin("long", 2.0), twin("short", 0.5)
+    x = np.array([0.97, 0.9])
+    errors = np.concatenate(problem(long, short).errors(x))
+    assert problem(long, short).cost(x) == pytest.approx(math.sqrt(np.mean(errors**2)), rel=1e-12)
+
+
+def test_half_the_step_agrees_to_second_order():
+    smooth = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=0.0, coulomb_alpha=0.0)
+    e = twin(rig=smooth, orders={"lambda": 1.0, "mu": 1.0})
+    p = Problem(smooth, (e,), FREE, initial_state="held")
+    x = np.array([1.0, 1.0])
+    fine = replace(p, substeps=16).fitted(x, e)
+    error = [np.max(np.abs(replace(p, substeps=n).fitted(x, e) - fine)) for n in (1, 2, 4)]
+    assert np.log2(error[0] / error[1]) == pytest.approx(2, abs=0.2)
+    assert np.log2(error[1] / error[2]) == pytest.approx(2, abs=0.2)
+
+
+def test_an_input_is_interpolated_between_its_samples():
+    rig = fracid.rotary_pendulum("srv02-rotpen", torque_per_volt=0.1)
+    volts = np.sin(3 * np.arange(501) * STEP)[:, None]
+    run = fracid.simulate(rig, orders=TRUE, initial={}, step=STEP, end=2.0, inputs=volts)
+    e = Experiment("pulse", STEP, run.states[:, [0, 2]], volts)
+    p = Problem(rig, (e,), TRUE, initial_state="held")
+    x = np.empty(0)
+    assert np.array_equal(p.fitted(x, e), run.states[:, [0, 2]])
+    assert replace(p, substeps=4).fitted(x, e) == pytest.approx(run.states[:, [0, 2]], abs=2e-4)
+
+
+def test_a_recording_gives_its_outputs_and_its_inputs():
+    time = np.arange(5) * 0.1 + 7.0
+    recording = Recording.of("r", time, {"voltage": time, "alpha": -time, "theta": 2 * time})
+    e = Experiment.of(recording, RIG, ["alpha"], {"theta": 0.5})
+    assert (e.step, e.start, e.initial) == (pytest.approx(0.1), 7.0, {"theta": 0.5})
+    assert np.array_equal(e.measured[:, 0], -time)
+    assert np.array_equal(e.inputs[:, 0], time)
+    assert e.time == pytest.approx(time - 7.0)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "constants", "reason"),
+    [
+        (0.4, {"b_alpha": -0.05}, r"diverged.* at t = "),
+        (0.0, {"C1": 0.0078125, "J_theta": 0.0078125, "C3": 0.0078125}, "det M = 0"),  # C1 J_theta = C3^2
+        (0.4, {"C1": 0.0078125, "J_theta": 0.0078125, "C3": 0.0078125}, "diverged"),  # the same, while α falls to 0
+        (0.4, {"C3": 0.1}, "det M = 0"),  # det M < 0: no masses have it
+    ],
+)
+def test_a_run_that_fails_is_an_infinite_cost_with_a_reason(alpha, constants, reason):
+    p = problem(twin(alpha=alpha, known=False), parameters=constants)
+    e = p.evaluate(p.start)
+    assert e.cost == math.inf
+    assert e.residuals is None
+    assert p.cost(p.start) == math.inf
+    with pytest.raises(InputError, match=reason):
+        p.residuals(p.start)
+    assert e.reason.startswith("swing: ")
+
+
+def test_a_users_cost_has_no_rows():
+    own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
+    p = problem(cost_function=own)
+    assert p.cost(np.array([0.9, 0.95])) == 0.0
+    assert p.evaluate(p.start).residuals is None
+    with pytest.raises(InputError, match="'own' has no residuals here: it is a user's own"):
+        p.residuals(p.start)
+
+
+# --- variants -----------------------------------------------------------------------------------------
+
+
+def test_until_keeps_the_first_seconds_of_every_recording():
+    p = problem(twin("long", 2.0), twin("short", 0.5)).until(1.0)
+    assert [len(e.measured) for e in p.experiments] == [251, 126]
+    assert p.cost(np.array([0.9, 0.95])) == pytest.approx(0, abs=1e-9)  # a shorter record has other memory modes
+
+
+def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
+    p = problem(
+        twin("a", known=False),
+        parameters={"theta_rest": Free(0.0, -1.0, 1.0), "C1": Free(4e-3, 1e-3, 1e-2)},
+        per_recording=("theta_rest",),
+        initial_state="rest",
+    )
+    x = np.array([0.91, 0.96, 5e-3, 0.3, 0.01, 0.39])
+    other = p.with_shared(x, (twin("b", known=False),))
+    assert other.names == ("theta_rest [b]", "theta(0) [b]", "alpha(0) [b]")
+    assert other.orders == {"lambda": 0.91, "mu": 0.96}
+    assert other.parameters["C1"] == 5e-3
+    assert other.start[0] == 0.0
+
+
+# --- what cannot be -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"orders": {"lambda": 1.0}}, "order 'mu' .* is missing"),
+        ({"orders": {"lambda": 0.0, "mu": 1.0}}, "order lambda = 0.0: expected a number between 0 and 2"),
+        ({"orders": {"lambda": 1.0, "mu": 2.5}}, "order mu = 2.5: expected a number between 0 and 2"),
+        ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.0, 1.2)}}, r"mu = 0 … 1\.2: an order must lie strictly between"),
+        ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.5, 2.0)}}, r"mu = 0\.5 … 2: an order"),
+        ({"parameters": {"C9": 1.0}}, "unknown rotary-pendulum parameter 'C9'; the known ones are C1, "),
+        ({"parameters": {"C1": -1.0}}, "C1 = -1.0 kg m.2 is outside its physical bounds"),
+        ({"parameters": {"C4": Free(0.1, -1.0, 1.0)}}, "C4 is free in -1 … 1 N m, but means something only"),
+        ({"outputs": ("beta", "theta")}, "unknown output 'beta'.*theta, alpha"),
+        ({"outputs": ()}, "outputs is empty: score at least one of theta, alpha"),
+        ({"outputs": ("alpha",)}, r"swing: measured has the shape \(501, 2\); expected .* 1 outputs: alpha"),
+        ({"per_recording": ("theta_rest",)}, "per_recording names 'theta_rest', which is not free; type theta_rest = "),
+        ({"initial_state": "estimated"}, "unknown initial_state 'estimated': did you mean estimate"),
+        ({"method": "pi3"}, "unknown method 'pi3': did you mean pi2"),
+        ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
+        ({"experiments": ()}, "needs at least one recording"),
+        ({"experiments": (twin(), twin())}, "Two recordings are named 'swing'"),
+        ({"experiments": (replace(twin(), measured=np.zeros((2, 2))),)}, "expected at least 3 samples of 2 outputs"),
+        ({"experiments": (replace(twin(), measured=np.full((9, 2), np.nan)),)}, "swing: a sample is not a finite"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_told(options, message):
+    with pytest.raises(InputError, match=message):
+        Problem(**{"model": RIG, "experiments": (twin(),), "orders": FREE} | options)
+
+
+@pytest.mark.parametrize("bounds", [(1.0, 1.1, 1.2), (1.0, 0.5, 0.9), (1.0, 1.0, 1.0), (math.nan, 0.0, 1.0)])
+def test_bounds_that_do_not_hold_the_start_are_refused(bounds):
+    with pytest.raises(InputError, match=r"expected lower <= start <= upper and lower < upper"):
+        Free(*bounds)
+
+
+def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_state_is_told():
+    time = np.arange(20.0)
+    recording = Recording.of("r", time, {"alpha": time})
+    with pytest.raises(InputError, match=r"r has no signal 'theta'; it has alpha\. Type theta = \{ column"):
+        Experiment.of(recording, RIG, ["theta"])
+    with pytest.raises(InputError, match=r"unknown state in initial of r 'alfa': did you mean alpha"):
+        Experiment.of(recording, RIG, ["alpha"], {"alfa": 0.1})
+    uneven = Recording.of("u", np.cumsum(1 + 0.3 * np.sin(time)), {"alpha": time})
+    with pytest.raises(InputError, match="u is not on a uniform grid; resample it first"):
+        Experiment.of(uneven, RIG, ["alpha"])
