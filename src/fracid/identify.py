@@ -430,6 +430,9 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
     return _recording(alone, best.point, known, e, "validate"), best.reason
 
 
+COARSE = 0.05
+"""A cost that changes by more than this part at half the step says that the step is too coarse."""
+
 SHIFT = 1e-4
 """Orders that move by less than this do not matter, however narrow their intervals."""
 
@@ -443,7 +446,7 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    refined = _arrived(_refine(second, x, jobs, _Watch(None, None), tolerance=1e-6)).best.point
+    refined = _arrived(_refine(second, x, jobs, _Watch(None, None), tolerance=1e-6, budget=20)).best.point
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     shift = {n: float(refined[i] - x[i]) for n, i in at.items()}
     width = {n: max(SHIFT, _half_width(known, x, i)) for n, i in at.items()}
@@ -452,6 +455,11 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."
         for n in at if abs(shift[n]) > width[n]
     )  # fmt: skip
+    if problem.method == "pi2" and abs(costs[1] / costs[0] - 1) > COARSE:
+        warning = (
+            f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
+            f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
+        ).strip()
     return Discretisation(*costs, {n: float(refined[i]) for n, i in at.items()}, shift, warning)
 
 
