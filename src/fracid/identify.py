@@ -494,7 +494,7 @@ def _estimates(problem: Problem, x: FloatArray, known: Uncertainty | str) -> dic
 def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str) -> Estimate:
     value = float(x[i])
     if isinstance(known, str):
-        return Estimate(value, u.unit, True, identifiable=f"unknown: {known}")
+        return Estimate(value, u.unit, True, identifiable="unknown")
     interval, se = known.interval(x, i), float(known.standard_error[i])
     return Estimate(
         value, u.unit, True, se if np.isfinite(se) else None, interval, bool(known.at_bound[i]),

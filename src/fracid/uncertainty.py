@@ -173,18 +173,26 @@ def _sparse(unseen: FloatArray) -> NDArray[np.bool_]:
 
 
 def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
-    """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads."""
+    """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
+
+    Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
+    """
     steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
     room = np.minimum(problem.space.upper - x, x - problem.space.lower)
     steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
     points = [x + sign * steps[i] * (np.arange(len(x)) == i) for i in free for sign in (1, -1)]
     with ThreadPoolExecutor(jobs) as pool:
-        errors = list(pool.map(problem.errors, points))
+        here, *errors = list(pool.map(problem.errors, [x, *points]))
+    if isinstance(here, str):
+        return here
     columns = []
     for i, plus, minus in zip(free, errors[::2], errors[1::2], strict=True):
-        if isinstance(plus, str) or isinstance(minus, str):
-            return f"a run next to the minimum fails: {plus if isinstance(plus, str) else minus}"
-        columns.append([(p - m) / (2 * steps[i]) for p, m in zip(plus, minus, strict=True)])
+        if isinstance(plus, str) and isinstance(minus, str):
+            return f"the runs on both sides of the minimum fail: {plus}"
+        one_sided = isinstance(plus, str) or isinstance(minus, str)
+        high, low = (here if isinstance(side, str) else side for side in (plus, minus))
+        width = steps[i] if one_sided else 2 * steps[i]
+        columns.append([(p - m) / width for p, m in zip(high, low, strict=True)])
     return [np.stack(recording, axis=-1) for recording in zip(*columns, strict=True)]
 
 
