@@ -83,12 +83,12 @@ def test_the_public_names_are_sorted_and_all_there():
 
 def test_importing_a_module_does_not_hide_the_function_of_its_name():
     import fracid.identify
-    import fracid.simulate  # noqa: F401
+    import fracid.simulate
 
     assert callable(fracid.simulate)
     assert callable(fracid.identify)
 
 
 def test_a_misspelt_public_name_is_told_with_those_there_are():
-    with pytest.raises(AttributeError, match="no attribute 'solve_ode'; it has .*solve_fde"):
+    with pytest.raises(AttributeError, match=r"no attribute 'solve_ode'; it has .*solve_fde"):
         _ = fracid.solve_ode

@@ -16,8 +16,9 @@
     mu = 1.0                                     initial_state = "estimate"
 
 A number fixes, a table frees, and what is left out keeps the rig's value; orders that are left out are
-free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are relative to the file.  :func:`load_project` reads it all, recordings included;
-an unknown key or a value of the wrong kind is told with its place in the file.
+free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are
+relative to the file.  :func:`load_project` reads it all, recordings included; an unknown key or a value of
+the wrong kind is told with its place in the file.
 
 ``preset = "paper"`` is the paper to the letter: gl-paper, ITAE on α alone, the orders alone, from a held
 release, by its genetic algorithm.  It overrides whatever else the file says of these.

@@ -239,8 +239,10 @@ def simulate(
     steps = _steps(step, end)
     u = np.zeros((1, len(model.inputs))) if inputs is None else _inputs(inputs, steps, len(model.inputs))
     chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
-    return integrate(compile_rhs(model.rhs), q, start, slope, u, values, float(step), steps, chosen, kept,
-                     corrections=corrections, limit=limit, time_scale=time_scale(model, values), name=method)  # fmt: skip
+    return integrate(
+        compile_rhs(model.rhs), q, start, slope, u, values, float(step), steps, chosen, kept,
+        corrections=corrections, limit=limit, time_scale=time_scale(model, values), name=method,
+    )  # fmt: skip
 
 
 def _named_states(model: Model, values: Mapping[str, float]) -> FloatArray:
