@@ -65,7 +65,7 @@ class Estimate:
     standard_error: float | None = None
     """None for a fixed value, and where it cannot be known."""
     interval95: tuple[float, float] | None = None
-    """From the HAC sandwich; of this model, without model error."""
+    """From the sandwich of :mod:`fracid.uncertainty`; of this model, without model error."""
     at_bound: bool = False
     identifiable: str = "fixed"
     """The verdict in words."""
@@ -165,7 +165,9 @@ class Fit:
             "evaluations": self.evaluations,
             "optimiser": self.optimiser,
             "outcome": self.outcome,
-            "interval_method": "sandwich with Newey-West long-run covariance" if self.uncertainty else None,
+            "interval_method": "sandwich with the prewhitened Newey-West long-run covariance"
+            if self.uncertainty
+            else None,
             "warnings": list(self.warnings),
             "seed": self.seed,
         }

@@ -9,9 +9,19 @@ scores :math:`s_t = w_t\,ρ'(e_t)\,J_t`,
 
 This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey and West [NW]_: it holds for
 residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
-:math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B follows Andrews'
-rule for the Bartlett window [A]_, from the residuals' own lag-one correlation.  It does not know of model
-error: an interval says where the best value *of this model* lies.
+:math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B is five correlation
+times of the scores, found from them by Sokal's window [S]_; the scores are whitened by their lag-one correlation
+before, and S is coloured again after [AM]_.  How often a 95 % interval of λ and of μ holds the truth, on twins of
+4 s at 500 Hz (150 seeds):
+
+====================================== ============== ================= ==========================
+noise                                  this           Andrews' rule [A]_ :math:`\sigma^2 (J'J)^{-1}`
+====================================== ============== ================= ==========================
+AR(1), ρ = 0.9                         91 %, 93 %     87 %, 90 %        33 %, 34 %
+AR(1), ρ = 0.98, and as much white     82 %, 91 %     60 %, 72 %        22 %, 32 %
+====================================== ============== ================= ==========================
+
+It does not know of model error: an interval says where the best value *of this model* lies.
 
 An unknown at one of its bounds is held there; directions that J does not see (singular values of the
 column-scaled J below 10⁻⁶ of the largest) are reported by the names that take part in them.
@@ -20,7 +30,9 @@ References
 ----------
 .. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
 .. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
-.. [A] D. Andrews, Econometrica 59 (1991) 817, eq. (6.4): the bandwidth.
+.. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
+.. [A] D. Andrews, Econometrica 59 (1991) 817, eq. (6.4): the usual bandwidth, blind to slow errors under fast ones.
+.. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 """
 
 from __future__ import annotations
@@ -35,7 +47,7 @@ from numpy.typing import NDArray
 from fracid.optimise import Space
 from fracid.problem import Problem
 
-__all__ = ["Uncertainty", "andrews_bandwidth", "bartlett_long_run", "jacobian", "uncertainty"]
+__all__ = ["Uncertainty", "bartlett_long_run", "jacobian", "sokal_bandwidth", "uncertainty"]
 
 FloatArray = NDArray[np.float64]
 
@@ -47,6 +59,9 @@ UNSEEN = 1e-6
 
 PART = 1e-2
 """Who has less than this of the largest share in an unseen direction takes no part in it."""
+
+WHITENED = 0.97
+"""Limit of the correlation that is taken out before S is estimated [AM]_."""
 
 BOUND = 1e-3
 """An unknown within this part of its range of a bound lies at it."""
@@ -120,10 +135,9 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     norm[norm == 0] = 1.0
     _, singular, V = np.linalg.svd(rows / norm, full_matrices=False)
     seen = singular > UNSEEN * singular[0]
-    scaled = [s / norm for s in scores]
-    bandwidth = andrews_bandwidth(np.concatenate(scaled))
+    S, bandwidth = _long_run([s / norm for s in scores])
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
-    covariance = inverse @ sum(bartlett_long_run(s, bandwidth) for s in scaled) @ inverse
+    covariance = inverse @ S @ inverse
     partners = _sparse(V[~seen])
     known = ~np.any(partners, axis=0)
     error[free[known]] = (np.sqrt(np.diag(covariance)) / norm)[known]
@@ -196,22 +210,34 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     return [np.stack(recording, axis=-1) for recording in zip(*columns, strict=True)]
 
 
-def andrews_bandwidth(scores: FloatArray) -> float:
-    """B = 1.1447·(α n)^(1/3) of the Bartlett window, at most n/4; α from the columns' lag-one correlations ρ.
+def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
+    """S over all recordings, column by column whitened before and coloured after [AM]_, and the bandwidth."""
+    before, after = (np.concatenate([s[part] for s in scores]) for part in (slice(-1), slice(1, None)))
+    rho = np.sum(before * after, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
+    rho = np.clip(rho, -WHITENED, WHITENED)
+    white = [s - rho * np.vstack([np.zeros_like(s[:1]), s[:-1]]) for s in scores]
+    bandwidth = sokal_bandwidth(np.concatenate(scores))
+    S = sum((bartlett_long_run(w, bandwidth) for w in white), np.zeros((len(rho), len(rho))))
+    return S / np.outer(1 - rho, 1 - rho), bandwidth
 
-    With columns of equal variance, α = Σ 4ρ²/((1−ρ)⁶(1+ρ)²) / Σ 1/(1−ρ)⁴ ([A]_ (6.4)).
+
+def sokal_bandwidth(scores: FloatArray) -> float:
+    """B: the first lag that is 5 times the correlation time of the scores up to it [S]_, at most n/4.
+
+    The correlation time up to lag k is 1 + 2·Σ ρ_j over j ≤ k, ρ from all columns together.
 
     Examples
     --------
     >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
-    >>> andrews_bandwidth(noise) < 10 < andrews_bandwidth(np.cumsum(noise, axis=0))
+    >>> sokal_bandwidth(noise) < 10 < sokal_bandwidth(np.cumsum(noise, axis=0))
     True
     """
     n = len(scores)
-    power = np.maximum(np.sum(scores**2, axis=0), 1e-300)
-    rho = np.clip(np.sum(scores[1:] * scores[:-1], axis=0) / power, -0.97, 1 - 1 / n)
-    alpha = np.sum(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum((1 - rho) ** -4.0)
-    return float(min(n / 4, 1.1447 * (alpha * n) ** (1 / 3)))
+    power = np.abs(np.fft.rfft(scores, 2 * n, axis=0)) ** 2  # padded: no lag wraps around
+    covariance = np.fft.irfft(power.sum(axis=1))[: n // 4 + 1]
+    times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
+    wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
+    return float(wide_enough[0] if len(wide_enough) else n // 4)
 
 
 def bartlett_long_run(scores: FloatArray, bandwidth: float) -> FloatArray:
