@@ -38,7 +38,7 @@ import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.core.datamodel import models
-from numba.extending import intrinsic, register_model
+from numba.extending import intrinsic, register_jitable, register_model
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
@@ -56,41 +56,63 @@ BLOCK = 8
 
 
 class Kernels(NamedTuple):
-    """The kernels of a run as tables for the compiled loops, a row for each that differs."""
+    """The kernels of a run for the compiled loops, a row for each that differs.
 
+    One table holds all, since every array more is a pointer more that the loops have to keep: the columns
+
+    ======== ======= =============================================================================
+    from     columns hold
+    ======== ======= =============================================================================
+    0        L + 16  w_k in column 7 + k for 1 ≤ k < L + 8, and zeros before
+    start    L + 16  the same for the first sample
+    forget   M       z⁸ − 1 of each exponential: what its sum loses in eight steps
+    enter    M       what the first sample adds to each sum
+    collect  8 M     z⁷ of all, then z⁶, … z⁰: what eight samples, the oldest first, add to each sum
+    foresee  8 M     c, c z, … c z⁷ of each: what its sum adds to H of eight steps
+    ======== ======= =============================================================================
+    """
+
+    table: FloatArray
+    """The six above, (rows, 2 (L + 16) + 18 M)."""
+    lags: int
+    """L of the columns, the most that a row has."""
+    modes: int
+    """M of the columns."""
     of: NDArray[np.int64]
     """The row of each state, (n_states,)."""
-    weights: FloatArray
-    """w_k in column 7 + k for 1 ≤ k < L + 8, and zeros before, (rows, L_max + 15)."""
-    start: FloatArray
-    """The same for the first sample."""
-    forget: FloatArray
-    """z⁸ − 1 of each exponential: what its sum loses in eight steps, (rows, M_max)."""
-    collect: FloatArray
-    """z⁷, z⁶, … z⁰: what eight samples, the oldest first, add to each sum, (8 · rows, M_max)."""
-    foresee: FloatArray
-    """c, c z, … c z⁷: what each sum adds to H of eight steps, (rows, 8 · M_max)."""
-    enter: FloatArray
-    """What the first sample adds to each sum, (rows, M_max)."""
+    sizes: NDArray[np.int64]
+    """L and M of each row, multiples of 8, (rows, 2)."""
     own: FloatArray
     """w_0, the weight of the newest sample, and 8 where the weights have a linear part, (rows, 2)."""
-    sizes: NDArray[np.int64]
-    """L and the number of sums, multiples of 8, (rows, 2)."""
 
 
 def stack(kernels: list[Kernel]) -> Kernels:
-    """Make the tables for one kernel per state; states that share a kernel share its row."""
+    """Make the table for one kernel per state; states that share a kernel share its row."""
     rows = list({id(k): k for k in kernels}.values())
     row_of = {id(k): r for r, k in enumerate(rows)}
     sizes = np.array([(_eights(k.lags), _eights(len(k.decay) + (k.ramp != 0.0))) for k in rows])
-    (L, M), R = sizes.max(axis=0), len(rows)
+    L, M = map(int, sizes.max(axis=0))
     of = np.array([row_of[id(k)] for k in kernels])
     own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
-    tables = Kernels(of, np.zeros((R, L + 15)), np.zeros((R, L + 15)), np.zeros((R, M)), np.zeros((R * BLOCK, M)),
-                     np.zeros((R, M * BLOCK)), np.zeros((R, M)), own, sizes)  # fmt: skip
+    stacked = Kernels(_zeros(len(rows), 2 * (L + 16) + 18 * M), L, M, of, sizes, own)
     for r, k in enumerate(rows):
-        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, tables)
-    return tables
+        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, stacked)
+    return stacked
+
+
+@register_jitable
+def _columns(L: int, M: int) -> tuple[int, int, int, int, int]:
+    """Where the parts of the table begin: start, forget, enter, collect, foresee."""
+    forget = 2 * (L + 16)
+    return L + 16, forget, forget + M, forget + 2 * M, forget + 10 * M
+
+
+@register_jitable
+def _zeros(rows: int, columns: int) -> FloatArray:
+    """Zeros that begin at a multiple of 64 bytes: loads across two cache lines cost twice."""
+    room = np.zeros(rows * columns + BLOCK)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + rows * columns].reshape(rows, columns)
 
 
 def _eights(count: int) -> int:
@@ -98,38 +120,40 @@ def _eights(count: int) -> int:
     return max(1, -(-count // BLOCK)) * BLOCK
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-_kernels = types.NamedTuple((types.int64[::1], *[_matrix] * 7, types.int64[:, ::1]), Kernels)
+_vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.int64[::1]
+_kernels = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
 
 
 @nb.njit(types.void(types.int64, *[_vector] * 5, types.float64, _kernels), cache=True, nogil=True)
-def _fill(r, exact, start, decay, amplitude, start_ratio, ramp, tables):
+def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, stacked):
     """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
 
     A linear part of the weights is one sum more, :math:`Y_0 = \\sum_s (n-L-1-s) v_s`; the constant's is Y_1 then.
     """
-    known, first = len(exact) - 1, 1 if ramp != 0.0 else 0
-    more = tables.sizes[r, 0] - known  # exact lags that are not, to make L a multiple of 8
-    tables.weights[r, 8 : 8 + known], tables.start[r, 8 : 8 + known] = exact[1:], start[1:]
+    row, M = stacked.table[r], stacked.modes
+    start, forget, enter, collect, foresee = _columns(stacked.lags, M)
+    known, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
+    more = 8 + stacked.sizes[r, 0] - known  # lags to make of the exponentials, for L to be a multiple of 8
+    row[8:known], row[start + 8 : start + known] = exact[1:], first[1:]
     for m in range(len(decay)):
         s = np.log1p(decay[m])
-        tables.forget[r, first + m], tables.enter[r, first + m] = np.expm1(BLOCK * s), start_ratio[m]
+        row[forget + m0 + m], row[enter + m0 + m] = np.expm1(BLOCK * s), first_ratio[m]
         for j in range(more + BLOCK - 1):
             weight = amplitude[m] * np.exp(j * s)
-            tables.weights[r, 8 + known + j] += weight
-            tables.start[r, 8 + known + j] += weight * start_ratio[m]
+            row[known + j] += weight
+            row[start + known + j] += weight * first_ratio[m]
         for j in range(BLOCK):
-            tables.collect[BLOCK * r + j, first + m] = np.exp((BLOCK - 1 - j) * s)
-            tables.foresee[r, BLOCK * (first + m) + j] = amplitude[m] * np.exp((more + j) * s)
+            row[collect + j * M + m0 + m] = np.exp((BLOCK - 1 - j) * s)
+            row[foresee + BLOCK * (m0 + m) + j] = amplitude[m] * np.exp((more + j) * s)
     if ramp != 0.0:
-        tables.enter[r, 0] = -1 / 6  # ∫ s (1 − s) ds over [0, 1], the half-hat's moment, with its sign
+        row[enter] = -1 / 6  # the first sample's panel is half a hat, whose centre is a third of a step later
         for j in range(more + BLOCK - 1):
-            tables.weights[r, 8 + known + j] += ramp * j
-            tables.start[r, 8 + known + j] += ramp * (j / 2 - 1 / 6)
+            row[known + j] += ramp * j
+            row[start + known + j] += ramp * (j / 2 - 1 / 6)
         for j in range(BLOCK):
-            tables.collect[BLOCK * r + j, 0] = BLOCK - 1 - j
-            tables.foresee[r, j] = ramp
-            tables.foresee[r, BLOCK + j] += ramp * (more + j)
+            row[collect + j * M] = BLOCK - 1 - j
+            row[foresee + j] = ramp
+            row[foresee + BLOCK + j] += ramp * (more + j)
 
 
 # --- eight numbers in a register -------------------------------------------------------------------
@@ -220,19 +244,23 @@ _inline = nb.njit(nogil=True, error_model="numpy", forceinline=True)
 @_inline
 def _history(n, head, window, sums, ahead, kernels):
     """Compute H of the steps n … n + 7 from the samples before n; window[i, head − k] is v_i^{n−k}."""
+    table, M = kernels.table, kernels.modes
+    start, forget, enter, collect, foresee = _columns(kernels.lags, M)
     for i in range(len(kernels.of)):
         r = kernels.of[i]
         L, modes = kernels.sizes[r, 0], kernels.sizes[r, 1]
-        total = _sum(window, i, head - 1, -1, kernels.weights, r, 8, 1, min(n - 1, L))
+        total = _sum(window, i, head - 1, -1, table, r, 8, 1, min(n - 1, L))
         if n <= L:
-            total = _add(total, _at(window, i, head - n), _load(kernels.start, r, 7 + n))
+            total = _add(total, _at(window, i, head - n), _load(table, r, start + 7 + n))
         else:
             if n == L + 1:
                 for m in range(modes):
-                    sums[i, m] = kernels.enter[r, m] * window[i, head - n]
+                    sums[i, m] = table[r, enter + m] * window[i, head - n]
             else:
-                _collect(i, r, modes, head - L - BLOCK, window, sums, kernels.forget, kernels.collect, kernels.own)
-            total = _add(total, _all(1.0), _sum(sums, i, 0, 1, kernels.foresee, r, 0, BLOCK, modes))
+                slope = kernels.own[r, 1] * sums[i, 1]  # of the linear part: older samples' age grows by eight
+                _collect(i, r, modes, head - L - BLOCK, window, sums, table, forget, collect, M)
+                sums[i, 0] += slope
+            total = _add(total, _all(1.0), _sum(sums, i, 0, 1, table, r, foresee, BLOCK, modes))
         _store(ahead, i, 0, total)
 
 
@@ -250,19 +278,18 @@ def _sum(values, i, at, by, table, r, column, stride, count):
 
 
 @_inline
-def _collect(i, r, modes, oldest, window, sums, forget, collect, own):
+def _collect(i, r, modes, oldest, window, sums, table, forget, collect, M):
     """Take the eight samples that leave the exact lags into the sums: Y ← Y + (z⁸ − 1) Y + Σ z^(7−j) v_j."""
-    sums[i, 0] += own[r, 1] * sums[i, 1]  # the linear part: every older sample's age grows by eight
     v0, v1, v2, v3 = _quartet(window, i, oldest)
     v4, v5, v6, v7 = _quartet(window, i, oldest + 4)
-    row, one = BLOCK * r, _all(1.0)
+    one = _all(1.0)
     for m in range(0, modes, BLOCK):
-        y = _load(sums, i, m)
-        a = _add(_all(0.0), y, _load(forget, r, m))
-        a = _add(_add(a, v0, _load(collect, row, m)), v1, _load(collect, row + 1, m))
-        a = _add(_add(a, v2, _load(collect, row + 2, m)), v3, _load(collect, row + 3, m))
-        b = _add(_add(y, v4, _load(collect, row + 4, m)), v5, _load(collect, row + 5, m))
-        b = _add(_add(b, v6, _load(collect, row + 6, m)), v7, _load(collect, row + 7, m))
+        y, at = _load(sums, i, m), collect + m
+        a = _add(_all(0.0), y, _load(table, r, forget + m))
+        a = _add(_add(a, v0, _load(table, r, at)), v1, _load(table, r, at + M))
+        a = _add(_add(a, v2, _load(table, r, at + 2 * M)), v3, _load(table, r, at + 3 * M))
+        b = _add(_add(y, v4, _load(table, r, at + 4 * M)), v5, _load(table, r, at + 5 * M))
+        b = _add(_add(b, v6, _load(table, r, at + 6 * M)), v7, _load(table, r, at + 7 * M))
         _store(sums, i, m, _add(a, one, b))
 
 
@@ -275,23 +302,23 @@ def _quartet(array, i, k):
 def _enter(i, j, v, head, window, ahead, kernels):
     """Enter the new sample of state i, the j-th of its block, and add its share to the rest of the block."""
     window[i, head] = v
-    _store(ahead, i, 0, _add(_load(ahead, i, 0), _all(v), _load(kernels.weights, kernels.of[i], 7 - j)))
+    _store(ahead, i, 0, _add(_load(ahead, i, 0), _all(v), _load(kernels.table, kernels.of[i], 7 - j)))
 
 
 @_inline
 def _nothing_yet(kernels, steps):
     """Give an empty window, which slides every 256 steps or more (never where all is kept), sums and H ahead."""
-    states, longest = len(kernels.of), kernels.sizes[:, 0].max()
+    states, longest = len(kernels.of), kernels.lags
     width = min(steps, longest + max(256, longest // 4)) + 3 * BLOCK
-    return np.zeros((states, width)), np.zeros((states, kernels.forget.shape[1])), np.zeros((states, BLOCK))
+    return _zeros(states, width), _zeros(states, kernels.modes), _zeros(states, BLOCK)
 
 
 @_inline
-def _room(head, window, sizes):
+def _room(head, window, lags):
     """Give the place of the next eight samples; in a full window the newest part moves to the front first."""
     if head + BLOCK <= window.shape[1]:
         return head
-    keep = sizes[:, 0].max() + BLOCK
+    keep = lags + BLOCK
     for i in range(len(window)):
         for k in range(keep):
             window[i, k] = window[i, head - keep + k]
@@ -352,7 +379,7 @@ def step_gl(rhs, x0, slope, gain, u, p, h, limit, kernels, raw, out):
     for n in range(1, steps + 1):
         j = (n - 1) % BLOCK
         if j == 0:
-            head = _room(head, window, kernels.sizes)
+            head = _room(head, window, kernels.lags)
             _history(n, head, window, sums, ahead, kernels)
         _read(u, n - 1, now)
         rhs((n - 1) * h, x, now, p, f)
@@ -376,7 +403,7 @@ def step_gl_sequential(rhs, x0, slope, gain, u, p, h, limit, kernels, out):
     for n in range(1, steps + 1):
         j = (n - 1) % BLOCK
         if j == 0:
-            head = _room(head, window, kernels.sizes)
+            head = _room(head, window, kernels.lags)
             _history(n, head, window, sums, ahead, kernels)
         _read(u, n - 1, now)
         for i in range(states - 1, -1, -1):
@@ -392,24 +419,13 @@ def step_gl_sequential(rhs, x0, slope, gain, u, p, h, limit, kernels, out):
 
 
 @_inline
-def _sweep(x, f, known, newest):
-    """Set x = known + g b_0 f; gives how far that moved it."""
-    moved = 0.0
+def _slow(x, last, f, known, newest, weight):
+    """Tell whether the next sweep would move x by too much, after the last one moved it there from `last`."""
+    moved = next_move = 0.0
     for i in range(len(x)):
-        swept = known[i] + newest[i] * f[i]
-        moved = max(moved, abs(swept - x[i]) / (SMALL + abs(swept)))
-        x[i] = swept
-    return moved
-
-
-@_inline
-def _defect(x, f, known, newest):
-    """How far one more sweep would move x."""
-    moved = 0.0
-    for i in range(len(x)):
-        swept = known[i] + newest[i] * f[i]
-        moved = max(moved, abs(swept - x[i]) / (SMALL + abs(swept)))
-    return moved
+        moved = max(moved, weight[i] * abs(x[i] - last[i]))
+        next_move = max(next_move, weight[i] * abs(known[i] + newest[i] * f[i] - x[i]))
+    return next_move > max(SLOW * moved, SETTLED)
 
 
 @nb.njit(nogil=True, error_model="numpy")
@@ -463,6 +479,7 @@ def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
     x, f, now = x0.copy(), np.zeros(states), u[0].copy()
     before, known, newest = np.zeros(states), np.zeros(states), np.zeros(states)
     A, trial = np.zeros((states, states + 1)), np.zeros(states)
+    last, weight = np.zeros(states), np.zeros(states)
     rhs(0.0, x, now, p, f)
     if not _finite(f):
         return 0, NOT_FINITE
@@ -472,23 +489,24 @@ def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
     for n in range(1, steps + 1):
         j = (n - 1) % BLOCK
         if j == 0:
-            head = _room(head, window, kernels.sizes)
+            head = _room(head, window, kernels.lags)
             _history(n, head, window, sums, ahead, kernels)
+            for i in range(states):
+                weight[i] = 1 / (SMALL + abs(x[i]))
         for i in range(states):
             known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
             x[i] = known[i] + newest[i] * (2 * f[i] - before[i])
             before[i] = f[i]
         _read(u, n, now)
         sweeps = corrections if n > 1 else corrections + 4  # nothing to extrapolate from at the start
-        moved = 0.0
         for _ in range(sweeps):
             rhs(n * h, x, now, p, f)
-            moved = _sweep(x, f, known, newest)
             for i in range(states):
+                last[i], x[i] = x[i], known[i] + newest[i] * f[i]
                 if not abs(x[i]) <= limit:
                     return n - 1, DIVERGED if _finite(f) else NOT_FINITE
         rhs(n * h, x, now, p, f)
-        if _defect(x, f, known, newest) > max(SLOW * moved, SETTLED):
+        if _slow(x, last, f, known, newest, weight):
             _newton(rhs, n * h, x, now, p, f, known, newest, A, trial)
         for i in range(states):
             if not np.isfinite(f[i]):
