@@ -138,7 +138,8 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     S, bandwidth = _long_run([s / norm for s in scores])
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
     covariance = inverse @ S @ inverse
-    partners = _sparse(V[~seen])
+    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))[free]
+    partners = _sparse(V[~seen] / (norm * size))
     known = ~np.any(partners, axis=0)
     error[free[known]] = (np.sqrt(np.diag(covariance)) / norm)[known]
     confounded = tuple(tuple(problem.names[free[i]] for i in np.flatnonzero(row)) for row in partners)
@@ -167,12 +168,12 @@ def _rows_and_scores(
 
 
 def _sparse(unseen: FloatArray) -> NDArray[np.bool_]:
-    """Who takes part in each unseen direction, shape (n_unseen, n_free).
+    """Who takes part in each unseen direction, of relative changes, shape (n_unseen, n_free).
 
     A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
     """
-    rows, lead = unseen.copy(), 0
-    for column in np.argsort(-np.max(np.abs(unseen), axis=0, initial=0.0), kind="stable"):
+    rows, lead = unseen / np.max(np.abs(unseen), axis=1, keepdims=True, initial=1e-300), 0
+    for column in np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable"):
         if lead == len(rows):
             break
         best = lead + int(np.argmax(np.abs(rows[lead:, column])))

@@ -1,0 +1,190 @@
+"""Intervals: how often they hold the truth, and what they say of what cannot be known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+import fracid
+from fracid.costs import COSTS, Cost
+from fracid.optimise import least_squares, minimise
+from fracid.problem import Experiment, Free, Problem
+from fracid.uncertainty import Uncertainty, bartlett_long_run, jacobian, sokal_bandwidth, uncertainty
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+TRUE = np.array([0.9, 0.95])
+ORDERS = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
+
+
+def clean(step=2e-3, end=4.0):
+    run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.3}, step=step, end=end)
+    return run.states[:, [0, 2]]
+
+
+def problem(measured, step=2e-3, **options):
+    swing = Experiment("swing", step, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.3})
+    return Problem(RIG, (swing,), **{"orders": ORDERS, "initial_state": "held"} | options)
+
+
+def noise(n, rho, seed):
+    """AR(1) of a standard deviation of 3 mrad: lag-one correlation rho."""
+    white = np.random.default_rng(seed).standard_normal((n + 500, 2))
+    return 3e-3 * np.sqrt(1 - rho**2) * lfilter([1], [1, -rho], white, axis=0)[500:]
+
+
+def held(cost, rho, seeds=40):
+    """In how many of the twins the interval of each order holds the truth: ours, and by σ²(J'J)⁻¹."""
+    exact, ours, plain = clean(), np.zeros(2, int), np.zeros(2, int)
+    for seed in range(seeds):
+        p = problem(exact + noise(len(exact), rho, seed), cost_function=COSTS[cost])
+        x = minimise(p.evaluate, least_squares(p.space, None)).best.point
+        e, J = np.concatenate(p.errors(x)).ravel(), jacobian(p, x, np.arange(2))[0].reshape(-1, 2)
+        naive = np.sqrt(np.var(e) * np.diag(np.linalg.inv(J.T @ J)))
+        ours += np.abs(x - TRUE) < 1.96 * uncertainty(p, x).standard_error
+        plain += np.abs(x - TRUE) < 1.96 * naive
+    return ours, plain
+
+
+# Of 40 intervals that hold the truth with a probability of 95 %, 35 or fewer do so in 5 % of cases.
+
+
+@pytest.mark.parametrize("cost", ["rmse", "huber"])
+def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
+    ours, _ = held(cost, rho=0.0)
+    assert np.all(ours >= 36)
+
+
+def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
+    ours, plain = held("rmse", rho=0.9)
+    assert np.all(ours >= 36)
+    assert np.all(plain < 25)
+
+
+def test_intervals_are_sensible_under_itae_too():
+    ours, _ = held("itae", rho=0.0, seeds=20)
+    assert np.all(ours >= 17)
+
+
+def test_an_interval_is_as_wide_as_the_scatter_of_its_estimate():
+    exact = clean()
+    found, widths = [], []
+    for seed in range(60):
+        p = problem(exact + noise(len(exact), 0.0, 100 + seed))
+        x = minimise(p.evaluate, least_squares(p.space, None)).best.point
+        found.append(x)
+        widths.append(uncertainty(p, x).standard_error)
+    assert np.mean(widths, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.3)
+
+
+def test_two_recordings_give_a_narrower_interval_by_the_root_of_two():
+    exact = clean()
+    e = problem(exact + noise(len(exact), 0.0, 1)).experiments[0]
+    f = replace(e, name="again", measured=exact + noise(len(exact), 0.0, 2))
+    one, two = problem(e.measured), replace(problem(e.measured), experiments=(e, f))
+    ratio = uncertainty(one, TRUE).standard_error / uncertainty(two, TRUE).standard_error
+    assert ratio == pytest.approx(np.sqrt(2), rel=0.15)
+
+
+def test_jobs_do_not_change_a_bit():
+    p = problem(clean() + noise(2001, 0.5, 3))
+    one, three = uncertainty(p, TRUE, jobs=1), uncertainty(p, TRUE, jobs=3)
+    assert np.array_equal(one.standard_error, three.standard_error)
+
+
+# --- what cannot be known ----------------------------------------------------------------------------
+
+LUMPED = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
+
+
+def free(*names):
+    return {n: Free(v := RIG.parameter(n).value, v / 10, 10 * v) for n in names}
+
+
+def test_a_free_response_knows_only_ratios_and_names_all_that_are_confounded():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95}, parameters=free(*LUMPED))
+    found = uncertainty(p, p.start)
+    assert found.confounded == (LUMPED,)
+    assert np.all(np.isnan(found.standard_error))
+    assert found.interval(p.start, 0) is None
+
+
+def test_one_known_constant_makes_the_others_known():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95},
+                parameters={n: v for n, v in free(*LUMPED).items() if n != "C4"})  # fmt: skip
+    found = uncertainty(p, p.start)
+    assert found.confounded == ()
+    assert np.all(found.standard_error > 0)
+
+
+def test_two_unseen_directions_are_named_apart():
+    # without dry friction the slip speed does nothing; the ratios remain another direction
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95},
+                parameters={"slip_speed": Free(0.02, 0.01, 0.1), **free(*LUMPED)})  # fmt: skip
+    assert sorted(uncertainty(p, p.start).confounded) == [LUMPED, ("slip_speed",)]
+
+
+def test_what_lies_at_its_bound_has_no_interval_and_the_rest_has():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": ORDERS["mu"]})
+    found = uncertainty(p, p.start)
+    assert found.at_bound.tolist() == [True, False]
+    assert np.isnan(found.standard_error[0])
+    assert found.standard_error[1] > 0
+    both = problem(clean(), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": Free(0.95, 0.95, 1.2)})
+    assert np.all(uncertainty(both, both.start).at_bound)
+
+
+def test_there_is_a_sentence_where_there_is_no_interval():
+    own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
+    assert uncertainty(problem(clean(), cost_function=own), TRUE) == "the cost own is a user's own, of unknown loss"
+    fixed = problem(clean(), orders={"lambda": 0.9, "mu": 0.95})
+    assert uncertainty(fixed, np.empty(0)) == "nothing is free"
+    broken = problem(clean(), parameters={"C3": 0.1})
+    assert "det M = 0" in uncertainty(broken, TRUE)
+
+
+def test_an_interval_is_1_96_standard_errors_to_each_side():
+    found = Uncertainty(np.array([0.1]), np.array([False]), (), 0.0, 1.0)
+    assert found.interval(np.array([2.0]), 0) == pytest.approx((1.804, 2.196), abs=1e-4)
+
+
+# --- its parts ---------------------------------------------------------------------------------------
+
+
+def test_the_jacobian_is_the_derivative_of_the_errors_also_beside_a_bound():
+    p = problem(clean(), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": ORDERS["mu"]})
+    x = p.start - [1e-12, 0.0]  # as close to the bound as a search may end
+    h = 1e-6
+    wanted = (p.errors(x + h * np.eye(2)[1])[0] - p.errors(x - h * np.eye(2)[1])[0]) / (2 * h)
+    found = jacobian(p, x, np.arange(2))[0]
+    assert found.shape == (2001, 2, 2)
+    assert found[..., 1] == pytest.approx(wanted, rel=1e-5, abs=1e-6 * np.max(np.abs(wanted)))
+
+
+@given(
+    scores=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=2, max_size=30),
+    bandwidth=st.integers(0, 12),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_long_run_covariance_is_bartletts_sum(scores, bandwidth):
+    s = np.array(scores)
+    wanted = s.T @ s
+    for k in range(1, min(bandwidth, len(s) - 1) + 1):
+        lagged = s[:-k].T @ s[k:]
+        wanted = wanted + (1 - k / (bandwidth + 1)) * (lagged + lagged.T)
+    found = bartlett_long_run(s, bandwidth)
+    assert found == pytest.approx(wanted, abs=1e-12)
+    assert np.all(np.linalg.eigvalsh(found) > -1e-12)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.97])
+def test_the_bandwidth_is_five_correlation_times(rho):
+    scores = noise(20_000, rho, 1)
+    assert sokal_bandwidth(scores) == pytest.approx(5 * (1 + rho) / (1 - rho), rel=0.25)
+
+
+def test_the_bandwidth_sees_a_slow_error_under_a_fast_one():
+    both = noise(20_000, 0.98, 1) + noise(20_000, 0.0, 2)
+    assert sokal_bandwidth(both) > 150
