@@ -457,7 +457,7 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."
         for n in at if abs(shift[n]) > width[n]
     )  # fmt: skip
-    if problem.method == "pi2" and abs(costs[1] / costs[0] - 1) > COARSE:
+    if problem.method == "pi2" and abs(costs[1] - costs[0]) > COARSE * costs[0]:
         warning = (
             f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
             f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
