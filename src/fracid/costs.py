@@ -139,7 +139,8 @@ class Cost:
         if self.loss is None or self.weight is None:
             return self._own_value(time, residual)
         with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
-            total = float(self.weight(time) @ self.loss.rho(residual).sum(axis=1))
+            # no dot product: it would wake the threads of BLAS beside those of the optimiser
+            total = float(np.sum(self.weight(time)[:, None] * self.loss.rho(residual)))
         if not math.isfinite(total):
             return math.inf
         return math.sqrt(total / residual.shape[1]) if self.root else total

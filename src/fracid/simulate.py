@@ -30,6 +30,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numba as nb
@@ -316,7 +317,7 @@ def compile_rhs(rhs: Any) -> Any:
     """
     function = getattr(rhs, "py_func", rhs)
     _check_arity(function)
-    own = str(getattr(function, "__module__", "")).startswith("fracid.")
+    own = function.__module__.startswith("fracid.") and Path(function.__code__.co_filename).exists()
     try:
         return nb.njit(RHS_SIGNATURE, error_model="numpy", nogil=True, cache=own)(function)
     except nb.core.errors.NumbaError as error:
