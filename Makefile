@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-slow lint bench
+.PHONY: setup demo test test-slow lint bench fuzz
 
 setup: $(READY)
 
@@ -30,3 +30,7 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/solver.py
+
+# The property tests with fresh random examples, ten times over.
+fuzz: $(READY)
+	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done

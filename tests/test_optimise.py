@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fracid.errors import InputError
@@ -134,6 +134,7 @@ def test_it_never_leaves_the_bounds(name):
 
 @pytest.mark.parametrize("name", ["least-squares", "nelder-mead", "multistart"])
 @settings(max_examples=20, deadline=None)
+@example(lower=0.0, width=1.0, start=0.5625, target=0.0625)
 @given(
     lower=st.floats(-1e3, 1e3),
     width=st.floats(1e-6, 1e3),
