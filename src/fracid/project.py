@@ -306,19 +306,46 @@ def _in_folder(cost: str, folder: Path) -> str:
 # --- what pydantic says, in our words ----------------------------------------------------------------
 
 
+EXPECTED = {
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than_equal": "{ge} or more",
+    "int_type": "a whole number",
+    "list_type": "a list [...]; for recordings type [[recording]]",
+    "literal_error": "{expected}",
+    "model_type": "a table {{ start = ..., lower = ..., upper = ... }}",
+    "dict_type": "a table {{ ... }}",
+    "string_type": 'a text in "..."',
+}
+"""What pydantic's faults mean; those not listed keep its words."""
+
+
 def _explain(error: ValidationError) -> str:
-    """Turn the first few faults into sentences with their place in the file."""
-    sentences = []
-    for fault in error.errors()[:3]:
-        place = [p for p in fault["loc"] if p not in ("float", "_Range") and not str(p).startswith("literal")]
-        where = _place(place)
-        if fault["type"] == "extra_forbidden":
-            sentences.append(f"{where} is unknown{_close(place)}.")
-        elif fault["type"] == "missing":
-            sentences.append(f"{where} is missing.")
-        else:
-            sentences.append(f"{where} = {fault['input']!r}: {fault['msg'].lower()}.")
-    return " ".join(dict.fromkeys(sentences))
+    """Turn the faults into sentences, one for each place in the file."""
+    faults: dict[tuple[Any, ...], list[Any]] = {}
+    for fault in error.errors():
+        faults.setdefault(_path(fault["loc"]), []).append(fault)
+    inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
+    return " ".join(_sentence(p, faults[p]) for p in inner[:3])
+
+
+def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Where a fault is, without pydantic's notes on which alternative it tried."""
+    tried = {"float", "int", "str", "bool", "_Range"}
+    return tuple(p for p in loc if p not in tried and not str(p).startswith(("literal[", "dict[")))
+
+
+def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
+    where, kinds = _place(list(path)), [fault["type"] for fault in faults]
+    if "extra_forbidden" in kinds:
+        return f"{where} is unknown; {_close(path)}"
+    if "missing" in kinds:
+        return f"{where} is missing."
+    expected = [EXPECTED.get(f["type"], f["msg"]).format(**f.get("ctx", {})) for f in faults]
+    value = faults[0]["input"]
+    said = str(value).lower() if isinstance(value, bool) else repr(value)
+    return f"{where} = {said}; expected {' or '.join(dict.fromkeys(expected))}."
 
 
 def _place(path: list[Any]) -> str:
@@ -330,10 +357,9 @@ def _place(path: list[Any]) -> str:
     return f"[{table}] {key}" if table else f"[{key}]"
 
 
-def _close(path: list[Any]) -> str:
+def _close(path: tuple[Any, ...]) -> str:
+    """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
-    table = tables.get(tuple(path[:-1]))
-    if table is None:
-        return ""
-    match = difflib.get_close_matches(str(path[-1]), [*table.model_fields], 1)
-    return f"; did you mean {match[0]!r}?" if match else f"; known are {', '.join(table.model_fields)}"
+    known = [*tables.get(path[:-1], _Range).model_fields]
+    match = difflib.get_close_matches(str(path[-1]), known, 1)
+    return f"did you mean {match[0]!r}?" if match else f"the known ones are {', '.join(known)}."
