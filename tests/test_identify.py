@@ -338,3 +338,19 @@ def test_a_recording_gives_its_residual_and_its_percent_of_fit():
     flat = replace(swing, measured={"alpha": np.ones(3)}, fitted={"alpha": np.ones(3)})
     assert flat.fit_percent == {"alpha": 100.0}
     assert replace(flat, fitted={"alpha": np.zeros(3)}).fit_percent == {"alpha": -np.inf}
+
+
+def test_a_model_that_explains_nothing_is_told():
+    other = problem(parameters={"C4": 0.05}, orders={"lambda": 0.9, "mu": Free(1.0, 0.95, 1.05)})
+    fit = identify(other)
+    assert any("swing: the model is no better than a constant for alpha, fit -" in w for w in fit.warnings)
+
+
+def test_a_step_too_coarse_for_steep_friction_is_told():
+    run = fracid.simulate(RIG, orders=[1.0] * 4, initial={"alpha": 0.4}, step=1e-3, end=3.0,
+                          parameters={"coulomb_theta": 0.05, "slip_speed": 5e-3})  # fmt: skip
+    swing = Experiment("swing", 0.01, run.states[::10, [0, 2]], np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.4})
+    steep = {"slip_speed": 5e-3, "coulomb_theta": Free(0.04, 0.0, 0.1)}
+    fit = identify(problem(swing, parameters=steep, orders={"lambda": 1.0, "mu": 1.0}))
+    assert "The step is too coarse: at half of it the same values cost" in fit.discretisation.warning
+    assert "type substeps = 2 in [fit]" in fit.discretisation.warning

@@ -293,15 +293,16 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
     problem, best, known = found.problem, found.result.best, found.known
     estimates = _estimates(problem, best.point, known)
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
+    fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        recordings={e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
-        | found.validated,
+        recordings=fitted | found.validated,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
-        warnings=tuple(w for w in (*_warnings(problem, known), *found.warnings) if w), timing=dict(timing),
+        timing=dict(timing),
+        warnings=tuple(w for w in (*_warnings(problem, known), *_misfits(fitted), *found.warnings) if w),
     )  # fmt: skip
 
 
@@ -518,7 +519,7 @@ def _verdict(u: Unknown, value: float, known: Uncertainty, i: int, interval: tup
     half = (interval[1] - interval[0]) / 2
     # an order matters by its distance from 1, a constant by its size; an initial state by neither
     wide = half > 0.1 if u.kind == "order" else u.kind == "parameter" and half > abs(value)
-    return "practically not: its interval is too wide to use" if wide else "identifiable"
+    return "its interval is too wide to use" if wide else "identifiable"
 
 
 def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
@@ -539,6 +540,18 @@ def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
                 yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
         for i in np.flatnonzero(known.at_bound):
             yield f"{problem.names[i]} lies at its bound: widen the bound, or the model lacks something."
+
+
+POOR = 20.0
+"""A fit of less than this [%] is called poor."""
+
+
+def _misfits(recordings: Mapping[str, RecordingFit]) -> Iterator[str]:
+    for r in recordings.values():
+        for output, percent in r.fit_percent.items():
+            if percent < POOR:
+                worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
+                yield f"{r.name}: the model is {worse} for {output}, fit {percent:.1f} %; no value of it means much."
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:
