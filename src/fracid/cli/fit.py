@@ -210,11 +210,11 @@ def _print_estimates(console: Console, found: Fit) -> None:
 def _print_recordings(console: Console, found: Fit) -> None:
     from rich.markup import escape
 
-    outputs = found.problem.outputs
-    table = _table("recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), "cost")
+    outputs, cost = found.problem.outputs, found.problem.cost_function.name
+    table = _table("recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})")
     for r in found.recordings.values():
         scores = [text for n in outputs for text in (f"{degrees(r.rmse[n]):.4g}°", f"{r.fit_percent[n]:.2f} %")]
-        table.add_row(*map(escape, (r.name, r.use, *scores, f"{found.problem.cost_function.name} {r.cost:.6g}")))
+        table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}")))
     console.print(table)
 
 
