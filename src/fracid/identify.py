@@ -366,7 +366,7 @@ def _growing(problem: Problem, x: FloatArray, jobs: int, watch: _Watch) -> Resul
             x = result.best.point
         if result.interrupted:
             return replace(result, best=problem.evaluate(x))
-    return _refine(problem, x, jobs, watch, tolerance=1e-6)
+    return _refine(problem, x, jobs, watch, tolerance=1e-5)
 
 
 def _refine(problem: Problem, x: FloatArray, jobs: int, watch: _Watch, **options: Any) -> Result:
@@ -377,12 +377,23 @@ def _refine(problem: Problem, x: FloatArray, jobs: int, watch: _Watch, **options
 
 
 def _horizons(problem: Problem) -> Iterator[float]:
-    """Seconds: from 2 s on, each twice the last, below the whole record."""
+    """Seconds: two swings of the slowest recording, then each twice the last, below the whole record."""
     whole = max(e.time[-1] for e in problem.experiments)
-    horizon = 2.0
+    horizon = 2 * max(_period(e) for e in problem.experiments)
     while horizon < 0.75 * whole:
         yield horizon
         horizon *= 2
+
+
+def _period(e: Experiment) -> float:
+    """The period at the peak of the spectrum of the output that varies most [s].
+
+    A peak below three periods a record is drift, not swinging: then a sixteenth of the record.
+    """
+    swings = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
+    spectrum = np.abs(np.fft.rfft(swings - np.mean(swings)))
+    peak = int(np.argmax(spectrum))
+    return float(e.time[-1]) / (peak if peak >= 3 else 16)
 
 
 def _minimise(problem: Problem, optimiser: Any, jobs: int, watch: _Watch) -> Result:
