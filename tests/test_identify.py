@@ -85,10 +85,11 @@ def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
         assert abs(found.value - true) < 4 * found.standard_error < 0.02
 
 
-def test_several_starts_leave_a_local_minimum_in_which_one_start_ends():
+def test_a_growing_horizon_and_several_starts_leave_a_local_minimum_in_which_plain_least_squares_ends():
     p = problem(orders={"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)})
-    assert identify(p).cost > 0.1
-    assert identify(p, starts=4).x == pytest.approx([0.9, 0.95], abs=1e-6)
+    assert identify(p, optimiser="least-squares").cost > 0.1
+    for starts in (1, 4):
+        assert identify(p, starts=starts).x == pytest.approx([0.9, 0.95], abs=1e-6)
 
 
 def test_a_users_cost_is_minimised_without_residuals():
@@ -218,7 +219,7 @@ def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
     monkeypatch.setattr(MODULE, "minimise", second_is_interrupted)
-    fit = identify(problem(twin(end=1.0)))
+    fit = identify(problem(twin(end=1.0)), optimiser="least-squares")
     assert fit.outcome.startswith("interrupted")
     assert fit.discretisation is None
     assert fit.uncertainty is not None
