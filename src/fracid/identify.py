@@ -359,7 +359,7 @@ def _search(
 
 
 def _growing(problem: Problem, x: FloatArray, jobs: int, watch: _Watch) -> Result:
-    """Least squares on the first seconds, then on twice as many, up to the whole record."""
+    """Least squares on the first swing, then on ever more, up to the whole record."""
     for horizon in _horizons(problem):
         result = _refine(problem.until(horizon), x, jobs, watch, tolerance=1e-2, budget=12)
         if np.isfinite(result.best.cost):
@@ -377,12 +377,15 @@ def _refine(problem: Problem, x: FloatArray, jobs: int, watch: _Watch, **options
 
 
 def _horizons(problem: Problem) -> Iterator[float]:
-    """Seconds: two swings of the slowest recording, then each twice the last, below the whole record."""
+    """Seconds: one swing of the slowest recording, then each half as long again, below the whole record.
+
+    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.
+    """
     whole = max(e.time[-1] for e in problem.experiments)
-    horizon = 2 * max(_period(e) for e in problem.experiments)
+    horizon = max(_period(e) for e in problem.experiments)
     while horizon < 0.75 * whole:
         yield horizon
-        horizon *= 2
+        horizon *= 1.5
 
 
 def _period(e: Experiment) -> float:
