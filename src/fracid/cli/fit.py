@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -165,7 +166,7 @@ def _tried(folder: Path, names: tuple[str, str]) -> Any:
 
 def _slug(name: str) -> str:
     """A recording's name as a file's."""
-    return "".join(c if c.isalnum() else "-" for c in name).strip("-") or "recording"
+    return re.sub(r"\W+", "-", name).strip("-") or "recording"
 
 
 # ------------------------------------------------------------------ from results to text
