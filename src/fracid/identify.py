@@ -44,7 +44,7 @@ from fracid.optimise import (
     nelder_mead,
     optimiser_from_name,
 )
-from fracid.problem import Experiment, Free, Problem, Unknown
+from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
 from fracid.uncertainty import Uncertainty, uncertainty
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ def identify(
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), max(starts, project.starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
-    _refuse_twins(problem, validation)
+    refuse_twins([*problem.experiments, *validation])
     clock, watch = _Clock(), _Watch(log, callback)
     result = _search(problem, name, np.random.default_rng(seed), jobs, starts, watch, dict(options or {}))
     clock.lap("search")
@@ -304,13 +304,6 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         timing=dict(timing),
         warnings=tuple(w for w in (*_warnings(problem, known), *_misfits(fitted), *found.warnings) if w),
     )  # fmt: skip
-
-
-def _refuse_twins(problem: Problem, validation: tuple[Experiment, ...]) -> None:
-    names = [e.name for e in (*problem.experiments, *validation)]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
 
 
 # --- search ----------------------------------------------------------------------------------------
@@ -569,7 +562,7 @@ def _misfits(recordings: Mapping[str, RecordingFit]) -> Iterator[str]:
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:
-    spread = float(np.linalg.norm(measured - measured.mean()))
+    spread = float(np.linalg.norm(measured - measured.mean())) if np.ptp(measured) > 0 else 0.0  # else rounding
     error = float(np.linalg.norm(measured - fitted))
     return 100.0 * (1.0 - error / spread) if spread > 0 else (100.0 if error == 0 else -np.inf)
 

@@ -20,7 +20,7 @@ memory             exact weights        exponentials    error
 =================  ===================  ==============  =======================================
 ``full``           all                  none            rounding
 ``short(L)``       L                    none or one     see :func:`short`; it can be large
-``compressed``     16                   25–50           each weight within ``tolerance``, relative
+``compressed``     16                   12–60           each weight within ``tolerance``, relative
 =================  ===================  ==============  =======================================
 
 so one compiled loop serves all, and a step costs O(L + modes) instead of O(n).

@@ -28,7 +28,6 @@ References
 from __future__ import annotations
 
 import io
-import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -39,6 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.errors import InputError
+from fracid.runs import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -623,7 +623,7 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         for path, content in contents.items():
-            _write(path, content)
+            write_whole(path, content)
     except OSError as error:
         raise InputError(f"{folder} cannot be written: {error.strerror or error}. Give another folder.") from None
     return tuple(contents)
@@ -648,16 +648,6 @@ def _fixed_salt() -> Iterator[None]:
             yield
         finally:
             mpl.rcParams["svg.hashsalt"] = before
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write to a neighbour first, then rename."""
-    neighbour = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}")
-    try:
-        neighbour.write_bytes(content)
-        os.replace(neighbour, path)
-    finally:
-        neighbour.unlink(missing_ok=True)
 
 
 # --- the look --------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ from fracid.optimise import Evaluation, Space
 from fracid.recording import Recording
 from fracid.simulate import METHODS, Trajectory, compile_rhs, integrate, time_scale
 
-__all__ = ["Experiment", "Free", "Problem", "Unknown"]
+__all__ = ["Experiment", "Free", "Problem", "Unknown", "refuse_twins"]
 
 FloatArray = NDArray[np.float64]
 InitialState = Literal["estimate", "rest", "measured", "held"]
@@ -320,15 +320,23 @@ class Problem:
             for u in self.unknowns
         )
 
+    @cached_property
+    def _inputs(self) -> dict[str, FloatArray]:
+        """Each recording's inputs on the grid of its steps, linear between samples."""
+
+        def refined(u: FloatArray) -> FloatArray:
+            if self.substeps == 1 or len(u) == 1:
+                return np.ascontiguousarray(u)
+            at = np.arange((len(u) - 1) * self.substeps + 1) / self.substeps
+            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+
+        return {e.name: refined(e.inputs) for e in self.experiments}
+
     def simulate(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording with the unknowns x, on its grid divided by `substeps`."""
         orders, values, initial = self.unpack(x, e)
-        inputs = e.inputs
-        if self.substeps > 1 and len(inputs) > 1:
-            at = np.arange((len(inputs) - 1) * self.substeps + 1) / self.substeps
-            inputs = np.column_stack([np.interp(at, np.arange(len(inputs)), column) for column in inputs.T])
         return integrate(
-            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), np.ascontiguousarray(inputs), values,
+            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), self._inputs[e.name], values,
             e.step / self.substeps, (len(e.measured) - 1) * self.substeps, METHODS[self.method], self.memory,
             limit=LIMIT, time_scale=time_scale(self.model, values), name=self.method,
         )  # fmt: skip
@@ -442,12 +450,10 @@ def _check_outputs(problem: Problem) -> None:
 
 def _check_experiments(problem: Problem) -> None:
     """At least one, each with its own name, a column an output, and enough samples."""
-    names = [e.name for e in problem.experiments]
-    if not names:
+    if not problem.experiments:
         raise InputError("A problem needs at least one recording.")
+    refuse_twins(problem.experiments)
     for e in problem.experiments:
-        if names.count(e.name) > 1:
-            raise InputError(f"Two recordings are named {e.name!r}; give each its own name.")
         if e.measured.ndim != 2 or e.measured.shape[1] != len(problem.outputs) or len(e.measured) < 3:
             raise InputError(
                 f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
@@ -455,6 +461,24 @@ def _check_experiments(problem: Problem) -> None:
             )
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
+
+
+def refuse_twins(experiments: Sequence[Experiment]) -> None:
+    """Refuse two recordings of one name: results go by it.
+
+    Raises
+    ------
+    InputError
+        Naming the first that comes twice.
+
+    Examples
+    --------
+    >>> refuse_twins([])
+    """
+    names = [e.name for e in experiments]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
 
 
 def _check_choice(what: str, name: str, known: Collection[str]) -> None:

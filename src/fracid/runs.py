@@ -19,6 +19,7 @@ import json
 import os
 import platform
 import sys
+import threading
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from fracid.identify import Fit
     from fracid.project import Project
 
-__all__ = ["EVALUATIONS", "FIGURES", "open_folder", "versions", "write_result", "write_text"]
+__all__ = ["EVALUATIONS", "FIGURES", "open_folder", "versions", "write_result", "write_text", "write_whole"]
 
 EVALUATIONS = "evaluations.jsonl"
 FIGURES = "figures"
@@ -90,7 +91,7 @@ def versions() -> dict[str, str]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all: to a neighbour first, then renamed.
+    """Write a text whole or not at all; see :func:`write_whole`.
 
     Raises
     ------
@@ -105,16 +106,33 @@ def write_text(path: Path, text: str) -> None:
     >>> [path.name for path in folder.iterdir()]
     ['note.txt']
     """
-    neighbour = path.with_name(f".{path.name}.{os.getpid()}")
+    write_whole(path, text.encode())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write to a neighbour first, then rename: the file is the old one or the new one, never a part.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; an earlier file of that name then stays as it was.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "two.bin"
+    >>> write_whole(file, b"12")
+    >>> file.read_bytes()
+    b'12'
+    """
+    neighbour = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}")
     try:
-        with neighbour.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
+        neighbour.write_bytes(content)
+        with neighbour.open("rb+") as file:
             os.fsync(file.fileno())
         os.replace(neighbour, path)
-    except BaseException:
+    finally:
         neighbour.unlink(missing_ok=True)
-        raise
 
 
 def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:

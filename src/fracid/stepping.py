@@ -432,7 +432,8 @@ def _slow(x, last, f, known, newest, weight):
 def _newton(rhs, t, x, u, p, f, known, newest, A, trial):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
-    A holds 1 − g b_0 ∂f/∂x, by forward differences, and the residual in its last column.
+    A holds 1 − g b_0 ∂f/∂x, by forward differences, and the residual in its last column.  After NEWTON
+    iterations it takes what it has (a kink may keep it from settling); the check at half the step tells.
     """
     for _ in range(NEWTON):
         for j in range(len(x)):
@@ -511,6 +512,8 @@ def step_pi2(rhs, x0, slope, gain, u, p, h, limit, kernels, corrections, out):
         for i in range(states):
             if not np.isfinite(f[i]):
                 return n - 1, NOT_FINITE
+            if not abs(x[i]) <= limit:  # Newton's method has moved it
+                return n - 1, DIVERGED
             _enter(i, j, f[i], head, window, ahead, kernels)
             out[n, i] = x[i]
         head += 1

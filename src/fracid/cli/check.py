@@ -126,15 +126,9 @@ def _start(text: str | None) -> float | str | None:
 
 
 def _write_overview(recording: Recording, out: Path) -> Path:
-    from fracid.plots import recording_overview
+    from fracid.plots import recording_overview, save
 
-    figure = out / f"{recording.name}.png"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        recording_overview(recording).savefig(figure, dpi=130)
-    except OSError as error:
-        raise InputError(f"--out {out} cannot be written: {error.strerror or error}.") from error
-    return figure
+    return save(recording_overview(recording), out, recording.name, formats=("png",))[0]
 
 
 def _print_json(recording: Recording, figure: Path | None) -> None:

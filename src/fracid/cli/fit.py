@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Ran", "fit", "run_fit", "show_fit"]
 
+EVALUATIONS_OF_THE_GA = 26 * 20
+"""Its population, and 25 generations after the initial one: the end of its progress bar."""
+
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
@@ -94,7 +97,10 @@ def run_fit(
     project = load_project(path, preset=preset)
     open_folder(folder)
     laps = {"load": time.perf_counter() - began}
-    with EvaluationLog(folder / EVALUATIONS) as log, _progress(project, quiet) as callback:
+    with (
+        EvaluationLog(folder / EVALUATIONS) as log,
+        _progress(project, optimiser or project.optimiser, quiet) as callback,
+    ):
         found = identify(project, optimiser=optimiser, seed=seed, jobs=jobs, log=log, callback=callback)
     laps |= found.timing
     drawing = time.perf_counter()
@@ -106,15 +112,15 @@ def run_fit(
 
 
 @contextmanager
-def _progress(project: Project, quiet: bool) -> Iterator[Any]:
-    """Evaluations, rate and the best cost so far, on standard error; nothing where that is no terminal."""
+def _progress(project: Project, optimiser: str, quiet: bool) -> Iterator[Any]:
+    """Evaluations, time and the best cost so far, on standard error; nothing where that is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    total = 520 if project.optimiser == "genetic" else None
+    total = EVALUATIONS_OF_THE_GA if optimiser == "genetic" else None  # the others stop when they have converged
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("searching", total=total)
@@ -148,7 +154,7 @@ def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, 
         plane = cost_plane(found.problem, found.x, jobs=jobs)
         best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
         figure = draw_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
-                            cost_name=found.problem.cost_function.name)  # fmt: skip
+                            cost_name=found.problem.cost_function.name, names=plane.names)  # fmt: skip
         paths += save(figure, where, "cost-over-orders")
     return tuple(paths)
 
