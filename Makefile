@@ -30,6 +30,7 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/solver.py
+	$(BIN)/python benchmarks/evidence.py
 
 # The property tests with fresh random examples, ten times over.
 fuzz: $(READY)

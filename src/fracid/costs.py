@@ -22,7 +22,7 @@ far below an encoder's step.
 
 A warning for encoders: the least :math:`\sum |e|` lies at the *median*, and the median of a rounded signal is
 a whole count however the noise dithers it, while its mean is not.  On the paper's twin (10°, 4096 counts) this
-alone moves λ by −0.02 under ITAE; least squares is free of it.
+alone moves λ by −0.02 under ITAE; least squares is free of it (``benchmarks/evidence.py``).
 
 A cost of your own is a function (time, residual) → float, in a file: ``cost = "my.py:function"``.  Infinity
 means "as bad as a run that failed".  It has no rows: search by ``differential-evolution`` or ``nelder-mead``.
