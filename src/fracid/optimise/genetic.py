@@ -12,9 +12,9 @@ The paper gives these four numbers and no more.  Here
 * 25 generations follow the initial one: 26 × 20 = 520 evaluations, twins included.
 
 The paper does not say how a gene is coded.  With two genes one child in fifty mutates at all, so crossover
-has to do the search, and its kind decides: in a trial not kept here the customary index 15 and
-genes of 16 bits searched less well than the wide index 0.  Distance to the minimum in the plane of two orders in [0.5, 1.2]², median and worst tenth of
-50 seeds, on valleys like that of (26) (``benchmarks/evidence.py`` prints it again):
+has to do the search, and its kind decides: in a trial not kept here the customary index 15 and genes of 16 bits
+searched less well than the wide index 0.  Distance to the minimum in the plane of two orders in [0.5, 1.2]²,
+median and worst tenth of 50 seeds, on valleys like that of (26) (``benchmarks/evidence.py`` prints it again):
 
 ========================== =============== ===============
 520 evaluations            valley 1 : 7    narrow 1 : 20
