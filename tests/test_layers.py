@@ -17,7 +17,7 @@ LAYERS = (
     {"memory"},
     {"stepping"},
     {"simulate"},
-    {"problem"},
+    {"problem", "reduction"},
     {"project"},
     {"uncertainty"},
     {"identify"},

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fracid.problem import Experiment, Free, Problem
     from fracid.project import Project, load_project
     from fracid.recording import Recording, load_recording
+    from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.simulate import Outcome, Trajectory, simulate, solve_fde
 
 __version__ = "0.1.0"
@@ -40,11 +41,15 @@ _HOME = {
     "Problem": "problem",
     "Project": "project",
     "Recording": "recording",
+    "System": "reduction",
     "Trajectory": "simulate",
     "derivative": "fractional",
     "identify": "identify",
+    "linear_multi_term": "reduction",
+    "linear_system": "reduction",
     "load_project": "project",
     "load_recording": "recording",
+    "multi_term": "reduction",
     "rotary_pendulum": "models",
     "simulate": "simulate",
     "solve_fde": "simulate",
@@ -52,8 +57,9 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter",
-           "Problem", "Project", "Recording", "Trajectory", "__version__", "derivative", "identify", "load_project",
-           "load_recording", "rotary_pendulum", "simulate", "solve_fde"]  # fmt: skip
+           "Problem", "Project", "Recording", "System", "Trajectory", "__version__", "derivative", "identify",
+           "linear_multi_term", "linear_system", "load_project", "load_recording", "multi_term", "rotary_pendulum",
+           "simulate", "solve_fde"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
