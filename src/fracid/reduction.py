@@ -15,7 +15,7 @@ all Caputo, any real orders, is what Bagley and Torvik's plate, Basset's sphere 
 and not otherwise: :math:`D^{0.7} D^{0.8}\,t = t^{-1/2}/\Gamma(1/2)`, but :math:`D^{1.5}\,t = 0`.  A chain of
 derivatives that steps over a whole number forgets y'(0) there.  So the states are the derivatives that g reads, y
 itself, and what whole numbers the two rules need; the whole ones start at y(0), y'(0), …, the fractional ones at 0
-(their y^(l) is integrated over nothing), and the system has the solution of the equation ([Diethelm], Theorem 8.1).
+(their y^(l) is integrated over nothing), and the system has the solution of the equation ([Diethelm], Chapter 8; for any real orders [Cong]).
 
 **Two forms.**  A state may be the integral of any higher derivative that the rules allow:
 
@@ -31,12 +31,15 @@ star       the highest derivative, or the  Dy = y', Dy' = g,          h^2 where 
 Both are right, and a state costs the same in each; ``star`` may need one more.  ``chain`` is the default: strong
 fractional damping makes y'' collapse within the first step, and what ``star`` integrates wrongly there stays.
 Take ``star`` where fractional terms are weak or the solution is smooth.  For c = 0.1, 1, 100, free from y(0) = 1,
-h = 1/80 to t = 10: chain 3e-4, 8e-5, 3e-6; star 5e-5, 2e-4, 1e-3.  For y = 1 + t + t²: chain 6e-4, star 4e-13.
+h = 1/80 to t = 10: chain 3e-4, 8e-5, 3e-6; star 5e-5, 2e-4, 1e-3.  For y = 1 + t + t²: chain 5e-4, star 4e-12.
 A name more in `orders` costs one state, and makes that derivative readable in :attr:`System.column`.
 
 References
 ----------
-.. [Diethelm] K. Diethelm, *The Analysis of Fractional Differential Equations*, 2010: Sections 3.1 and 8.1.
+.. [Diethelm] K. Diethelm, *The Analysis of Fractional Differential Equations*, 2010: Lemma 3.13 and
+   Chapter 8.
+.. [Cong] N. D. Cong, *Semigroup property of fractional differential operators and its applications*,
+   arXiv:2107.08914: which derivatives compose, and what may be reduced.
 .. [Edwards] J. Edwards, N. Ford, A. Simpson, *The numerical solution of linear multi-term fractional
    differential equations: systems of equations*, J. Comput. Appl. Math. 148 (2002): the same reduction.
 """
@@ -81,7 +84,7 @@ class System:
     orders: FloatArray
     """One per state, in (0, 2), shape (n_states,)."""
     initial: FloatArray
-    """x(0) and, where an order exceeds 1, its first derivative, shape (n_states, 2)."""
+    """x(0), shape (n_states,), or with the first derivatives where an order exceeds 1, shape (n_states, 2)."""
     parameters: FloatArray
     """What `rhs` gets as ``p``, shape (n_parameters,)."""
     column: Mapping[float, int] = field(default_factory=lambda: MappingProxyType({}))
@@ -126,7 +129,7 @@ def multi_term(
     ----------
     g : function (t, d, u, p) -> float
         Plain Python in Numba's language; ``d[k]`` is D^{a_k} y, shape (m,).  Define it once, not in a loop: each
-        new function is compiled anew, which takes a good part of a second.
+        new function is compiled anew, which takes some tenths of a second.
     orders : sequence of float, shape (m + 1,)
         a_0, …, a_m, increasing; 0 is y itself, the last is solved for.
     initial : array_like, shape (ceil(a_m),)
@@ -148,7 +151,7 @@ def multi_term(
 
     References
     ----------
-    [Diethelm] in the module's docstring.
+    [Diethelm] and [Cong] in the module's docstring.
 
     Examples
     --------
@@ -350,7 +353,7 @@ def _forced(force: Any) -> RightHandSide:
 
     def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:
         n = len(x)
-        f = force(t, u, p[n * n + n :])
+        f = 0.0 + force(t, u, p[n * n + n :])
         for i in range(n):
             total = p[n * n + i] * f
             for j in range(n):
@@ -369,7 +372,7 @@ def _driven(g: Any, columns: tuple[int, ...], drivers: tuple[int, ...]) -> Right
     def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:
         for k in range(count):  # out has room for d, and a new array would cost more than g
             out[k] = x[columns[k]]
-        highest = g(t, out[:count], u, p)
+        highest = 0.0 + g(t, out[:count], u, p)  # where g returns nothing, the solver's first look says so
         for i in range(len(drivers)):
             out[i] = highest if drivers[i] < 0 else x[drivers[i]]
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import gamma, radians
+from math import ceil, gamma, radians
 
 import numpy as np
+
+from fracid.fractional import mittag_leffler
 
 
 @dataclass(frozen=True)
@@ -188,3 +190,247 @@ M2 = FractionalProblem(
 
 PROBLEMS = (T1, t2(0.25), t2(0.9), t2(1.5), t4((0.5,)), t4((0.8, 0.7, 0.9)), t4((1.5, 1.2)), T8, T11, T19, T20, T27,
             T33, m1(0.0), m1(0.0417), M2)  # fmt: skip
+
+
+# --- solutions that are sums of powers ---------------------------------------------------------------
+
+Powers = tuple[tuple[float, float], ...]
+"""((c, r), …) for Σ c t^r."""
+
+
+def caputo(powers: Powers, order: float) -> Powers:
+    """D^q t^r = Γ(r+1)/Γ(r+1−q) t^(r−q); whole powers below ⌈q⌉ have none."""
+    return tuple(
+        (c * gamma(r + 1) / gamma(r + 1 - order), r - order)
+        for c, r in powers
+        if not (r == int(r) and r < ceil(order)) and c != 0
+    )
+
+
+def value(powers: Powers, t: float) -> float:
+    return float(sum(c * t**r for c, r in powers))
+
+
+def flat(powers: Powers) -> tuple[float, ...]:
+    return tuple(v for pair in powers for v in pair)
+
+
+# --- orders above 1, and a right-hand side that is not Lipschitz --------------------------------------
+
+
+def _t6(t, x, u, p, out):
+    out[0] = p[0] * t**4 + t**11 - x[0] ** 2
+
+
+T6 = FractionalProblem(
+    "T6", _t6, (1.5,), ((0.0, 0.0),), {t: (t**5.5,) for t in (0.5, 1.0)}, (gamma(6.5) / 24,), step=1 / 64
+)
+
+
+def _t14(t, x, u, p, out):
+    product = max((x[1] - 0.5) * (x[2] - 0.3), 0.0)  # a step too low would leave the real numbers
+    out[0] = (product ** (1 / 6) + np.sqrt(t)) / np.sqrt(np.pi)
+    out[1] = p[0] * (x[0] - 1)
+    out[2] = p[1] * (x[1] - 0.5)
+
+
+T14 = FractionalProblem(
+    "T14", _t14, (0.5, 0.2, 0.6), (1.0, 0.500000001, 0.300000001),
+    {t: (1 + t, 0.5 + t**1.2, 0.3 + t**1.8) for t in (1.0, 5.0)}, (gamma(2.2), gamma(2.8) / gamma(2.2)),
+    smooth=False, step=1 / 64,
+)  # fmt: skip
+
+
+# --- linear systems of one order: x(t) = V E_q(Λ t^q) V⁻¹ x(0) ------------------------------------------
+
+
+def exact_linear(A, order: float, x0, t: float) -> tuple[float, ...]:
+    """The matrix Mittag-Leffler function of a diagonalisable A, by its eigenvalues."""
+    eigenvalues, V = np.linalg.eig(np.asarray(A, dtype=complex))
+    start = np.linalg.solve(V, np.asarray(x0, dtype=complex))
+    return tuple((V @ (mittag_leffler(order, eigenvalues * t**order) * start)).real.tolist())
+
+
+def _linear(t, x, u, p, out):
+    n = len(x)
+    for i in range(n):
+        out[i] = 0.0
+        for j in range(n):
+            out[i] += p[n * i + j] * x[j]
+
+
+def linear(name: str, A, order: float, x0, times, step: float) -> FractionalProblem:
+    """D^q x = A x, all states known."""
+    return FractionalProblem(
+        name, _linear, (order,) * len(x0), tuple(x0), {t: exact_linear(A, order, x0, t) for t in times},
+        tuple(np.ravel(A).tolist()), smooth=False, step=step,
+    )  # fmt: skip
+
+
+SWIRL = ((-0.5, 2.0, 0.3), (-2.0, -0.5, 0.0), (0.4, 0.1, -1.0))
+"""Two swinging states and a decaying one."""
+
+LINEAR = (linear("linear(q=0.6)", SWIRL, 0.6, (1.0, 0.5, -1.0), (1.0, 5.0), 5e-3),
+          linear("linear(q=0.95)", SWIRL, 0.95, (1.0, 0.5, -1.0), (1.0, 5.0), 5e-3),
+          linear("linear(q=1.3)", ((-2.0, 0.5), (0.3, -1.0)), 1.3, (1.0, 0.5), (1.0, 5.0), 5e-3))  # fmt: skip
+
+
+# --- stiff ones -------------------------------------------------------------------------------------------
+
+CURVE: Powers = ((1.0, 0.0), (1.0, 2.0), (-1 / 3, 3.0))
+"""1 + t² − t³/3, smooth and slow."""
+
+
+def _t15(t, x, u, p, out):
+    forcing = 0.0
+    for k in range(2, len(p), 2):
+        forcing += p[k] * t ** p[k + 1]
+    curve = 1 + t**2 - t**3 / 3
+    out[0] = -p[0] * (x[0] - curve) + forcing
+
+
+def t15(order: float, stiffness: float, off: float = 0.0) -> FractionalProblem:
+    """T15: D^q y = −L (y − g) + D^q g, g = 1 + t² − t³/3; y = g + (y(0) − 1) E_q(−L t^q)."""
+    solution = {
+        t: (value(CURVE, t) + off * mittag_leffler(order, -stiffness * t**order),) for t in (0.5, 1.0, 2.0)
+    }  # fmt: skip
+    name = f"T15(q={order}, L={stiffness:g}{', off the curve' if off else ''})"
+    constants = (stiffness, 0.0, *flat(caputo(CURVE, order)))
+    return FractionalProblem(name, _t15, (order,), (1.0 + off,), solution, constants, smooth=not off, step=1 / 64)
+
+
+ROBINSON = ((-1e4, 1e3, 20.0), (5.0, -1e2, 10.0), (0.0, 0.5, -1.0))
+"""Time constants from 10⁻⁴ to 1, far from normal."""
+
+ROBINSON_CURVES: tuple[Powers, ...] = (CURVE, ((0.5, 0.0), (-0.4, 2.0)), ((-1.0, 0.0), (0.2, 3.0)))
+
+
+def _robinson(t, x, u, p, out):
+    g0, g1, g2 = 1 + t**2 - t**3 / 3, 0.5 - 0.4 * t**2, -1 + 0.2 * t**3
+    d0, d1, d2 = x[0] - g0, x[1] - g1, x[2] - g2
+    for i in range(3):
+        out[i] = p[3 * i] * d0 + p[3 * i + 1] * d1 + p[3 * i + 2] * d2
+    out[0] += p[9] * t ** p[10] + p[11] * t ** p[12]
+    out[1] += p[13] * t ** p[14]
+    out[2] += p[15] * t ** p[16]
+
+
+def robinson(orders: tuple[float, float, float]) -> FractionalProblem:
+    """Prothero and Robinson's with three states, each its order: D^q_i x_i = Σ A_ij (x_j − g_j) + D^q_i g_i."""
+    forcing = tuple(v for g, q in zip(ROBINSON_CURVES, orders, strict=True) for v in flat(caputo(g, q)))
+    solution = {t: tuple(value(g, t) for g in ROBINSON_CURVES) for t in (0.5, 1.0, 2.0)}
+    start = tuple(value(g, 0.0) for g in ROBINSON_CURVES)
+    constants = (*np.ravel(ROBINSON).tolist(), *forcing)
+    return FractionalProblem(f"Prothero-Robinson{orders}", _robinson, orders, start, solution, constants, step=1 / 64)
+
+
+def _stiff_matrix():
+    """Eigenvalues −1, −100 and −10⁴ on skew directions."""
+    V = np.array([[1.0, 0.5, 0.2], [-0.3, 1.0, 0.4], [0.6, -0.2, 1.0]])
+    return V @ np.diag([-1.0, -1e2, -1e4]) @ np.linalg.inv(V)
+
+
+STIFF = (t15(0.5, 1e4), t15(0.8, 1e2), t15(0.8, 1e4), t15(1.0, 1e4), t15(0.8, 1e4, off=1.0), robinson((0.7, 0.8, 0.9)),
+         linear("stiff linear(q=0.8)", _stiff_matrix(), 0.8, (1.0, 1.0, 1.0), (0.5, 1.0, 2.0), 1 / 64))  # fmt: skip
+"""Explicit schemes diverge on them unless h^q · 10⁴ is small; the error of an implicit one must not grow with L."""
+
+
+# --- multi-term equations ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MultiTermProblem:
+    """D^{a_m} y = g(t, d, u, p), d = (D^{a_0} y, …, D^{a_{m-1}} y), with every derivative of the solution known."""
+
+    name: str
+    g: Callable
+    orders: tuple[float, ...]
+    initial: tuple[float, ...]
+    exact: Callable[[float, float], float]
+    """(a, t) → D^a y(t), for t > 0."""
+    times: tuple[float, ...]
+    parameters: tuple[float, ...] = ()
+    coefficients: dict[float, float] | None = None
+    """Of a linear one: Σ c_k D^{a_k} y = f."""
+    forcing: tuple[float, ...] = ()
+    """f as c, r, c, r, … of Σ c t^r."""
+
+
+def sum_of_powers(t, u, p):
+    """f(t, u, p), p = c, r, c, r, …"""
+    total = 0.0
+    for k in range(0, len(p), 2):
+        total += p[k] * t ** p[k + 1]
+    return total
+
+
+def _linear_g(t, d, u, p):
+    """(f − Σ c_k d_k)/c_m, p = c_0, …, c_m, then f as c, r, …"""
+    m = len(d)
+    total = 0.0
+    for k in range(m + 1, len(p), 2):
+        total += p[k] * t ** p[k + 1]
+    for k in range(m):
+        total -= p[k] * d[k]
+    return total / p[m]
+
+
+def _linear_problem(name, coefficients, forcing, initial, exact, times) -> MultiTermProblem:
+    by_order = dict(sorted(coefficients.items()))
+    return MultiTermProblem(
+        name, _linear_g, tuple(by_order), initial, exact, times, (*by_order.values(), *flat(forcing)), by_order,
+        flat(forcing),
+    )  # fmt: skip
+
+
+def manufactured(name: str, coefficients: dict[float, float], y: Powers, times=(0.5, 1.0, 2.0)) -> MultiTermProblem:
+    """Σ c_k D^{a_k} y = f, with f made for the solution y, a sum of powers."""
+    forcing = tuple((c * b, r) for a, c in coefficients.items() for b, r in caputo(y, a))
+    initial = tuple(value(caputo(y, k), 0.0) for k in range(ceil(max(coefficients))))
+    return _linear_problem(name, coefficients, forcing, initial, lambda a, t: value(caputo(y, a), t), times)
+
+
+def free(name: str, coefficients: dict[float, float], unit: float, initial: tuple[float, ...], times):
+    """Σ c_k D^{a_k} y = 0 with all orders multiples of a unit q ≤ 1 that divides 1: D^q x = A x, A a companion matrix.
+
+    State k is D^{kq} y, so all steps from one to the next compose, and the exact solution follows.
+    """
+    size = round(max(coefficients) / unit)
+    A, x0 = np.diag(np.ones(size - 1), 1), np.zeros(size)
+    for a, c in coefficients.items():
+        if round(a / unit) < size:
+            A[-1, round(a / unit)] = -c / coefficients[max(coefficients)]
+    x0[:: round(1 / unit)] = initial
+
+    def exact(a: float, t: float) -> float:
+        return exact_linear(A, unit, x0, t)[round(a / unit)]
+
+    return _linear_problem(name, coefficients, (), initial, exact, times)
+
+
+def _hardening(t, d, u, p):
+    """Stiffer the further out, with damping that depends on y: D^2.3 y = f − 0.5 y D^1.4 y − y³."""
+    y, slope = 1 + t**2 / 2, p[0] * t**0.6
+    return 0.5 * y * slope + y**3 - 0.5 * d[0] * d[1] - d[0] ** 3
+
+
+_HARDENING: Powers = ((1.0, 0.0), (0.5, 2.0))
+
+T18 = manufactured("T18: Bagley and Torvik", {2: 1.0, 1.5: 1.0, 0: 1.0}, ((1.0, 0.0), (1.0, 1.0)))
+
+MULTI_TERM = (
+    T18,
+    manufactured("plate, y = 1 + t + t^2", {2: 1.0, 1.5: 0.5, 0: 2.0}, ((1.0, 0.0), (1.0, 1.0), (1.0, 2.0))),
+    free("free plate, damping 1", {2: 1.0, 1.5: 1.0, 0: 1.0}, 0.5, (1.0, 0.5), (1.0, 4.0)),
+    free("free plate, damping 0.05", {2: 1.0, 1.5: 0.05, 0: 4.0}, 0.5, (1.0, 0.0), (1.0, 4.0)),
+    free("free plate, damping 100", {2: 1.0, 1.5: 100.0, 0: 1.0}, 0.5, (1.0, 0.0), (1.0, 4.0)),
+    manufactured("Basset, y = 1 + t^2", {1: 1.0, 0.5: 1.0, 0: 1.0}, ((1.0, 0.0), (1.0, 2.0))),
+    free("free Basset", {1: 1.0, 0.5: 1.0, 0: 1.0}, 0.5, (1.0,), (1.0, 4.0)),
+    manufactured("relaxation and oscillation", {1.8: 1.0, 0.6: 0.4, 0: 2.0}, ((1.0, 0.0), (-1.0, 1.0), (0.5, 3.0))),
+    manufactured("order 2.5 without y", {2.5: 2.0, 1.2: 1.0}, ((1.0, 0.0), (0.5, 1.0), (-1.0, 2.0), (0.3, 3.5))),
+    manufactured("order 4", {4: 1.0, 3.3: 0.5, 0.4: 1.0, 0: 1.0}, ((1.0, 0.0), (1.0, 3.0), (0.1, 5.0))),
+    free("thirds", {4 / 3: 1.0, 2 / 3: 1.0, 0: 1.0}, 1 / 3, (1.0, 0.5), (1.0, 4.0)),
+    MultiTermProblem("hardening spring", _hardening, (0, 1.4, 2.3), (1.0, 0.0, 1.0),
+                     lambda a, t: value(caputo(_HARDENING, a), t), (0.5, 1.0, 2.0), flat(caputo(_HARDENING, 1.4))),
+)  # fmt: skip
+"""Linear ones, forced and free, and one that is not."""
