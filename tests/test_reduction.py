@@ -1,7 +1,7 @@
 """Multi-term equations and linear systems: the reduction is exact, and what the solver makes of it converges."""
 
 import math
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -127,23 +127,39 @@ def test_the_function_reads_the_derivatives_in_the_order_that_was_asked(form):
     assert out[-1] == 10203
 
 
+@pytest.mark.parametrize(
+    ("orders", "form", "states"),
+    [((0, 1.8), "chain", {0: 1.8}), ((0, 1.8), "star", {0: 1.8}), ((1.5,), "chain", {0: 1.5}),
+     ((0, 1.5, 2), "chain", {0: 1.5, 1.5: 0.5}), ((0, 1.5, 2), "star", {0: 1, 1: 1, 1.5: 0.5}),
+     ((0, 0.6, 1.8), "chain", {0: 0.6, 0.6: 0.4, 1: 0.8}), ((0, 0.6, 1.8), "star", {0: 1.8, 0.6: 0.4, 1: 0.8}),
+     ((0, 2.5), "chain", {0: 1, 1: 1.5}), ((0, 2.5), "star", {0: 1, 1: 1.5}),
+     ((1.2, 2.5), "chain", {0: 1.2, 1.2: 0.8, 2: 0.5}), ((1.2, 2.5), "star", {0: 1, 1: 1.5, 1.2: 0.8, 2: 0.5})],
+)  # fmt: skip
+def test_there_are_no_more_states_than_composition_needs(orders, form, states):
+    # and a star's whole derivatives are integrated from the highest one: from y' instead, t^0.8 would cost accuracy
+    s = multi_term(_first_parameter, orders, [0.0] * math.ceil(orders[-1]), form=form)
+    assert list(s.column) == list(states)
+    assert s.orders == pytest.approx(list(states.values()))
+
+
 # --- known solutions -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", MULTI_TERM, **by_name)
 def test_pi2_converges_to_the_known_solution_in_all_derivatives(problem, form):
-    # the chain integrates t^0.4 to t^0.5 where y^(l)(0) is not 0, which costs up to 0.6 of the two orders
+    # the chain integrates t^0.4 to t^0.5 where y^(l)(0) is not 0, which costs up to 0.6 of the two orders; and where
+    # f is 0 there is no error that could fall, but what a corrected start may add
     coarse, fine = error(problem, 1 / 64, form), error(problem, 1 / 128, form)
     scale = max(abs(problem.exact(a, t)) for a in system(problem, form).column for t in problem.times)
     assert fine < 2e-3 * max(1.0, scale)
-    assert fine < coarse / 2**1.3 or fine < 1e-10
+    assert fine < coarse / 2**1.3 or fine < 1e-7 * max(1.0, scale)
 
 
 @pytest.mark.parametrize("problem", SMOOTH, **by_name)
 def test_the_star_is_of_second_order_where_the_highest_derivative_is_smooth(problem):
     coarse, fine = error(problem, 1 / 64, "star"), error(problem, 1 / 128, "star")
-    assert fine < coarse / 2**1.9 or fine < 1e-10
+    assert fine < coarse / 2**1.75 or fine < 1e-10
 
 
 @pytest.mark.parametrize("method", ["gl", "gl-sequential"])
@@ -266,6 +282,13 @@ def test_equations_that_differ_in_numbers_only_share_one_compiled_function():
     assert compile_rhs(pair[0]) is compile_rhs(pair[1])
 
 
+def test_what_calls_a_callers_function_is_not_kept_on_disk():
+    # Numba's cache does not notice that the function called has changed
+    assert compile_rhs(multi_term(_first_parameter, (0, 1.5, 2), [0, 0]).rhs).stats.cache_path is None
+    assert compile_rhs(linear_multi_term({1: 1}, _sine, initial=[0]).rhs).stats.cache_path is None
+    assert compile_rhs(linear_multi_term({1: 1}, initial=[0]).rhs).stats.cache_path is not None
+
+
 def test_functions_of_one_name_are_told_apart():
     def make(gain):
         def g(t, d, u, p):
@@ -350,10 +373,11 @@ def test_a_wrong_call_is_told_in_our_words(call, message):
 # --- the example -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_the_example_runs_and_draws_its_figure(tmp_path):
-    script = Path(__file__).parent.parent / "examples" / "bagley_torvik.py"
-    figure = tmp_path / "plate.png"
-    done = subprocess.run([sys.executable, script, figure], capture_output=True, text=True, check=True)
-    assert "chain" in done.stdout
+def test_the_example_prints_errors_that_fall_and_draws_its_figure(tmp_path, monkeypatch, capsys):
+    script, figure = Path(__file__).parent.parent / "examples" / "bagley_torvik.py", tmp_path / "plate.png"
+    monkeypatch.setattr(sys, "argv", [str(script), str(figure)])
+    runpy.run_path(str(script), run_name="__main__")
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:-1]]
+    assert [row[0] for row in rows] == ["chain"] * 4 + ["star"] * 4
+    assert all(float(row[-1]) > 1.3 and float(row[-2]) < 2e-3 for row in rows)
     assert figure.stat().st_size > 10_000

@@ -15,12 +15,13 @@ all Caputo, any real orders, is what Bagley and Torvik's plate, Basset's sphere 
 and not otherwise: :math:`D^{0.7} D^{0.8}\,t = t^{-1/2}/\Gamma(1/2)`, but :math:`D^{1.5}\,t = 0`.  A chain of
 derivatives that steps over a whole number forgets y'(0) there.  So the states are the derivatives that g reads, y
 itself, and what whole numbers the two rules need; the whole ones start at y(0), y'(0), …, the fractional ones at 0
-(their y^(l) is integrated over nothing), and the system has the solution of the equation ([Diethelm], Chapter 8; for any real orders [Cong]).
+(their y^(l) is integrated over nothing), and the system has the solution of the equation ([Diethelm], Chapter 8;
+for any real orders [Cong]).
 
 **Two forms.**  A state may be the integral of any higher derivative that the rules allow:
 
 =========  ==============================  =========================  ==========================================
-``form``   each state is integrated from   y'' + c D^1.5 y + y = …    error of ``pi2``, where y^(l)(0) ≠ 0
+``form``   each state is integrated from   y'' + c D^1.5 y + y = …    error of the bare trapezoidal product rule
 =========  ==============================  =========================  ==========================================
 chain      the next one above it           D^1.5 y = z, D^.5 z = g    h^1.5 or so: z ~ t^.5 is integrated; steady
                                                                       for small c, and falls as c grows
@@ -32,7 +33,8 @@ Both are right, and a state costs the same in each; ``star`` may need one more. 
 fractional damping makes y'' collapse within the first step, and what ``star`` integrates wrongly there stays.
 Take ``star`` where fractional terms are weak or the solution is smooth.  For c = 0.1, 1, 100, free from y(0) = 1,
 h = 1/80 to t = 10: chain 3e-4, 8e-5, 3e-6; star 5e-5, 2e-4, 1e-3.  For y = 1 + t + t²: chain 5e-4, star 4e-12.
-A name more in `orders` costs one state, and makes that derivative readable in :attr:`System.column`.
+``examples/bagley_torvik.py`` prints such a table.  A name more in `orders` costs one state, and makes that
+derivative readable in :attr:`System.column`.
 
 References
 ----------
@@ -298,10 +300,7 @@ _DRIVER = {"chain": _chain, "star": _star}
 
 def _drivers(a: tuple[float, ...], form: str) -> tuple[list[float], tuple[int, ...]]:
     """The derivatives that are states, increasing, and which of them, or :data:`HIGHEST`, each is integrated from."""
-    a_m = a[-1]
-    named = {0.0, *a[:-1]}
-    if form == "chain":  # after a fractional order its whole number, before what lies beyond
-        named |= {float(math.ceil(order)) for order in a[:-1] if math.ceil(order) < a_m}
+    a_m, named = a[-1], {0.0, *a[:-1]}
     driver: dict[float, float] = {}
     left = set(named)
     while left:
