@@ -49,7 +49,8 @@ Put :math:`s = e^u` and sum over a grid of spacing Δ.  Three errors share the t
    the kernel :math:`t^{q-1}` needs (Hadamard), and a double node at zero (a constant and a ramp in k) keeps the
    rule well conditioned up to q = 2, where the ramp is all that remains.
 
-:meth:`Memory.certificate` computes the three from a kernel as built, and holds the kernel against the exact weights.
+:meth:`Memory.certificate` computes the three from a kernel as built, and holds it against the exact weights;
+``docs/memory.md`` has the derivation and the tables.
 
 References
 ----------
