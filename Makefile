@@ -2,8 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+PEERS := .venv-bench/.ready
 
-.PHONY: setup demo test test-slow lint bench fuzz
+.PHONY: setup demo test test-slow lint bench bench-peers scaling fuzz
 
 setup: $(READY)
 
@@ -31,6 +32,19 @@ lint: $(READY)
 bench: $(READY)
 	$(BIN)/python benchmarks/solver.py
 	$(BIN)/python benchmarks/evidence.py
+
+# Error against time, fracid and its peers; they live in a venv of their own.  Writes docs/work-precision.md.
+bench-peers: $(PEERS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-bench/bin/python -O benchmarks/work_precision.py
+
+$(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
+	$(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
+	touch $@
+
+# Up to 10^7 steps: time, memory, error.  Writes its part of docs/work-precision.md.
+scaling: $(READY)
+	$(BIN)/python benchmarks/scaling.py
 
 # The property tests with fresh random examples, ten times over.
 fuzz: $(READY)
