@@ -19,7 +19,7 @@ LAYERS = (
     {"simulate"},
     {"problem", "reduction"},
     {"project"},
-    {"uncertainty"},
+    {"uncertainty", "regression"},
     {"identify"},
     {"diagnostics", "runs"},
     {"plots"},

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from fracid.project import Project, load_project
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
+    from fracid.regression import Regression, regress
     from fracid.simulate import Outcome, Trajectory, simulate, solve_fde
 
 __version__ = "0.1.0"
@@ -41,6 +42,7 @@ _HOME = {
     "Problem": "problem",
     "Project": "project",
     "Recording": "recording",
+    "Regression": "regression",
     "System": "reduction",
     "Trajectory": "simulate",
     "derivative": "fractional",
@@ -50,6 +52,7 @@ _HOME = {
     "load_project": "project",
     "load_recording": "recording",
     "multi_term": "reduction",
+    "regress": "regression",
     "rotary_pendulum": "models",
     "simulate": "simulate",
     "solve_fde": "simulate",
@@ -57,9 +60,9 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter",
-           "Problem", "Project", "Recording", "System", "Trajectory", "__version__", "derivative", "identify",
-           "linear_multi_term", "linear_system", "load_project", "load_recording", "multi_term", "rotary_pendulum",
-           "simulate", "solve_fde"]  # fmt: skip
+           "Problem", "Project", "Recording", "Regression", "System", "Trajectory", "__version__", "derivative",
+           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording", "multi_term", "regress",
+           "rotary_pendulum", "simulate", "solve_fde"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,210 @@
+"""Estimators of β in W β = 0, what cannot be told apart, and how far to trust the rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.regression.rows import Pair, Rows, System
+
+__all__ = ["Estimator"]
+
+FloatArray = NDArray[np.float64]
+Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
+
+COLLINEAR = 1e-2
+"""Columns of unit length nearer than this to the span of others cannot be told from them."""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """Which constants are free: β = fixed + (free constants in their places)."""
+
+    free: tuple[int, ...]
+    fixed: FloatArray
+    """Known constants, 0 elsewhere, shape (n_terms,)."""
+
+    @cached_property
+    def B(self) -> FloatArray:
+        """β = B (v, 1), shape (n_terms, n_free + 1)."""
+        return np.column_stack([np.eye(len(self.fixed))[:, self.free], self.fixed])
+
+    def beta(self, v: FloatArray) -> FloatArray:
+        """All constants, shape (n_terms,)."""
+        return np.asarray(self.B @ np.append(v, 1.0))
+
+
+def stack(pair: Pair, scales: FloatArray) -> FloatArray:
+    """Both equations' rows, each in units of its own noise."""
+    return np.concatenate([W / s for W, s in zip(pair, scales, strict=True)])
+
+
+def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tuple[FloatArray, float]:
+    """Minimise |W β|² / βᵀ C β; returns v and that ratio, 1 where noise is all that is left."""
+    from scipy.linalg import eigh
+
+    A = stack(system.W, scales) @ gauge.B
+    C = gauge.B.T @ sum(c / s**2 for c, s in zip(system.covariance, scales, strict=True)) @ gauge.B
+    unit = np.linalg.norm(A, axis=0)
+    A, C = A / unit, C / np.outer(unit, unit)
+    inverse, vectors = eigh(C, A.T @ A + 1e-14 * np.eye(len(C)))
+    v = vectors[:, -1] / unit
+    return v[:-1] / v[-1], 1.0 / float(inverse[-1])
+
+
+def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArray) -> FloatArray:
+    """Solve Zᵀ w (A v − y) = 0."""
+    units, zunits = np.linalg.norm(A, axis=0), np.linalg.norm(Z, axis=0)
+    left = (Z / zunits * weights[:, None]).T
+    return np.asarray(np.linalg.lstsq(left @ (A / units), left @ y, rcond=None)[0] / units)
+
+
+def _robust(A: FloatArray, y: FloatArray, norm: str) -> tuple[FloatArray, FloatArray]:
+    """Huber's or Tukey's M-estimate by statsmodels, and its weights."""
+    from statsmodels.robust.norms import HuberT, TukeyBiweight  # type: ignore[import-untyped]
+    from statsmodels.robust.robust_linear_model import RLM  # type: ignore[import-untyped]
+
+    units = np.linalg.norm(A, axis=0)
+    fit = RLM(y, A / units, M=HuberT()).fit(maxiter=50, tol=1e-6)
+    if norm == "tukey":  # its minimum is one of many: from Huber's
+        fit = RLM(y, A / units, M=TukeyBiweight()).fit(maxiter=50, tol=1e-6, start_params=fit.params)
+    return np.asarray(fit.params) / units, np.asarray(fit.weights)
+
+
+def _huber_weights(r: FloatArray) -> FloatArray:
+    scale = float(np.median(np.abs(r))) / 0.6745
+    return np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(r), 1e-300))
+
+
+def solve(
+    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None
+) -> tuple[FloatArray, FloatArray]:
+    """Free constants and the robust weights of the rows."""
+    whole = stack(system.W, scales) @ gauge.B
+    A, y = whole[:, :-1], -whole[:, -1]
+    ones = np.ones(len(y))
+    if estimator == "tls":
+        return total_least_squares(system, gauge, scales)[0], ones
+    if estimator == "iv" and instruments is not None:
+        Z, weights = (stack(instruments, scales) @ gauge.B)[:, :-1], ones
+        for _ in range(5):
+            v = _instrumental(A, y, Z, weights)
+            weights = _huber_weights(y - A @ v)
+        return v, weights
+    if estimator in ("huber", "tukey"):
+        return _robust(A, y, estimator)
+    return _instrumental(A, y, A, ones), ones  # least squares are their own instruments
+
+
+# --- what cannot be told apart -------------------------------------------------------------------------
+
+
+def base_parameters(
+    system: System, free: Sequence[int], scales: FloatArray
+) -> tuple[list[int], dict[int, dict[int, float]]]:
+    """Base parameters by QR with column pivoting [Gautier].
+
+    Returns the free terms whose columns are independent, and for each of the others the coefficients with which
+    it is a combination of those.  A column whose distance from the span of the others is no more than what noise
+    makes of it, is one.
+    """
+    from scipy.linalg import qr, solve_triangular
+
+    A = stack(system.W, scales)[:, list(free)]
+    C = sum(c / s**2 for c, s in zip(system.covariance, scales, strict=True))[np.ix_(free, free)]
+    unit = np.linalg.norm(A, axis=0)
+    seen = [i for i in range(len(free)) if unit[i] > 1e-12 * unit.max()]
+    R, order = qr(A[:, seen] / unit[seen], mode="r", pivoting=True)
+    pivots = [seen[i] for i in order]
+    rank = len(pivots)
+    for k in range(1, len(pivots)):
+        x = np.append(-solve_triangular(R[:k, :k], R[:k, k]), 1.0) / unit[pivots[: k + 1]]
+        noise = float(x @ C[np.ix_(pivots[: k + 1], pivots[: k + 1])] @ x)
+        if R[k, k] ** 2 <= max(COLLINEAR**2, noise):
+            rank = k
+            break
+    found: dict[int, dict[int, float]] = {free[i]: {} for i in range(len(free)) if i not in seen}
+    for k in range(rank, len(pivots)):
+        x = solve_triangular(R[:rank, :rank], R[:rank, k]) * unit[pivots[k]] / unit[pivots[:rank]]
+        weight = np.abs(x) * unit[pivots[:rank]] / unit[pivots[k]]
+        found[free[pivots[k]]] = {free[pivots[i]]: float(x[i]) for i in range(rank) if weight[i] > 0.05}
+    return sorted(free[i] for i in pivots[:rank]), found
+
+
+# --- how well ----------------------------------------------------------------------------------------------
+
+
+def noisier_estimates(
+    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None
+) -> FloatArray:
+    """The estimates with the noise added once more, shape (2 DRAWS, n_free)."""
+    sides = [side for pair in system.noisy for side in pair]
+    return np.array([solve(estimator, replace(system, W=W), gauge, scales, instruments)[0] for W in sides])
+
+
+def bias_of(v: FloatArray, noisier: FloatArray) -> FloatArray:
+    """What noise in the columns does to the estimate: SIMEX [Cook].
+
+    With the noise added once more the estimate goes from v to v₁.  Attenuation v = v∞/(1 + κ), v₁ = v∞/(1 + 2κ)
+    gives v∞ = v v₁/(2 v₁ − v), at most 3 v; where the noise pushes v up or turns its sign, the line's 2 v − v₁.
+    """
+    more = np.mean(noisier, axis=0)
+    ratio = np.divide(more, v, out=np.ones_like(v), where=v != 0.0)
+    shrunk = np.clip(ratio, 0.6, 1.0)
+    extrapolated = np.where((ratio > 0.0) & (ratio < 1.0), v * shrunk / (2.0 * shrunk - 1.0), 2.0 * v - more)
+    return np.asarray(v - extrapolated)
+
+
+def raised(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """Give a covariance another diagonal, correlations kept.
+
+    Rounding errors of an encoder repeat with the motion, so that the residuals understate what they do.
+    """
+    factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance * np.outer(factor, factor))
+
+
+def overlap(rows: Rows) -> int:
+    """Rows over which residuals are correlated: those that share samples through window and low-pass."""
+    return math.ceil((rows.window + 2.0 / rows.cutoff) / (rows.step * max(1, len(rows.hann) // 4)))
+
+
+def sandwich(
+    system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None, v: FloatArray,
+    weights: FloatArray, lags: int,
+) -> FloatArray:  # fmt: skip
+    """Covariance of v: (Zᵀw A)⁻¹ Ω (Aᵀw Z)⁻¹, Ω of the scores with Bartlett's weights over neighbouring rows."""
+    whole = stack(system.W, scales) @ gauge.B
+    A, residual = whole[:, :-1], whole @ np.append(v, 1.0)
+    Z = A if instruments is None else (stack(instruments, scales) @ gauge.B)[:, :-1]
+    units = np.linalg.norm(A, axis=0)
+    A, Z = A / units, Z / np.linalg.norm(Z, axis=0)
+    scores = Z * (weights * residual)[:, None]
+    omega = np.zeros((A.shape[1], A.shape[1]))
+    for part in np.split(scores, [len(system.W[0])]):
+        omega += part.T @ part
+        for lag in range(1, min(lags, len(part))):
+            cross = part[lag:].T @ part[:-lag]
+            omega += (1.0 - lag / lags) * (cross + cross.T)
+    inverse = np.linalg.pinv((Z * weights[:, None]).T @ A)
+    return np.asarray(inverse @ omega @ inverse.T / np.outer(units, units))
+
+
+def fit_percents(system: System, beta: FloatArray) -> dict[str, float]:
+    """100 (1 − rms(residual)/rms(largest term)) of each equation that has rows."""
+    found = {}
+    for name, W in zip(("arm", "pendulum"), system.W, strict=True):
+        if len(W):
+            largest = np.sqrt(np.mean((W * beta) ** 2, axis=0)).max()
+            found[name] = 100.0 * (1.0 - math.sqrt(float(np.mean((W @ beta) ** 2))) / max(float(largest), 1e-300))
+    return found
+
+
+def condition_number_of(A: FloatArray) -> float:
+    return float(np.linalg.cond(A / np.linalg.norm(A, axis=0)))

@@ -1,0 +1,114 @@
+"""Instruments: rows of the simulated response, which knows nothing of the measurement's noise [Janot]."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.models import Model
+from fracid.regression.estimators import Gauge, solve
+from fracid.regression.rows import Data, Pair, Rows, Swing, System, only, own_values
+from fracid.simulate import simulate
+
+FloatArray = NDArray[np.float64]
+
+FIRST_SWINGS = 4.0
+"""How many swings the first instruments reach."""
+ROUNDS = 15
+"""Of instruments, at most."""
+ALIKE = 0.7
+"""Correlation of simulated and measured columns below which instruments are too weak."""
+CLAMPED = 1e3
+"""Inertia of an arm that was not recorded [kg m²]."""
+
+
+def instruments_of(
+    data: Data, system: System, gauge: Gauge, scales: FloatArray, names: Sequence[str], model: Model,
+    orders: Mapping[str, float],
+) -> tuple[Pair | None, FloatArray]:  # fmt: skip
+    """Instruments from the first start that leads to a response like the measured one; None if none does."""
+    for start in ("tls", "huber", "model"):
+        own = own_values(model, names)[list(gauge.free)]
+        v = own if start == "model" else solve(start, system, gauge, scales, None)[0]
+        found, own_scales = _iterated(data, system, gauge, scales, names, model, orders, v)
+        if found is None:
+            continue
+        if min(_likeness(Z, W) for Z, W in zip(found, system.W, strict=True) if len(W)) >= ALIKE:
+            return found, own_scales
+    return None, scales
+
+
+def _iterated(
+    data: Data, system: System, gauge: Gauge, scales: FloatArray, names: Sequence[str], model: Model,
+    orders: Mapping[str, float], v: FloatArray,
+) -> tuple[Pair | None, FloatArray]:  # fmt: skip
+    """Rows of the simulated response of the estimate, which is found again with them, over ever more swings.
+
+    A few swings first: later ones are out of phase until the frequency is right.
+    """
+    near = system.scales(own_values(model, names))
+    longest = max(float(t.max()) for t in data.times if len(t))
+    horizon = FIRST_SWINGS / min(r.swing.frequency for r in data.rows)
+    whole: Pair | None = None
+    for _ in range(ROUNDS):
+        simulated = _simulated(data.rows, names, gauge.beta(v), model, orders)
+        if simulated is None:
+            return None, scales
+        whole = data.W([simulated], orders)[0]
+        keep = (data.times[0] <= horizon, data.times[1] <= horizon)
+        new = solve("iv", system.masked(keep), gauge, scales, only(whole, keep))[0]
+        still = np.allclose(new, v, rtol=1e-4, atol=0.0)
+        v, scales = new, system.scales(gauge.beta(new), near)
+        if still and horizon >= longest:
+            break
+        horizon = min(1.5 * horizon, longest) if horizon < longest else horizon
+    return whole, scales
+
+
+def _likeness(Z: FloatArray, W: FloatArray) -> float:
+    """Correlation of the columns of instruments and rows, all together."""
+    unit = np.linalg.norm(W, axis=0)
+    unit[unit == 0.0] = np.inf
+    return float(np.sum(Z * W / unit**2) / math.sqrt(np.sum((Z / unit) ** 2) * np.sum((W / unit) ** 2)))
+
+
+def _simulated(
+    rows: Sequence[Rows], names: Sequence[str], beta: FloatArray, model: Model, orders: Mapping[str, float]
+) -> list[FloatArray] | None:
+    """Low-passed angles of the simulated response of each recording; None where a run diverges."""
+    values = dict(zip(names, beta.tolist(), strict=True))
+    friction = {n: max(values[n], 0.0) for n in values if n.startswith(("b_", "coulomb_", "drag_"))}
+    clamped = {} if any(r.swing.arm for r in rows) else {"J_theta": CLAMPED}
+    wanted = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}
+    if any(not model.parameter(n).lower <= v <= model.parameter(n).upper for n, v in wanted.items()):
+        return None
+    found = []
+    for r in rows:
+        angles = _response(r.swing, model.with_parameters(**wanted), orders)
+        if angles is None:
+            return None
+        base = r.swing.initial[0]
+        found.append(r.smooth(np.concatenate([np.repeat(base[None], r.swing.start, 0), angles]), base))
+    return found
+
+
+def _response(s: Swing, model: Model, orders: Mapping[str, float]) -> FloatArray | None:
+    """θ and α simulated from the release on, shape (n, 2)."""
+    angles, rates = s.initial
+    drive = None if s.drive is None else s.drive[s.start :]
+    run = simulate(
+        model if s.volts or drive is None else model.with_parameters(torque_per_volt=1.0),
+        orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
+        end=(len(s.angles) - 1 - s.start) * s.step, inputs=drive, limit=1e4,
+    )  # fmt: skip
+    return run.states[:, [0, 2]] if run.completed else None
+
+
+def theta_rest_of(values: Mapping[str, float]) -> dict[str, float]:
+    """The cable's rest angle from its offset."""
+    if not values.get("cable_stiffness") or "cable_offset" not in values:
+        return {}
+    return {"theta_rest": -values["cable_offset"] / values["cable_stiffness"]}

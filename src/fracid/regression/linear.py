@@ -1,0 +1,526 @@
+"""The whole regression: what is looked for, the steps in their order, and the verdicts in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.models import Model
+from fracid.models.base import unknown_name
+from fracid.problem import Experiment, Free, Problem
+from fracid.recording import Recording
+from fracid.recording.report import resolution
+from fracid.regression.estimators import (
+    Estimator,
+    Gauge,
+    base_parameters,
+    bias_of,
+    condition_number_of,
+    fit_percents,
+    noisier_estimates,
+    overlap,
+    raised,
+    sandwich,
+    solve,
+    stack,
+    total_least_squares,
+)
+from fracid.regression.instruments import instruments_of, theta_rest_of
+from fracid.regression.orders import OrderSearch, search_orders
+from fracid.regression.rows import (
+    LUMPED,
+    PENDULUM,
+    TERMS,
+    Data,
+    Rows,
+    Swing,
+    System,
+    make_swing,
+    own_values,
+    pendulum_parameters,
+    swing_of,
+)
+
+__all__ = ["Constant", "Regression", "regress", "start_values"]
+
+FloatArray = NDArray[np.float64]
+
+CUTOFF = (6.0, 9.0)
+"""Bounds of the low-pass' cut-off, in swing frequencies: below, products of the motion are lost."""
+WINDOW = 0.13
+"""Length of the columns' window, in swing periods."""
+LOUDEST = 25.0
+"""Largest factor by which the residual may raise the noise's variance for the bias."""
+WIDE = 0.1
+"""An interval of an order wider than this says nothing about it."""
+POOR = 85.0
+"""An equation that fits by less [%] does not fit."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One constant as the regression sees it."""
+
+    value: float
+    """In the parameter's SI unit; the known or the model's own value where it was not found."""
+    unit: str
+    standard_error: float | None
+    """From correlated residuals, or the spread over noisy repeats if that is more, and what searched orders add;
+    None where it was not found."""
+    bias: float | None
+    """What noise in the columns adds to the value, estimated by adding it once more [unit]; None as above."""
+    verdict: str
+    """``identified``, ``known``, ``only together with …``, ``not excited``, or in which direction it is biased."""
+
+    @property
+    def identified(self) -> bool:
+        """Whether to use the value by itself."""
+        return self.verdict == "identified"
+
+
+@dataclass(frozen=True)
+class Regression:
+    """What :func:`regress` found."""
+
+    parameters: Mapping[str, Constant]
+    orders: Mapping[str, float]
+    combinations: Mapping[str, float]
+    """What columns that cannot be told apart hold together: ``J_theta - 0.0253 cable_stiffness`` → its value."""
+    estimator: str
+    residuals: Mapping[str, FloatArray]
+    """W β of the rows used, ``arm`` and ``pendulum`` [N m]."""
+    weights: Mapping[str, FloatArray]
+    """Robust weights of these rows, 1 for a sample that fits."""
+    fit_percent: Mapping[str, float]
+    """100 (1 − rms(residual)/rms(largest term)) of each equation; not of the trajectory."""
+    noise_ratio: float
+    """Residual variance against that of noise in the columns (total least squares): 1 if noise were all."""
+    condition_number: float
+    """Of the columns used, each of unit length."""
+    samples: int
+    """Rows used."""
+    cutoff: float
+    """Of the low-pass [Hz]."""
+    cutoff_reason: str
+    window: float
+    """Of the columns [s]."""
+    noise: Mapping[str, float]
+    """Measurement noise of each angle, rms [rad]: the spectrum's floor, at least that of the encoder's step."""
+    search: OrderSearch | None
+    """None where no order was searched."""
+    warnings: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All constants by name, ready as overrides of the model; the cable's offset as theta_rest."""
+        found = {n: c.value for n, c in self.parameters.items() if n != "cable_offset"}
+        return found | theta_rest_of({n: c.value for n, c in self.parameters.items()})
+
+    def __str__(self) -> str:
+        """Return a table of values, errors, bias and verdicts."""
+        rows = [f"{'':16}{'value':>12}{'± 1 s.e.':>11}{'bias':>11}  verdict"]
+        for name, c in self.parameters.items():
+            error, bias = (f"{v:11.2g}" if v is not None else f"{'':11}" for v in (c.standard_error, c.bias))
+            rows.append(f"{name:16}{c.value:12.5g}{error}{bias}  {c.verdict}")
+        rows += [f"{name} = {value:.5g}" for name, value in self.combinations.items()]
+        orders = ", ".join(f"{n} = {v:.4g}" for n, v in self.orders.items())
+        rows.append(f"{self.estimator}; {orders}; {self.samples} rows; condition number {self.condition_number:.3g}")
+        rows.append(f"cut-off {self.cutoff:.3g} Hz: {self.cutoff_reason}")
+        rows.append(f"residual variance {self.noise_ratio:.3g} times what noise in the columns explains")
+        return "\n".join([*rows, *self.warnings])
+
+
+def regress(
+    recordings: Recording | Sequence[Recording],
+    model: Model,
+    *,
+    orders: Mapping[str, float | Free] | Literal["search"] = "search",
+    known: Mapping[str, float] | None = None,
+    terms: Sequence[str] | None = None,
+    estimator: Estimator = "iv",
+    cutoff: float | None = None,
+) -> Regression:
+    """Find the constants of a rotary pendulum by linear regression; the module's first screen says how.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        With signals ``alpha`` and, but for a clamped arm, ``theta`` [rad], from rest or with the plateau before
+        the release in it; a motion is driven if the model's input, ``torque`` or ``voltage`` is among them.
+    model : Model
+        From :func:`fracid.rotary_pendulum`: says what α = 0 is, and holds what is not looked for.
+    orders : mapping or "search"
+        A number is fixed, a :class:`~fracid.Free` searched; "search" seeks both in 0.5 … 1.2.
+    known : mapping, optional
+        Constants that are known [SI].  A free response needs one; a driven one takes the model's
+        torque_per_volt, if it is not 0 (1 for a torque in N m).
+    terms : sequence of str, optional
+        Names in ``TERMS`` to look for; None is the nine lumped ones.  cable_stiffness brings cable_offset along.
+    estimator : {"iv", "tls", "huber", "tukey", "ols"}
+    cutoff : float, optional
+        Of the low-pass [Hz]; None takes it from the spectrum.
+
+    Returns
+    -------
+    Regression
+
+    Raises
+    ------
+    InputError
+        For unknown names, an impossible value, a free response of which nothing is known, or a recording that is
+        too short, stands still, or has no uniform grid.
+
+    References
+    ----------
+    The abstract's method; [Gautier]_, [Janot]_, [Cook]_.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen", b_theta=0.01)
+    >>> orders = {"lambda": 0.95, "mu": 0.97}
+    >>> run = fracid.simulate(rig, orders=orders, initial={"alpha": 1.5}, step=1e-3, end=5.0)
+    >>> count = 2 * np.pi / 4096
+    >>> swing = fracid.Recording.of("twin", run.time, {
+    ...     "theta": count * np.round(run.states[:, 0] / count), "alpha": count * np.round(run.states[:, 2] / count)})
+    >>> found = regress(swing, rig, orders=orders, known={"C4": rig.parameter("C4").value})
+    >>> found.parameters["C1"].verdict, abs(found.parameters["C1"].value / rig.parameter("C1").value - 1) < 0.02
+    ('identified', True)
+    """
+    pendulum_parameters(model)
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not given or not all(isinstance(r, Recording) for r in given):
+        raise InputError(
+            f"recordings = {recordings!r:.60}: expected a Recording or a list of them; arrays become one by "
+            'fracid.Recording.of("name", time, {"theta": …, "alpha": …}).'
+        )
+    if estimator not in get_args(Estimator):
+        raise unknown_name("estimator", estimator, get_args(Estimator))
+    swings = [swing_of(r, model) for r in given]
+    wanted = Free(1.0, 0.5, 1.2)
+    chosen = {"lambda": wanted, "mu": wanted} if isinstance(orders, str) else dict(orders)
+    if isinstance(orders, str) and orders != "search":
+        raise InputError(f'orders = {orders!r}: expected "search", or for example {{"lambda": 1.0, "mu": 1.0}}.')
+    return _regress(swings, model, chosen, dict(known or {}), terms, estimator, cutoff)
+
+
+def _regress(
+    swings: Sequence[Swing], model: Model, orders: Mapping[str, float | Free], known: dict[str, float],
+    terms: Sequence[str] | None, estimator: Estimator, cutoff: float | None,
+) -> Regression:  # fmt: skip
+    orders = {n.rstrip("_"): v for n, v in orders.items()}
+    if not any(s.arm for s in swings):
+        orders |= {"lambda": 1.0}  # nothing sees it
+    for side in ("lower", "upper"):
+        model.state_orders({n: getattr(v, side) if isinstance(v, Free) else v for n, v in orders.items()})
+    names, known = _terms(swings, model, known, terms)
+    hertz, reason = _cutoff(swings, cutoff)
+    window = WINDOW / min(s.frequency for s in swings)
+    rows = [Rows(s, model, tuple(TERMS.index(n) for n in names), hertz, window) for s in swings]
+    _enough(rows, names)
+    fixed = np.array([known.get(n, 0.0) for n in names])
+    gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in known), fixed)
+    data = Data.of(rows)
+    at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
+    search, spread = None, np.zeros(len(names))
+    if any(isinstance(v, Free) for v in orders.values()):
+        own = own_values(model, names)
+        basic = _independent(data.system(at), gauge, own)[0]
+        search, at, spread = search_orders(data, basic, own, orders)
+    found = _at(data, gauge, names, known, model, at, estimator, spread)
+    return replace(
+        _doubted(found, search), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
+    )  # fmt: skip
+
+
+def _at(
+    data: Data, gauge: Gauge, names: Sequence[str], known: Mapping[str, float], model: Model,
+    orders: Mapping[str, float], estimator: str, spread: FloatArray,
+) -> Regression:  # fmt: skip
+    """Regress at given orders."""
+    system = data.system(orders)
+    warnings = list(_motion_warnings(data.rows, orders))
+    own = own_values(model, names)
+    gauge, dependent, scales, ratio = _independent(system, gauge, own)
+    # What is left in the rows is all taken for noise, so that the bias is rather over- than understated.
+    data = Data.of(data.rows, math.sqrt(min(max(ratio, 1.0), LOUDEST)))
+    system = data.system(orders)
+    near = system.scales(own)
+    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales, None)[0]), near)
+    instruments = None
+    if estimator == "iv":
+        instruments, scales = instruments_of(data, system, gauge, scales, names, model, orders)
+        if instruments is None:
+            estimator = "huber"
+            warnings.append(
+                "No estimate's simulated response is like the measured one, so there are no instruments and Huber's "
+                "estimator was taken: the model lacks something, or the motion is too small."
+            )
+    v, weights = solve(estimator, system, gauge, scales, instruments)
+    beta = gauge.beta(v)
+    noisier = noisier_estimates(estimator, system, gauge, scales, instruments)
+    bias = bias_of(v, noisier)
+    covariance = sandwich(system, gauge, scales, instruments, v, weights, overlap(data.rows[0]))
+    covariance = raised(
+        covariance, np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
+    )
+    return Regression(
+        parameters=_constants(names, known, gauge, beta, bias, covariance, dependent, model),
+        orders=orders, combinations=_combinations(names, dependent, beta), estimator=estimator,
+        residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
+        weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
+        fit_percent=fit_percents(system, beta), noise_ratio=ratio,
+        condition_number=condition_number_of(stack(system.W, scales)[:, gauge.free]),
+        samples=len(weights), cutoff=0.0, cutoff_reason="", window=0.0,
+        noise={n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))},
+        search=None, warnings=tuple(warnings),
+    )  # fmt: skip
+
+
+def _terms(
+    swings: Sequence[Swing], model: Model, known: Mapping[str, float], terms: Sequence[str] | None
+) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Names of the columns, and those that are known: what is not looked for is as the model has it."""
+    for name in (*known, *(terms or ())):
+        if name not in TERMS:
+            raise unknown_name("constant", name, TERMS)
+    for name, value in known.items():
+        if not math.isfinite(value):
+            raise InputError(f"known[{name!r}] = {value!r}: expected a finite number.")
+    seen = set(TERMS if any(s.arm for s in swings) else PENDULUM)
+    looked = (set(LUMPED if terms is None else terms) - set(known)) & seen
+    if "cable_stiffness" in looked:
+        looked.add("cable_offset")
+    own = dict(zip(TERMS, own_values(model, TERMS).tolist(), strict=True)) | dict(known)
+    units = {s.volts for s in swings if s.drive is not None}
+    if len(units) == 2:
+        raise InputError("One recording has a torque and another a voltage: give all of them the same.")
+    if units:
+        own["torque_per_volt"] = own["torque_per_volt"] if units == {True} else 1.0
+        looked |= {"torque_per_volt"} if own["torque_per_volt"] == 0.0 else set()
+    else:
+        seen.discard("torque_per_volt")
+        looked.discard("torque_per_volt")
+    held = {n: own[n] for n in TERMS if n in seen - looked and (own[n] != 0.0 or n in known)}
+    if not looked:
+        raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
+    if not any(held[n] for n in held if n in (*LUMPED, "torque_per_volt", *known)):
+        example = "C4" if "C4" in looked else next(n for n in TERMS if n in looked)
+        raise InputError(
+            "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
+            f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
+            f"{model.source.split('.')[0]} has."
+        )
+    return tuple(n for n in TERMS if n in looked | set(held)), held
+
+
+def _cutoff(swings: Sequence[Swing], given: float | None) -> tuple[float, str]:
+    """Cut-off of the low-pass [Hz] and why."""
+    nyquist = 0.5 / max(s.step for s in swings)
+    swing = max(s.frequency for s in swings)
+    if given is not None:
+        if not 1.5 * swing < given < 0.8 * nyquist:
+            raise InputError(
+                f"cutoff = {given!r} Hz; expected between {1.5 * swing:.3g} (the swing is {swing:.3g} Hz) and "
+                f"{0.8 * nyquist:.3g} (the samples end at {nyquist:.3g} Hz)."
+            )
+        return float(given), "as asked for"
+    spectral = max(s.cutoff for s in swings)
+    low, high = (factor * swing for factor in CUTOFF)
+    found = min(max(spectral, low), high, 0.8 * nyquist)
+    where = f"the angles' spectrum comes down to ten times the noise at {spectral:.3g} Hz"
+    if found == spectral:
+        return found, where
+    side = "at least" if found == low else "at most"
+    factor = found / swing
+    return found, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
+
+
+def _enough(rows: Sequence[Rows], names: Sequence[str]) -> None:
+    used = sum(len(k) for r in rows for k in r.kept)
+    if used < 3 * len(names):
+        raise InputError(
+            f"Only {used} rows are left of {', '.join(r.swing.name for r in rows)} once borders and standstill are left"
+            f" out, for {len(names)} constants: record a longer or larger motion, or release from a larger angle."
+        )
+
+
+def _independent(
+    system: System, gauge: Gauge, own: FloatArray
+) -> tuple[Gauge, dict[int, dict[int, float]], FloatArray, float]:
+    """Take out what cannot be told apart (it keeps the model's value), and find the equations' scales."""
+    near = scales = system.scales(own)
+    basic, dependent = base_parameters(system, gauge.free, scales)
+    fixed = gauge.fixed.copy()
+    fixed[list(dependent)] = own[list(dependent)]
+    gauge = Gauge(tuple(basic), fixed)
+    ratio = math.nan
+    for _ in range(3):
+        v, ratio = total_least_squares(system, gauge, scales)
+        scales = system.scales(gauge.beta(v), near)
+    return gauge, dependent, scales, ratio
+
+
+# --- in words ------------------------------------------------------------------------------------------------
+
+
+def _constants(
+    names: Sequence[str], known: Mapping[str, float], gauge: Gauge, beta: FloatArray, bias: FloatArray,
+    covariance: FloatArray, dependent: Mapping[int, Mapping[int, float]], model: Model,
+) -> dict[str, Constant]:  # fmt: skip
+    units = {p.name: p.unit for p in model.parameters} | {"cable_offset": "N m"}
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    with np.errstate(all="ignore"):
+        correlation = covariance / np.outer(errors, errors)
+    found = {}
+    for i, name in enumerate(names):
+        value = float(beta[i])
+        if name in known:
+            found[name] = Constant(value, units[name], None, None, "known")
+        elif i in dependent:
+            partners = [names[j] for j in dependent[i]]
+            found[name] = Constant(value, units[name], None, None, _together(partners))
+        else:
+            k = gauge.free.index(i)
+            tied = [names[j] for j, combination in dependent.items() if i in combination]
+            close = [names[gauge.free[j]] for j in np.flatnonzero(np.abs(correlation[k]) > 0.97) if j != k]
+            error, off = float(errors[k]), float(bias[k])
+            found[name] = Constant(value, units[name], error, off, _verdict(value, error, off, tied, close))
+    return found
+
+
+def _together(partners: Sequence[str]) -> str:
+    return f"only together with {', '.join(partners)}" if partners else "not excited: its column is empty"
+
+
+def _verdict(value: float, error: float, bias: float, tied: Sequence[str], close: Sequence[str]) -> str:
+    """Say in words what the data know of a constant."""
+    if tied:
+        return _together(tied)
+    if abs(bias) > max(0.1 * abs(value), error):
+        way = "lowers" if bias * value < 0.0 else "raises"
+        part = f"about {100 * abs(bias / (value - bias)):.0f} %" if abs(bias) < abs(value) else "half or more"
+        return f"biased: noise in the columns {way} it by {part}"
+    if math.hypot(error, bias) > 0.2 * abs(value):
+        why = f"its standard error is {100 * error / max(abs(value), 1e-300):.0f} % of it"
+        return f"only together with {', '.join(close)}: {why}" if close else f"not excited: {why}"
+    return "identified"
+
+
+def _combinations(
+    names: Sequence[str], dependent: Mapping[int, Mapping[int, float]], beta: FloatArray
+) -> dict[str, float]:
+    """Each basic constant with the dependent ones that it takes in, by its readable name."""
+    found = {}
+    for i in sorted({i for combination in dependent.values() for i in combination}):
+        parts = [(c[i], j) for j, c in dependent.items() if i in c]
+        name = names[i] + "".join(f" {'+' if c > 0 else '-'} {abs(c):.3g} {names[j]}" for c, j in parts)
+        found[name] = float(beta[i] + sum(c * beta[j] for c, j in parts))
+    return found
+
+
+def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[str]:
+    found = []
+    for r in rows:
+        if not r.swing.arm:
+            found.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
+        if np.any(r.swing.initial[1] != 0.0) and any(v != 1.0 for v in orders.values()):
+            found.append(
+                f"{r.swing.name} starts in motion ({r.swing.initial[1][1]:.2g} rad/s in alpha): at orders other than "
+                "1 what it did before is missing from the memory. Start from rest, or keep the plateau before it."
+            )
+    return found
+
+
+def _doubted(found: Regression, search: OrderSearch | None) -> Regression:
+    """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit."""
+    wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
+    poor = [n for n, percent in found.fit_percent.items() if percent < POOR]
+    said = [
+        f"{n} is hardly seen: its interval is {low:.3g} … {high:.3g}. Give it, or release from a larger angle."
+        for n, (low, high) in wide.items()
+    ] + [f"The {n}'s equation fits by {found.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
+    why = [f"moves with {' and '.join(wide)}, which the data hardly see"] if wide else []
+    why += [f"the {n}'s equation does not fit" for n in poor]
+    verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in found.parameters.items()}
+    return replace(found, parameters=verdicts, warnings=(*found.warnings, *said))
+
+
+# --- as the start of a fit -----------------------------------------------------------------------------------
+
+
+def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[FloatArray, Regression]:
+    """Return a start for :func:`fracid.identify` and the regression that it comes from.
+
+    What the problem leaves free is looked for; what it fixes is known.  Where everything is free and nothing
+    drives the recordings, C4 is taken from its start.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of a rotary pendulum, with α among its outputs.
+    estimator : as in :func:`regress`
+
+    Returns
+    -------
+    x : ndarray, shape (n_unknowns,)
+        ``problem.start`` with the searched orders and those constants that the regression calls identified,
+        within their bounds.  Initial states and what recordings have for themselves stay.
+    Regression
+
+    Raises
+    ------
+    InputError
+        As :func:`regress`; if the model is another; if none of the free unknowns stands in the regression.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 1.0}, step=1e-3, end=5.0)
+    >>> swing = Experiment("twin", 1e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, {"C1": Free(8e-3, 1e-3, 1e-1)})
+    >>> x, found = start_values(problem)
+    >>> bool(abs(x[0] / rig.parameter("C1").value - 1) < 0.01)
+    True
+    """
+    pendulum_parameters(problem.model)
+    shared = {n: u for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
+    free = [n for n, u in shared.items() if u.kind == "parameter" and n in TERMS]
+    searched = [n for n, u in shared.items() if u.kind == "order"]
+    if not free:
+        raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(TERMS)}.")
+    start = {n: v.start if isinstance(v, Free) else float(v) for n, v in problem.parameters.items()}
+    model = problem.model.with_parameters(**start)
+    swings = [_experiment_swing(e, problem) for e in problem.experiments]
+    free_response = all(s.drive is None for s in swings) and set(LUMPED) <= set(free)
+    known = {"C4": model.parameter("C4").value} if free_response else {}
+    found = _regress(swings, model, problem.orders, known, free, estimator, None)
+    best = {n: c.value for n, c in found.parameters.items() if c.identified} | {
+        n: found.orders[n] for n in searched if not found.search or np.ptp(found.search.interval95[n]) < WIDE
+    }
+    if "cable_stiffness" in best:
+        best |= theta_rest_of({n: c.value for n, c in found.parameters.items()})
+    space = problem.space
+    x = np.array([best.get(n, v) for n, v in zip(problem.names, problem.start.tolist(), strict=True)])
+    return np.clip(x, space.lower, space.upper), found
+
+
+def _experiment_swing(e: Experiment, problem: Problem) -> Swing:
+    """An experiment's columns by the problem's names; it starts at its release."""
+    column = dict(zip(problem.outputs, e.measured.T, strict=True))
+    if "alpha" not in column:
+        raise InputError(f"{e.name}: alpha is not among the outputs {', '.join(problem.outputs)}; score it.")
+    driven = problem.model.inputs and np.any(e.inputs)
+    steps = tuple(resolution(column[n]) or 0.0 if n in column else 0.0 for n in ("theta", "alpha"))
+    return make_swing(
+        e.name, e.step, column.get("theta"), column["alpha"], e.inputs[:, 0] if driven else None,
+        problem.model.inputs == ("voltage",), 0, (steps[0], steps[1]),
+    )  # fmt: skip

@@ -1,0 +1,139 @@
+"""The search over the orders: variable projection, and how far the data see them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fracid.problem import Free
+from fracid.regression.estimators import Gauge, overlap, total_least_squares
+from fracid.regression.rows import Data, Pair
+
+__all__ = ["OrderSearch"]
+
+FloatArray = NDArray[np.float64]
+
+PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
+"""How far from the best order its profile goes."""
+CHI_SQUARE_95 = 3.84
+
+
+@dataclass(frozen=True)
+class OrderSearch:
+    """What the outer search saw."""
+
+    orders: Mapping[str, FloatArray]
+    """Each order's values along the search, shape (n,)."""
+    noise_ratio: FloatArray
+    """Residual against what noise in the columns explains, shape (n,)."""
+    profile: Mapping[str, Pair]
+    """For each free order: values, and the noise ratio there with the other at its best."""
+    interval95: Mapping[str, tuple[float, float]]
+    """From that profile, by the number of rows that are independent; infinite where the profile ends before."""
+    outcome: str
+
+
+def search_orders(
+    data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float | Free]
+) -> tuple[OrderSearch, dict[str, float], FloatArray]:
+    """Variable projection: minimise over the orders what total least squares leaves, in units of the noise."""
+    from scipy.optimize import minimize
+
+    free = {n: v for n, v in orders.items() if isinstance(v, Free)}
+    seen: list[tuple[FloatArray, float]] = []
+
+    def at(q: ArrayLike) -> dict[str, float]:
+        given = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
+        return {n: given.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
+
+    def ratio(q: ArrayLike) -> float:
+        value = _projected(data, gauge, own, at(q))[1]
+        seen.append((np.array(np.atleast_1d(q)), value))
+        return math.log(value)
+
+    bounds = [(f.lower, f.upper) for f in free.values()]
+    axes = [np.unique([*np.linspace(f.lower, f.upper, 6), f.start]) for f in free.values()]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(free))
+    simplex = {"xatol": 1e-3, "fatol": 1e-4, "maxfev": 25}
+    starts = sorted(grid, key=ratio)[:3]  # the valley is narrow, and the corners have minima of their own
+    rough = [minimize(ratio, q, method="Nelder-Mead", bounds=bounds, options=simplex) for q in starts]
+    best = min(rough, key=lambda r: r.fun).x
+    found = minimize(ratio, best, method="Nelder-Mead", bounds=bounds, options=simplex | {"maxfev": 80})
+    paths = {n: _profile(ratio, found.x, math.exp(found.fun), bounds, i) for i, n in enumerate(free)}
+    independent = sum(len(t) for t in data.times) / overlap(data.rows[0])
+    profile = {n: (path[:, i], np.exp(path[:, -1])) for i, (n, path) in enumerate(paths.items())}
+    interval = {n: _interval(*curve, math.exp(found.fun), independent) for n, curve in profile.items()}
+    search = OrderSearch(
+        {n: np.array([q[i] for q, _ in seen]) for i, n in enumerate(free)}, np.array([value for _, value in seen]),
+        profile, interval, "converged" if found.success else str(found.message),
+    )  # fmt: skip
+    return search, at(found.x), _spread(data, gauge, own, at, paths, interval)
+
+
+def _projected(data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float]) -> tuple[FloatArray, float]:
+    """Constants at given orders by total least squares, and the residual's ratio to that of noise."""
+    system = data.system(orders, draws=1)
+    near = scales = system.scales(own)
+    v, value = gauge.fixed, math.inf
+    for _ in range(3):
+        v, value = total_least_squares(system, gauge, scales)
+        scales = system.scales(gauge.beta(v), near)
+    return v, value
+
+
+def _profile(
+    ratio: Callable[[ArrayLike], float], best: FloatArray, least: float, bounds: Sequence[tuple[float, float]], i: int
+) -> FloatArray:
+    """Points along one order, the other found again at each: rows of (orders …, log ratio), the best among them."""
+    from scipy.optimize import minimize_scalar
+
+    low, high = bounds[i]
+    rows = [[*best, math.log(least)]]
+    for q in (best[i] + d for d in PROFILE if low <= best[i] + d <= high):
+        if len(best) == 1:
+            rows.append([q, ratio([q])])
+            continue
+        j = 1 - i
+        near = (max(best[j] - 0.05, bounds[j][0]), min(best[j] + 0.05, bounds[j][1]))
+        other = minimize_scalar(lambda p, q=q: ratio([q, p] if i == 0 else [p, q]), bounds=near, method="bounded",
+                                options={"maxiter": 6})  # fmt: skip
+        rows.append([*((q, other.x) if i == 0 else (other.x, q)), other.fun])
+    return np.array(sorted(rows, key=lambda row: row[i]))
+
+
+def _interval(along: FloatArray, values: FloatArray, least: float, independent: float) -> tuple[float, float]:
+    """Where the ratio stays below its least times 1 + 3.84/n, n independent rows; infinite where the profile ends."""
+    level = least * (1.0 + CHI_SQUARE_95 / max(independent, 1.0))
+    k = int(np.argmin(values))
+    sides = []
+    for q, value in ((along[k::-1], values[k::-1]), (along[k:], values[k:])):
+        above = np.flatnonzero(value > level)
+        if not len(above):
+            sides.append(math.inf)
+            continue
+        m = int(above[0])
+        # the ratio is a parabola near its least: linear in the root of its rise
+        rise = np.sqrt(np.maximum([value[m - 1] - least, level - least, value[m] - least], 0.0))
+        sides.append(abs(float(np.interp(rise[1], [rise[0], rise[2]], [q[m - 1], q[m]]) - q[0])))
+    return float(along[k]) - sides[0], float(along[k]) + sides[1]
+
+
+def _spread(
+    data: Data, gauge: Gauge, own: FloatArray, at: Callable[[ArrayLike], dict[str, float]],
+    paths: Mapping[str, FloatArray], interval: Mapping[str, tuple[float, float]],
+) -> FloatArray:  # fmt: skip
+    """By how much the constants move with an order by one standard deviation along its profile, shape (n_terms,)."""
+    moves = []
+    for i, (n, path) in enumerate(paths.items()):
+        first, last = (_projected(data, gauge, own, at(row[:-1]))[0] for row in (path[0], path[-1]))
+        half = 0.5 * (interval[n][1] - interval[n][0])
+        width = float(path[-1, i] - path[0, i])
+        slope = (last - first) / width if width > 0.0 else np.zeros_like(first)
+        moves.append(np.abs(slope) * min(half, width) / 1.96)
+    spread = np.zeros(len(gauge.fixed))
+    spread[list(gauge.free)] = np.max(moves, axis=0)
+    return spread

@@ -1,0 +1,493 @@
+"""From a recording to W: the columns of the equations, filtered, without borders and standstill."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fracid.errors import InputError
+from fracid.fractional import derivative
+from fracid.models import Model
+from fracid.recording import Recording
+
+__all__ = ["LUMPED", "PENDULUM", "TERMS", "regressor"]
+
+FloatArray = NDArray[np.float64]
+Pair = tuple[FloatArray, FloatArray]
+"""Something for the arm's rows and for the pendulum's."""
+
+TERMS = (
+    "J_theta", "C6", "C3", "C1", "C4", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha",
+    "drag_theta", "drag_alpha", "cable_stiffness", "cable_offset", "torque_per_volt",
+)  # fmt: skip
+"""Columns of the regressor.  ``cable_offset`` is −cable_stiffness·theta_rest [N m]."""
+LUMPED = TERMS[:9]
+"""What is looked for unless said otherwise: the nine of :mod:`fracid.models.rotary_pendulum`."""
+PENDULUM = ("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha")
+"""What the pendulum's row alone holds: all that can be found where no arm angle was recorded."""
+
+QUIET = 20.0
+"""An angle that moves by less than this many noise levels in a swing is left out."""
+STICKS = 1.0
+"""Below this many slip speeds a joint may stick, and its friction is anything: left out."""
+DRAWS = 4
+"""Pairs of noisy repeats for the noise's covariance in W and for the bias."""
+OVERSAMPLED = 20.0
+"""Samples a period of the cut-off, after the low-pass."""
+KAISER = 5.65
+"""β of a Kaiser window of 60 dB."""
+
+
+def regressor(
+    model: Model,
+    theta: ArrayLike,
+    alpha: ArrayLike,
+    step: float,
+    orders: Mapping[str, float],
+    *,
+    drive: ArrayLike | None = None,
+) -> Pair:
+    """Return the columns of both equations, unfiltered: W with W β = 0 for β in the order of ``TERMS``.
+
+    Parameters
+    ----------
+    model : Model
+        From :func:`fracid.rotary_pendulum`: zero, slip_speed, alpha_rest and time_scale are taken from it.
+    theta, alpha : array_like, shape (n_samples,)
+        [rad], from rest; the memory starts at the first sample.
+    step : float
+        [s]
+    orders : mapping
+        ``{"lambda": …, "mu": …}``.
+    drive : array_like, shape (n_samples,), optional
+        What torque_per_volt multiplies: volts at the motor, or N m with torque_per_volt = 1.
+
+    Returns
+    -------
+    pair of ndarray, shape (n_samples, len(TERMS))
+        The arm's and the pendulum's.
+
+    Raises
+    ------
+    InputError
+        If the model is no rotary pendulum, or as :func:`fracid.derivative`.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> orders = {"lambda": 0.9, "mu": 0.95}
+    >>> run = fracid.simulate(rig, orders=orders, initial={"alpha": 1.0}, step=1e-3, end=2.0)
+    >>> arm, pendulum = regressor(rig, run.states[:, 0], run.states[:, 2], 1e-3, orders)
+    >>> beta = np.array([dict(zip(rig.parameter_names, rig.parameter_vector())).get(n, 0.0) for n in TERMS])
+    >>> gravity = np.abs(pendulum[:, TERMS.index("C4")]).max() * rig.parameter("C4").value
+    >>> bool(np.abs(pendulum[200:-20] @ beta).max() < 1e-3 * gravity)
+    True
+    """
+    theta, alpha = np.asarray(theta, dtype=np.float64), np.asarray(alpha, dtype=np.float64)
+    u = None if drive is None else np.asarray(drive, dtype=np.float64)
+    scale = pendulum_parameters(model)["time_scale"]
+    rates = _rates(theta, orders["lambda"], step, scale), _rates(alpha, orders["mu"], step, scale)
+    return _columns(model, theta, alpha, *rates, u)
+
+
+def _columns(
+    model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: Pair, rates: Pair, drive: FloatArray | None
+) -> Pair:
+    """W of both equations from the angles, x₂ and D^λ x₂, x₄ and D^μ x₄."""
+    p = pendulum_parameters(model)
+    (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates
+    sin, cos = np.sin(alpha - p["alpha_rest"]), np.cos(alpha - p["alpha_rest"])
+    sin2, slip = 2.0 * sin * cos, p["slip_speed"]
+    gravity = {"hanging": 1.0, "upright": -1.0}[model.zero]
+    zero = np.zeros_like(alpha)
+    arm = {
+        "J_theta": arm_acceleration,
+        "C6": sin**2 * arm_acceleration + sin2 * x4 * x2,
+        "C3": cos * acceleration - sin * x4**2,
+        "b_theta": x2,
+        "coulomb_theta": np.tanh(x2 / slip),
+        "drag_theta": x2 * np.abs(x2),
+        "cable_stiffness": theta,
+        "cable_offset": np.ones_like(theta),
+        "torque_per_volt": zero if drive is None else -drive,
+    }
+    pendulum = {
+        "C6": -0.5 * sin2 * x2**2,
+        "C3": cos * arm_acceleration,
+        "C1": acceleration,
+        "C4": gravity * sin,
+        "b_alpha": x4,
+        "coulomb_alpha": np.tanh(x4 / slip),
+        "drag_alpha": x4 * np.abs(x4),
+    }
+    arm_rows, rows = (np.column_stack([columns.get(n, zero) for n in TERMS]) for columns in (arm, pendulum))
+    return arm_rows, rows
+
+
+def _rates(x: FloatArray, order: float, step: float, time_scale: float) -> Pair:
+    """D^q x and D^q D^q x, each times τ₀^(q−1); x may hold many signals in columns."""
+    unit = time_scale ** (order - 1.0)
+    rate = unit * _from_rest(x, order, step)
+    return rate, unit * _from_rest(rate, order, step)
+
+
+def _from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
+    """Caputo's D^q of a signal that starts without a slope, as the solver has it: Riemann–Liouville's of its rise.
+
+    Caputo's own would take the slope at the start from the data, and x₂ starts as t^λ, above order 1 hard to tell.
+    """
+    found = derivative(x - x[:1], order, step, kind="rl")
+    found[0] = np.where(np.isfinite(found[0]), found[0], 0.0)
+    return found
+
+
+def pendulum_parameters(model: Model) -> dict[str, float]:
+    """The model's parameters by name, if it is the rotary pendulum."""
+    if model.name != "rotary-pendulum":
+        raise InputError(
+            f"The regression knows the equations of the rotary pendulum, not of {model.name!r}: "
+            'type model=fracid.rotary_pendulum("srv02-rotpen"), or fit with fracid.identify.'
+        )
+    return dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
+
+
+def own_values(model: Model, names: Sequence[str]) -> FloatArray:
+    """The model's constants, shape (n_terms,)."""
+    p = pendulum_parameters(model) | {"cable_offset": 0.0}
+    p["cable_offset"] = -p["cable_stiffness"] * p.get("theta_rest", 0.0)
+    return np.array([p[n] for n in names])
+
+
+# --- filters -----------------------------------------------------------------------------------------
+
+
+def _low_pass(x: FloatArray, step: float, cutoff: float) -> FloatArray:
+    """Zero-phase FIR low-pass of the columns of x; before and after the record the first and last values go on.
+
+    A Kaiser window of 60 dB with a transition as wide as twice the cut-off, for it is short: borders are lost.
+    """
+    from scipy.signal import fftconvolve, firwin
+
+    reach = _low_pass_reach(step, cutoff)
+    kernel = firwin(2 * reach + 1, cutoff, fs=1.0 / step, window=("kaiser", KAISER))
+    longer = np.concatenate([np.repeat(x[:1], reach, 0), x, np.repeat(x[-1:], reach, 0)])
+    return np.asarray(fftconvolve(longer, kernel[:, None], mode="valid", axes=0))
+
+
+def _low_pass_reach(step: float, cutoff: float) -> int:
+    """Samples that the low-pass takes from either side: Kaiser's (A − 7.95)/(2.285 Δω h)/2, A = 60, Δω = 2π cut-off."""
+    return math.ceil((60.0 - 7.95) / (2.285 * 2.0 * math.pi * cutoff * step) / 2.0)
+
+
+def _spectrum(x: FloatArray, step: float) -> Pair:
+    """Frequencies above 0 [Hz] and the power of x at them; a white noise of variance σ² has σ² everywhere.
+
+    By way of the differences, which are near 0 at a release, with a taper that keeps the start of a decay.
+    """
+    speed = np.diff(x)
+    taper = np.cos(np.linspace(0.0, 0.5 * math.pi, len(speed)))
+    power = np.abs(np.fft.rfft(speed * taper)) ** 2 / np.sum(taper**2)
+    f: FloatArray = np.asarray(np.fft.rfftfreq(len(speed), step)[1:], dtype=np.float64)
+    return f, np.asarray(power[1:] / (2.0 * np.sin(math.pi * f * step)) ** 2, dtype=np.float64)
+
+
+def _noise(x: FloatArray, step: float, resolution: float) -> float:
+    """Noise of x, rms: the floor of the upper half of its spectrum, at least q/√12 of the encoder's step q.
+
+    A slow signal's rounding errors are not white, and the floor alone would miss most of them.
+    """
+    f, power = _spectrum(x, step)
+    floor = float(np.median(power[f > 0.25 / step])) / math.log(2.0)  # the median of an exponential variate
+    return max(math.sqrt(floor), resolution / math.sqrt(12.0), 1e-9 * float(np.ptp(x)))
+
+
+# --- recordings --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A recording as the regression sees it: from rest, or from before a release that lies inside it."""
+
+    name: str
+    step: float
+    angles: FloatArray
+    """θ and α, shape (n_samples, 2); θ is 0 where it was not recorded."""
+    start: int
+    """Sample of the release; 0 if it is the first."""
+    drive: FloatArray | None
+    """What torque_per_volt multiplies, shape (n_samples,)."""
+    volts: bool
+    """Whether the drive is in volts, not N m."""
+    noise: FloatArray
+    """Of both angles, rms [rad], shape (2,)."""
+    arm: bool
+    """Whether θ was recorded."""
+
+    @cached_property
+    def frequency(self) -> float:
+        """Of the swing [Hz]: where the speed of α has most power."""
+        f, power = _spectrum(self.angles[self.start :, 1], self.step)
+        return float(f[np.argmax(f**2 * power)])
+
+    @cached_property
+    def cutoff(self) -> float:
+        """Where the spectrum of the angles comes down to ten times the noise [Hz]."""
+        found = []
+        for x, noise in zip(self.angles[self.start :].T, self.noise, strict=True):
+            f, power = _spectrum(x, self.step)
+            below = (_band(power) < 10.0 * noise**2) & (f > self.frequency)
+            found.append(float(f[below][0]) if below.any() else 0.25 / self.step)
+        return max(found) if self.arm else found[1]
+
+    @cached_property
+    def initial(self) -> tuple[FloatArray, FloatArray]:
+        """Angles and speeds at the start, from a parabola [rad, rad/s]; speeds are 0 where it is a release."""
+        first = self.angles[self.start :][: max(5, round(0.05 / self.frequency / self.step))]
+        t = np.arange(len(first)) * self.step
+        at_rest = np.linalg.lstsq(np.column_stack([np.ones_like(t), t**2]), first, rcond=None)[0][0]
+        moving = np.polynomial.polynomial.polyfit(t, first, 2)
+        top = np.ptp(self.angles, axis=0) * math.pi * self.frequency
+        released = bool(np.all(np.abs(moving[1]) < 0.25 * top.max()))
+        return (at_rest, np.zeros(2)) if released or self.start else (moving[0], moving[1])
+
+
+def _band(power: FloatArray) -> FloatArray:
+    return np.convolve(power, np.ones(5) / 5.0, "same")
+
+
+def swing_of(recording: Recording, model: Model) -> Swing:
+    """Take what is needed out of a recording.
+
+    Raises
+    ------
+    InputError
+        If α is missing, the samples lie on no uniform grid, or the drive is not what the model takes.
+    """
+    if "alpha" not in recording.signals:
+        raise InputError(
+            f"{recording.name} has no signal 'alpha'; it has {', '.join(recording.signals)}. "
+            'Type load_recording(path, {"theta": …, "alpha": …}).'
+        )
+    if recording.step is None:
+        raise InputError(f"{recording.name} is not on a uniform grid; type recording.resample() first.")
+    drive, volts = _drive(recording, model)
+    steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
+    release = recording.report.release if drive is None else None
+    return make_swing(
+        recording.name, recording.step, recording.signals.get("theta"), recording.signals["alpha"], drive, volts,
+        0 if release is None else round((release - recording.time[0]) / recording.step),
+        (steps.get("theta", 0.0), steps["alpha"]),
+    )  # fmt: skip
+
+
+def _drive(recording: Recording, model: Model) -> tuple[FloatArray | None, bool]:
+    """What torque_per_volt multiplies, and whether it is in volts; None where nothing drives."""
+    found = {n: recording.signals[n] for n in ("torque", "voltage") if np.any(recording.signals.get(n, 0.0))}
+    if "torque" in found:
+        return found["torque"], False
+    if "voltage" in found and "voltage" not in model.inputs:
+        raise InputError(
+            f"{recording.name} has a voltage, but the model takes a torque: type fracid.rotary_pendulum(rig, "
+            'actuation="voltage"), or give the recording its torque.'
+        )
+    return found.get("voltage"), "voltage" in found
+
+
+def make_swing(
+    name: str, step: float, theta: FloatArray | None, alpha: FloatArray, drive: FloatArray | None, volts: bool,
+    start: int, resolution: tuple[float, float],
+) -> Swing:  # fmt: skip
+    """Check the angles and measure their noise; θ is None where it was not recorded."""
+    angles = np.column_stack([np.zeros_like(alpha) if theta is None else theta, alpha])
+    if len(angles) - start < 100:
+        raise InputError(f"{name}: {len(angles) - start} samples after the release; a regression needs at least 100.")
+    if not np.all(np.isfinite(angles)):
+        raise InputError(f"{name}: a sample is not a finite number; leave such samples out or fill them.")
+    if np.ptp(alpha) == 0.0:
+        raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
+    noise = np.array([_noise(x, step, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
+    return Swing(name, step, angles, start, drive, volts, noise, theta is not None and float(np.ptp(theta)) > 0.0)
+
+
+# --- rows: filtered, decimated, borders and standstill left out ---------------------------------------
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One recording's way from angles to rows, the same for measured, noisy and simulated angles."""
+
+    swing: Swing
+    model: Model
+    terms: tuple[int, ...]
+    """Which of ``TERMS``."""
+    cutoff: float
+    """[Hz]"""
+    window: float
+    """[s]"""
+
+    @cached_property
+    def stride(self) -> int:
+        """What is low-passed needs no more than OVERSAMPLED samples a period of the cut-off."""
+        return max(1, int(1.0 / (OVERSAMPLED * self.cutoff * self.swing.step)))
+
+    @cached_property
+    def step(self) -> float:
+        """Of the low-passed angles [s]."""
+        return self.stride * self.swing.step
+
+    @cached_property
+    def past(self) -> int:
+        """Low-passed samples before the record, where the filters need a past."""
+        return 2 * math.ceil((self.window + 2.0 / self.cutoff) / self.step)
+
+    @cached_property
+    def hann(self) -> FloatArray:
+        """The columns' window, shape (n, 1)."""
+        window = np.hanning((round(self.window / self.step) | 1) + 2)[1:-1, None]
+        return np.asarray(window / window.sum())
+
+    def smooth(self, signals: FloatArray, base: FloatArray) -> FloatArray:
+        """Low-pass signals that were at ``base`` before the record, shape (past + n_samples/stride, n_signals)."""
+        longer = np.concatenate([np.repeat(base[None], self.past * self.stride, 0), signals])
+        return _low_pass(longer, self.swing.step, self.cutoff)[:: self.stride]
+
+    def angles(self, noise: FloatArray | float = 0.0) -> FloatArray:
+        """The measured angles, low-passed, with more noise where something moves."""
+        s = self.swing
+        held = s.angles[: max(1, s.start // 4)].mean(axis=0) if s.start else s.initial[0]
+        return self.smooth(s.angles + noise, held)
+
+    @cached_property
+    def drive(self) -> FloatArray | None:
+        """Low-passed as the angles, shape (n,)."""
+        drive = self.swing.drive
+        return None if drive is None else self.smooth(drive[:, None], drive[:1])[:, 0]
+
+    @cached_property
+    def kept(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Low-passed samples of the arm's and of the pendulum's rows: no borders, and that angle moves."""
+        s, smooth = self.swing, self.angles()
+        border = math.ceil(_low_pass_reach(s.step, self.cutoff) / self.stride) + len(self.hann) // 2 + 1
+        start = self.past + math.ceil(s.start / self.stride)
+        grid = np.arange(start + border, len(smooth) - border, max(1, len(self.hann) // 4))
+        half = max(1, round(0.5 / s.frequency / self.step))
+        swings = np.array([np.ptp(smooth[max(start, i - half) : i + half], axis=0) for i in grid]).reshape(-1, 2)
+        speed = np.abs(np.gradient(smooth, self.step, axis=0)[grid])
+        moves = (swings > QUIET * s.noise) & (speed > STICKS * self.model.parameter("slip_speed").value)
+        return (grid[moves[:, 0]] if s.arm else grid[:0]), grid[moves[:, 1]]
+
+    @cached_property
+    def times(self) -> Pair:
+        """Of the rows, after the release [s]."""
+        release = self.swing.start * self.swing.step
+        arm, pendulum = (np.asarray((k - self.past) * self.step - release, dtype=np.float64) for k in self.kept)
+        return arm, pendulum
+
+    def __call__(self, many: Sequence[FloatArray], orders: Mapping[str, float]) -> list[Pair]:
+        """W of both equations, shapes (n_rows, n_terms), for each of many low-passed pairs of angles."""
+        from scipy.signal import fftconvolve
+
+        scale = self.model.parameter("time_scale").value
+        theta, alpha = np.stack(many, axis=-1).swapaxes(0, 1)
+        arm_rates, rates = (
+            _rates(theta, orders["lambda"], self.step, scale),
+            _rates(alpha, orders["mu"], self.step, scale),
+        )
+        found = []
+        for i in range(len(many)):
+            mine = [(x[:, i], a[:, i]) for x, a in (arm_rates, rates)]
+            both = _columns(self.model, theta[:, i], alpha[:, i], mine[0], mine[1], self.drive)
+            arm, pendulum = (
+                fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[kept]
+                for W, kept in zip(both, self.kept, strict=True)
+            )
+            found.append((arm, pendulum))
+        return found
+
+
+@dataclass(frozen=True)
+class Data:
+    """All recordings, low-passed once: as measured, and with noise added and taken away."""
+
+    rows: tuple[Rows, ...]
+    measured: tuple[FloatArray, ...]
+    noisy: tuple[tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]], ...]
+
+    @classmethod
+    def of(cls, rows: Sequence[Rows], factor: float = 1.0) -> Data:
+        """With DRAWS draws of ``factor`` times the noise."""
+        rng = np.random.default_rng(0)  # the same noise for all orders: what is minimised is smooth in them
+        noisy = []
+        for _ in range(DRAWS):
+            errors = [factor * r.swing.noise * rng.standard_normal(r.swing.angles.shape) for r in rows]
+            noisy.append(
+                (
+                    tuple(r.angles(e) for r, e in zip(rows, errors, strict=True)),
+                    tuple(r.angles(-e) for r, e in zip(rows, errors, strict=True)),
+                )
+            )
+        return cls(tuple(rows), tuple(r.angles() for r in rows), tuple(noisy))
+
+    def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Pair]:
+        """Rows of all recordings, one below the other, for each of many sets of angles."""
+        found = [r([angles[i] for angles in many], orders) for i, r in enumerate(self.rows)]
+        return [_join([pairs[k] for pairs in found]) for k in range(len(many))]
+
+    def system(self, orders: Mapping[str, float], draws: int = DRAWS) -> System:
+        """W β = 0 at these orders."""
+        measured, *noisy = self.W([self.measured, *(side for pair in self.noisy[:draws] for side in pair)], orders)
+        return System(measured, tuple(zip(noisy[::2], noisy[1::2], strict=True)))
+
+    @cached_property
+    def times(self) -> Pair:
+        """Of the rows [s]."""
+        arm, pendulum = (np.concatenate([r.times[i] for r in self.rows]) for i in range(2))
+        return arm, pendulum
+
+
+@dataclass(frozen=True)
+class System:
+    """W β = 0 of all recordings for one pair of orders, and what noise does to it."""
+
+    W: Pair
+    noisy: tuple[tuple[Pair, Pair], ...]
+    """W of the angles plus and minus a draw of noise."""
+
+    @cached_property
+    def covariance(self) -> Pair:
+        """E[ΔWᵀ ΔW] of the noise, per equation, shape (n_terms, n_terms)."""
+        total = [np.zeros((W.shape[1], W.shape[1])) for W in self.W]
+        for plus, minus in self.noisy:
+            for i in range(2):
+                change = 0.5 * (plus[i] - minus[i])
+                total[i] += change.T @ change / len(self.noisy)
+        return total[0], total[1]
+
+    def scales(self, beta: FloatArray, near: FloatArray | None = None) -> FloatArray:
+        """Residual that noise makes in each equation, rms [N m]: what their rows are divided by.
+
+        Kept within a factor of three of ``near``: else an equation whose constants shrink would weigh ever
+        more, and shrink them to nothing.
+        """
+        pairs = zip(self.covariance, self.W, strict=True)
+        own = np.array([math.sqrt(max(float(beta @ C @ beta), 1e-300) / max(len(W), 1)) for C, W in pairs])
+        return own if near is None else np.clip(own, near / 3.0, near * 3.0)
+
+    def masked(self, keep: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> System:
+        """Only the rows to keep."""
+        return System(only(self.W, keep), tuple((only(p, keep), only(m, keep)) for p, m in self.noisy))
+
+
+def _join(pairs: Sequence[Pair]) -> Pair:
+    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+
+
+def only(pair: Pair, keep: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> Pair:
+    """The rows to keep of both equations."""
+    return pair[0][keep[0]], pair[1][keep[1]]
