@@ -265,6 +265,18 @@ def test_start_values_are_near_the_truth_within_bounds_and_leave_alone_what_is_n
     assert start["drag_alpha"] == 1e-6
     assert found.parameters["C4"].verdict == "known"
     assert np.array_equal(x[-2:], problem.start[-2:])  # initial states
+    assert problem.cost(x) < 0.2 * problem.cost(problem.start)
+
+
+def test_a_record_that_starts_in_motion_does_not_show_the_orders():
+    swing = release(60, "near", 1).trim(0.65, 4.0)
+    at = {"lambda": 0.95, "mu": Free(1.0, 0.8, 1.2)}
+    found = regress(swing, RIG, orders=at, known=C4)
+    assert any("starts in motion" in w for w in found.warnings)
+    assert not any(c.identified for c in found.parameters.values())
+    experiment = Experiment.of(swing, RIG, ("theta", "alpha"))
+    problem = Problem(RIG, (experiment,), at, {"C1": Free(4e-3, 1e-3, 1e-2)})
+    assert start_values(problem)[0][problem.order_indices[0]] == 1.0
 
 
 # --- mistakes -------------------------------------------------------------------------------------------

@@ -234,8 +234,9 @@ def _regress(
         basic = _independent(data.system(at), gauge, own)[0]
         search, at, spread = search_orders(data, basic, own, orders)
     found = _at(data, gauge, names, known, model, at, estimator, spread)
+    late = search is not None and any(s.in_motion for s in swings)
     return replace(
-        _doubted(found, search), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
+        _doubted(found, search, late), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
     )  # fmt: skip
 
 
@@ -430,7 +431,7 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     for r in rows:
         if not r.swing.arm:
             found.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
-        if np.any(r.swing.initial[1] != 0.0) and any(v != 1.0 for v in orders.values()):
+        if r.swing.in_motion and any(v != 1.0 for v in orders.values()):
             found.append(
                 f"{r.swing.name} starts in motion ({r.swing.initial[1][1]:.2g} rad/s in alpha): at orders other than "
                 "1 what it did before is missing from the memory. Start from rest, or keep the plateau before it."
@@ -438,8 +439,11 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     return found
 
 
-def _doubted(found: Regression, search: OrderSearch | None) -> Regression:
-    """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit."""
+def _doubted(found: Regression, search: OrderSearch | None, late: bool) -> Regression:
+    """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
+
+    ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.
+    """
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in found.fit_percent.items() if percent < POOR]
     said = [
@@ -447,6 +451,7 @@ def _doubted(found: Regression, search: OrderSearch | None) -> Regression:
         for n, (low, high) in wide.items()
     ] + [f"The {n}'s equation fits by {found.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
     why = [f"moves with {' and '.join(wide)}, which the data hardly see"] if wide else []
+    why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]
     verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in found.parameters.items()}
     return replace(found, parameters=verdicts, warnings=(*found.warnings, *said))
@@ -459,7 +464,8 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     """Return a start for :func:`fracid.identify` and the regression that it comes from.
 
     What the problem leaves free is looked for; what it fixes is known.  Where everything is free and nothing
-    drives the recordings, C4 is taken from its start.
+    drives the recordings, C4 is taken from its start.  The orders are not searched, but left at their start, where
+    a recording starts in motion.
 
     Parameters
     ----------
@@ -502,7 +508,9 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
     free_response = all(s.drive is None for s in swings) and set(LUMPED) <= set(free)
     known = {"C4": model.parameter("C4").value} if free_response else {}
-    found = _regress(swings, model, problem.orders, known, free, estimator, None)
+    late = any(s.in_motion for s in swings)
+    orders = {n: v.start if isinstance(v, Free) and late else v for n, v in problem.orders.items()}
+    found = _regress(swings, model, orders, known, free, estimator, None)
     best = {n: c.value for n, c in found.parameters.items() if c.identified} | {
         n: found.orders[n] for n in searched if not found.search or np.ptp(found.search.interval95[n]) < WIDE
     }

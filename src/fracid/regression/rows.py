@@ -256,6 +256,11 @@ class Swing:
         released = bool(np.all(np.abs(moving[1]) < 0.25 * top.max()))
         return (at_rest, np.zeros(2)) if released or self.start else (moving[0], moving[1])
 
+    @property
+    def in_motion(self) -> bool:
+        """Whether it starts in motion, so that what came before is missing from the memory."""
+        return bool(np.any(self.initial[1] != 0.0))
+
 
 def _band(power: FloatArray) -> FloatArray:
     return np.convolve(power, np.ones(5) / 5.0, "same")
