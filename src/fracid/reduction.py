@@ -62,7 +62,8 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.errors import InputError
-from fracid.simulate import RightHandSide, Trajectory, solve_fde
+from fracid.right_hand_side import RightHandSide
+from fracid.simulate import Trajectory, solve_fde
 
 __all__ = ["System", "linear_multi_term", "linear_system", "multi_term"]
 

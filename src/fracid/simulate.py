@@ -4,6 +4,7 @@
 method             convergence order  what for
 =================  =================  ==========================================================
 ``pi2``            2                  everything, steep friction too; at order 1 a second-order ODE solver
+``pi2-implicit``   2                  stiff systems: Newton's method at every step
 ``gl``             1                  the paper's scheme as it should be, on x − x(0)
 ``gl-sequential``  1                  the same without the anti-damping of explicit Euler
 ``gl-paper``       1 if x(0) = 0      (21)–(24) as printed, to reproduce the paper; else wrong
@@ -15,7 +16,8 @@ method             convergence order  what for
         out[0] = x[1]              # D^q_0 x_0 = ...
         out[1] = -p[0] * x[0]
 
-and :func:`simulate` a named :class:`~fracid.models.Model`.  A run that diverges or meets a singular
+and :func:`simulate` a named :class:`~fracid.models.Model`; :mod:`fracid.batch` has many runs at once and their
+derivatives, :mod:`fracid.reduction` equations of several terms.  A run that diverges or meets a singular
 right-hand side is not an error: its :attr:`Trajectory.outcome` says so and the trajectory ends there.
 
 To add a method: write its loop in :mod:`fracid.stepping` and its row in :data:`METHODS`.
@@ -23,23 +25,21 @@ To add a method: write its loop in :mod:`fracid.stepping` and its row in :data:`
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from enum import Enum
-from functools import lru_cache
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.errors import InputError
+from fracid.history import Kernels, forget_mode, stack
 from fracid.memory import Memory, memory_from_name
-from fracid.stepping import RHS_SIGNATURE, Kernels, stack, step_gl, step_gl_sequential, step_pi2
+from fracid.right_hand_side import RightHandSide, compile_rhs, name_of, probe
+from fracid.stepping import step_gl, step_gl_sequential, step_pi2
+from fracid.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
@@ -56,45 +56,14 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
 
 class PaperSchemeWarning(UserWarning):
     """``gl-paper`` is asked for where it does not converge."""
 
 
-class Outcome(Enum):
-    """How a run ended; the value is the sentence."""
-
-    COMPLETED = "completed"
-    DIVERGED = "diverged: a state left the range of the limit"
-    NOT_FINITE = "the right-hand side is not finite (a division by zero, such as det M = 0, or an overflow)"
-
-
-_OUTCOMES = (Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE)  # by the loops' codes
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """A simulated run, as far as it went."""
-
-    time: FloatArray
-    """The grid [s], shape (n,)."""
-    states: FloatArray
-    """Shape (n, n_states)."""
-    outcome: Outcome
-    """How it ended."""
-    step: float
-    """h [s]."""
-    method: str
-    """A key of :data:`METHODS`."""
-    memory: str
-    """``full``, ``short(L)`` or ``compressed(tolerance)``."""
-
-    @property
-    def completed(self) -> bool:
-        """Whether the run reached its end."""
-        return self.outcome is Outcome.COMPLETED
+class StepWarning(UserWarning):
+    """The step was shortened so that the end is a whole number of them."""
 
 
 @dataclass(frozen=True)
@@ -106,15 +75,18 @@ class Method:
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[..., tuple[int, int]]
-    """(the loops' common arguments, corrections, out) → (last good index, how it ended)."""
+    """(the loops' common arguments, corrections, corrected, out) → (last good index, how it ended)."""
 
 
 METHODS = {
     "pi2": Method("pi", 2, lambda *run: step_pi2(*run)),
-    "gl": Method("gl", 1, lambda *run: step_gl(*run[:-2], False, run[-1])),
-    "gl-sequential": Method("gl", 1, lambda *run: step_gl_sequential(*run[:-2], run[-1])),
-    "gl-paper": Method("gl", 1, lambda *run: step_gl(*run[:-2], True, run[-1])),
+    "pi2-implicit": Method("pi", 2, lambda *run: step_pi2(*run[:-3], 0, *run[-2:])),
+    "gl": Method("gl", 1, lambda *run: step_gl(*run[:-3], False, run[-1])),
+    "gl-sequential": Method("gl", 1, lambda *run: step_gl_sequential(*run[:-3], run[-1])),
+    "gl-paper": Method("gl", 1, lambda *run: step_gl(*run[:-3], True, run[-1])),
 }
+
+_OUTCOMES = (Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.LEFT)  # by the loops' codes
 
 
 def solve_fde(
@@ -124,15 +96,21 @@ def solve_fde(
     *,
     step: float,
     end: float,
+    start: float = 0.0,
     inputs: ArrayLike | None = None,
     parameters: ArrayLike = (),
     method: str = "pi2",
     memory: str | Memory = "compressed",
     tolerance: float = 1e-10,
     corrections: int = 1,
+    corrected: bool = True,
+    history: ArrayLike | None = None,
+    every: int = 1,
+    times: ArrayLike | None = None,
+    bounds: ArrayLike | None = None,
     limit: float = 1e100,
 ) -> Trajectory:
-    """Solve D^q x = f(t, x, u, p) from t = 0, in the sense of Caputo (14).
+    """Solve D^q x = f(t, x, u, p), in the sense of Caputo (14).
 
     Parameters
     ----------
@@ -141,11 +119,14 @@ def solve_fde(
     orders : float or array_like, shape (n_states,)
         Strictly between 0 and 2; a scalar holds for all states.
     initial : array_like, shape (n_states,) or (n_states, 2)
-        x(0), and in the second column the first derivatives where an order exceeds 1.
+        x(start), and in the second column the first derivatives where an order exceeds 1.
     step, end : float
-        h and the last time [s]; `end` must be a whole number of steps.
+        h and the last time [s].  Where `end` is not a whole number of steps away, the step is shortened so
+        that it is, with a :class:`StepWarning`; :attr:`Trajectory.step` is the one used.
+    start : float
+        The first time [s].
     inputs : array_like, shape (n + 1,) or (n + 1, n_inputs), optional
-        u on the grid 0, h, …, end.
+        u on the grid start, start + h, …, end; with a `history`, from its first sample on.
     parameters : array_like, shape (n_parameters,)
         Given to `rhs` as ``p``.
     method : key of :data:`METHODS`
@@ -154,6 +135,17 @@ def solve_fde(
         Of the compressed memory: relative error of each weight.
     corrections : int
         Corrector sweeps of ``pi2``; each costs one evaluation of `rhs` a step.
+    corrected : bool
+        Whether ``pi2`` corrects for a solution that begins like t^q (:mod:`fracid.starting`).
+    history : array_like, shape (n_past, n_states), optional
+        The states at start − n_past h, …, start − h: the memory begins with the first of them, before which
+        the system stood still (`initial`'s derivatives belong there too).  The end of one run continues so in another.
+    every : int
+        Store every so many samples only.
+    times : array_like, shape (n_times,), optional
+        Give the states at these times (:meth:`Trajectory.at`) in place of the grid.
+    bounds : array_like, shape (n_states, 2), optional
+        Lowest and highest value of each state (±inf for none); the run ends with the first sample outside.
     limit : float
         A state beyond ±limit ends the run as diverged.
 
@@ -165,8 +157,9 @@ def solve_fde(
     Raises
     ------
     InputError
-        For orders outside (0, 2), shapes that do not fit, a step or end that is not positive, values
-        that are not finite, or a right-hand side that is not of the form above.
+        For orders outside (0, 2), shapes that do not fit, a step that is not positive, an end that is not
+        after the start, values that are not finite, or a right-hand side that is not of the form above, or
+        fails, or reads or writes where there is nothing.
 
     Examples
     --------
@@ -175,21 +168,22 @@ def solve_fde(
     >>> def decay(t, x, u, p, out):
     ...     out[0] = -p[0] * x[0]
     >>> run = solve_fde(decay, 0.8, [1.0], step=1e-3, end=1.0, parameters=[1.0])
-    >>> run.outcome.value, round(float(run.states[-1, 0]), 5)
-    ('completed', 0.38695)
+    >>> run.outcome.value, round(float(run.states[-1, 0]), 7)
+    ('completed', 0.3869486)
+
+    Its second half, with the first half for a history:
+
+    >>> half = run.states[:501]
+    >>> on = solve_fde(decay, 0.8, half[-1], history=half[:-1], step=1e-3, start=0.5, end=1.0, parameters=[1.0])
+    >>> bool(abs(on.states - run.states[500:]).max() < 1e-14)
+    True
     """
-    x0, slope, q = _initial_and_orders(initial, orders)
-    steps = _steps(step, end)
-    p = _vector("parameters", parameters)
-    u = _inputs(inputs, steps)
-    chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
-    _probe(rhs, x0, u[0], p)
-    if method == "gl-paper" and np.any(x0 != 0):
-        warnings.warn("gl-paper sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and the "
-                      "result does not converge. Type method='pi2' for the Caputo solution.",
-                      PaperSchemeWarning, stacklevel=2)  # fmt: skip
-    return integrate(compile_rhs(rhs), q, x0, slope, u, p, float(step), steps, chosen, kept, corrections=corrections,
-                     limit=limit, name=method)  # fmt: skip
+    task = _task(
+        rhs, orders, initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters, method=method,
+        memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected, history=history, every=every,
+        times=times, bounds=bounds, limit=limit,
+    )  # fmt: skip
+    return task()
 
 
 def simulate(
@@ -201,11 +195,8 @@ def simulate(
     end: float,
     parameters: Mapping[str, float] | None = None,
     inputs: ArrayLike | None = None,
-    method: str = "pi2",
-    memory: str | Memory = "compressed",
-    tolerance: float = 1e-10,
-    corrections: int = 1,
-    limit: float = 1e100,
+    bounds: Mapping[str, tuple[float, float]] | ArrayLike | None = None,
+    **options: Any,
 ) -> Trajectory:
     """Simulate a named model; see :func:`solve_fde` for what is not said here.
 
@@ -216,9 +207,13 @@ def simulate(
     orders : mapping or array_like
         By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state.
     initial : mapping or array_like
-        States at t = 0 by name (those left out are 0), ``{"alpha": 0.17}``, or as in :func:`solve_fde`.
+        States at the start by name (those left out are 0), ``{"alpha": 0.17}``, or as in :func:`solve_fde`.
     parameters : mapping, optional
         By name, in place of the model's own values.
+    bounds : mapping or array_like, optional
+        By name, ``{"alpha": (-1.5, 1.5)}``, or as in :func:`solve_fde`.
+    **options
+        The other arguments of :func:`solve_fde`: start, method, memory, history, every, times, …
 
     Raises
     ------
@@ -233,31 +228,87 @@ def simulate(
     >>> run.states.shape
     (2001, 4)
     """
-    q = model.state_orders(orders) if isinstance(orders, Mapping) else orders
-    x0 = _named_states(model, initial) if isinstance(initial, Mapping) else initial
     values = model.parameter_vector(parameters)
-    start, slope, q = _initial_and_orders(x0, q, len(model.states))
-    steps = _steps(step, end)
-    u = np.zeros((1, len(model.inputs))) if inputs is None else _inputs(inputs, steps, len(model.inputs))
-    chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
-    return integrate(
-        compile_rhs(model.rhs), q, start, slope, u, values, float(step), steps, chosen, kept,
-        corrections=corrections, limit=limit, time_scale=time_scale(model, values), name=method,
+    if inputs is None:
+        inputs = np.zeros((1, len(model.inputs)))
+    task = _task(
+        model.rhs,
+        model.state_orders(orders) if isinstance(orders, Mapping) else orders,
+        _named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
+        step=step, end=end, inputs=inputs, parameters=values, time_scale=time_scale(model, values),
+        bounds=_named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
+        size=(len(model.states), len(model.inputs)), **options,
     )  # fmt: skip
+    return task()
 
 
-def _named_states(model: Model, values: Mapping[str, float]) -> FloatArray:
-    """The initial state from some states' names; the others are 0."""
+def _named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
+    """A row for each state from some states' names; `other` for those left out."""
     for name in values:
         if name not in model.states:
             raise InputError(f"There is no state {name!r}; {model.name} has {', '.join(map(repr, model.states))}.")
-    return np.array([values.get(name, 0.0) for name in model.states], dtype=np.float64)
+    return np.array([values.get(name, other) for name in model.states], dtype=np.float64)
 
 
 def time_scale(model: Model, values: FloatArray) -> float:
     """τ₀ of a model [s]: the equations are τ₀^(q−1)·D^q x = f; 1 where it has no such parameter."""
     names = model.parameter_names
     return float(values[names.index("time_scale")]) if "time_scale" in names else 1.0
+
+
+def _task(
+    rhs: RightHandSide,
+    orders: ArrayLike,
+    initial: ArrayLike,
+    *,
+    step: float,
+    end: float,
+    start: float = 0.0,
+    inputs: ArrayLike | None = None,
+    parameters: ArrayLike = (),
+    method: str = "pi2",
+    memory: str | Memory = "compressed",
+    tolerance: float = 1e-10,
+    corrections: int = 1,
+    corrected: bool = True,
+    history: ArrayLike | None = None,
+    every: int = 1,
+    times: ArrayLike | None = None,
+    bounds: ArrayLike | None = None,
+    limit: float = 1e100,
+    time_scale: float = 1.0,
+    size: tuple[int, int] | None = None,
+) -> Callable[[], Trajectory]:
+    """Check everything, and give the run that is ready to go: it needs no lock and raises only what `rhs` raises."""
+    states, n_inputs = size or (None, None)
+    x0, slope, q = _initial_and_orders(initial, orders, states)
+    past = _history(history, x0)
+    exact = history is not None or (inputs is not None and len(np.atleast_1d(inputs)) > 1)
+    h, steps = _steps(step, start, end, exact)
+    u = _inputs(inputs, len(past) + steps, n_inputs)
+    p = vector("parameters", parameters)
+    box, wanted = _bounds(bounds, x0), _times(times, start, end)
+    chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
+    if not (isinstance(every, int | np.integer) and every >= 1):
+        raise InputError(f"every = {every!r}: give a whole number of at least 1.")
+    probe(rhs, x0, u[0], p)
+    if method == "gl-paper" and np.any(x0 != 0):
+        warnings.warn("gl-paper sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and the "
+                      "result does not converge. Type method='pi2' for the Caputo solution.",
+                      PaperSchemeWarning, stacklevel=4)  # fmt: skip
+    compiled = compile_rhs(rhs)
+
+    def run() -> Trajectory:
+        trajectory = integrate(
+            compiled, q, x0, slope, u, p, h, steps, chosen, kept, corrections=corrections, corrected=corrected,
+            limit=limit, name=method, start=start, history=past, every=every, bounds=box, time_scale=time_scale,
+        )  # fmt: skip
+        if wanted is None:
+            return trajectory
+        within = wanted[wanted <= trajectory.time[-1] + 1e-9 * h]
+        return replace(trajectory, time=within, states=trajectory.at(within))
+
+    return run
 
 
 def integrate(
@@ -273,19 +324,35 @@ def integrate(
     memory: Memory,
     *,
     corrections: int = 1,
+    corrected: bool = True,
     limit: float = 1e100,
     time_scale: float = 1.0,
     name: str = "",
+    start: float = 0.0,
+    history: FloatArray | None = None,
+    every: int = 1,
+    bounds: FloatArray | None = None,
 ) -> Trajectory:
     """Run a compiled right-hand side with everything checked already: the core of :func:`solve_fde`."""
-    states = np.empty((steps + 1, len(initial)))
+    past = initial[None] if history is None else np.vstack([history, initial])
+    states = np.empty((steps // every + 1, len(initial)))
     states[0] = initial
     gain = step**orders * time_scale ** (1 - orders)
-    kernels = _kernels(memory, method.family, orders, steps)
-    last, how = method.run(rhs, initial, slope, gain, inputs, parameters, step, limit, kernels, corrections, states)
+    kernels = _kernels(memory, method.family, orders, steps + len(past) - 1)
+    box = np.tile((-np.inf, np.inf), (len(initial), 1)) if bounds is None else bounds
+    try:
+        last, how = method.run(rhs, orders, past, slope, gain, inputs, parameters, start, step, steps, every, limit,
+                               box, kernels, corrections, corrected, states)  # fmt: skip
+    except Exception as error:
+        forget_mode()
+        raise InputError(f"The right-hand side {name_of(rhs)} fails on the way: {type(error).__name__}: {error}. "
+                         f"Here x and out have {len(initial)} entries, u has {inputs.shape[1]}, "
+                         f"p has {len(parameters)}.") from None  # fmt: skip
+    kept = max(0, last) // every + 1
     return Trajectory(
-        np.arange(last + 1, dtype=np.float64) * step, states[: last + 1], _OUTCOMES[how], step, name, memory.name
-    )
+        start + np.arange(kept, dtype=np.float64) * (step * every), states[:kept], _OUTCOMES[how], step, name,
+        memory.name, orders, start - step * (len(past) - 1),
+    )  # fmt: skip
 
 
 def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int) -> Kernels:
@@ -294,118 +361,14 @@ def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int) -> Ker
     return stack([of[q] for q in orders.tolist()])
 
 
-# --- the right-hand side ---------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=128)
-def compile_rhs(rhs: Any) -> Any:
-    """Compile a right-hand side once for all runs.
-
-    fracid's own are cached on disk; a user's is compiled anew in each process, since Numba's cache does
-    not notice a change in what the function calls.
-
-    Raises
-    ------
-    InputError
-        If it is not a function of (t, x, u, p, out), or not in Numba's language.
-
-    Examples
-    --------
-    >>> compile_rhs(lambda t, x: None)
-    Traceback (most recent call last):
-    fracid.errors.InputError: The right-hand side <lambda> takes (t, x); it must take (t, x, u, p, out).
-    """
-    function = getattr(rhs, "py_func", rhs)
-    _check_arity(function)
-    own = function.__module__.startswith("fracid.") and Path(function.__code__.co_filename).exists()
-    try:
-        return nb.njit(RHS_SIGNATURE, error_model="numpy", nogil=True, cache=own)(function)
-    except nb.core.errors.NumbaError as error:
-        raise InputError(
-            f"The right-hand side {_name(function)} cannot be compiled by Numba: {_reason(error)} "
-            "Use numbers, loops, indexing and NumPy or math functions only, and write into out[i]; "
-            "rhs(t, x, u, p, out) gets float64 arrays."
-        ) from None
-
-
-def _check_arity(function: Any) -> None:
-    if not callable(function):
-        raise InputError(f"The right-hand side must be a function (t, x, u, p, out); got {function!r}.")
-    try:
-        signature = inspect.signature(function)
-        signature.bind(0.0, None, None, None, None)
-    except (TypeError, ValueError):
-        raise InputError(f"The right-hand side {_name(function)} takes {signature}; "
-                         "it must take (t, x, u, p, out).") from None  # fmt: skip
-
-
-def _probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
-    """Run the function once in Python, where a wrong index is an error and not a crash."""
-    function = getattr(rhs, "py_func", rhs)
-    _check_arity(function)
-    out = np.full(len(x0), np.nan)
-    sizes = f"x and out have {len(x0)} entries, u has {len(u)}, p has {len(p)}"
-    try:
-        with np.errstate(all="ignore"):
-            returned = function(0.0, x0.copy(), u.copy(), p.copy(), out)
-    except ArithmeticError:
-        return  # compiled, it gives inf, and the run's outcome says so
-    except (IndexError, ValueError) as error:
-        if isinstance(error, ValueError) and "math domain" in str(error):
-            return
-        raise InputError(
-            f"The right-hand side {_name(function)} does not fit its arguments: {error}. Here {sizes}."
-        ) from None
-    except Exception as error:
-        raise InputError(f"The right-hand side {_name(function)} fails at the start: "
-                         f"{type(error).__name__}: {error}. Here {sizes}.") from None  # fmt: skip
-    if returned is not None:
-        raise InputError(f"The right-hand side {_name(function)} returns a value; "
-                         "it must write the derivatives into out and return nothing: out[0] = ...")  # fmt: skip
-    untouched = np.flatnonzero(np.isnan(out))
-    if len(untouched) and np.all(np.isfinite(x0)) and not _computes_nan(function, x0, u, p, untouched):
-        raise InputError(f"The right-hand side {_name(function)} leaves out[{untouched[0]}] unwritten; "
-                         f"it must fill all {len(x0)} entries of out.")  # fmt: skip
-
-
-def _computes_nan(function: Any, x0: FloatArray, u: FloatArray, p: FloatArray, where: NDArray[np.intp]) -> bool:
-    """Tell an entry that was left alone from one into which NaN was written."""
-    out = np.zeros(len(x0))
-    with np.errstate(all="ignore"):
-        function(0.0, x0.copy(), u.copy(), p.copy(), out)
-    return bool(np.any(np.isnan(out[where])))
-
-
-def _name(function: Any) -> str:
-    return getattr(function, "__name__", repr(function))
-
-
-def _reason(error: Exception) -> str:
-    """The lines of Numba's report that a user can act on."""
-    lines = [line.strip() for line in str(error).splitlines()]
-    telling = [line for line in lines if line and not line.startswith(("Failed in", "During:", "- Resolution"))]
-    where = next((line for line in lines if line.startswith("File ")), "")
-    return " ".join([*telling[:2], where]).strip().rstrip(":.") + "."
-
-
 # --- arguments -------------------------------------------------------------------------------------
-
-
-def _vector(name: str, values: ArrayLike) -> FloatArray:
-    try:
-        vector = np.array(values, dtype=np.float64, ndmin=1)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {values!r}: expected numbers.") from None
-    if not np.all(np.isfinite(vector)):
-        raise InputError(f"{name} = {values!r}: every value must be a finite number.")
-    return vector
 
 
 def _initial_and_orders(
     initial: ArrayLike, orders: ArrayLike, states: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x(0), its slope and one order a state."""
-    given, q = _vector("initial", initial), _vector("orders", orders)
+    given, q = vector("initial", initial), vector("orders", orders)
     if given.ndim > 2 or (given.ndim == 2 and given.shape[1] != 2):
         raise InputError(f"initial has the shape {given.shape}; expected (n_states,), or (n_states, 2) with the "
                          "first derivatives in the second column.")  # fmt: skip
@@ -415,7 +378,7 @@ def _initial_and_orders(
     if q.ndim != 1 or len(q) not in (1, len(x0)):
         raise InputError(f"orders has the shape {q.shape}, but there are {len(x0)} states; "
                          f"give one order, or {len(x0)}.")  # fmt: skip
-    q = np.ascontiguousarray(np.broadcast_to(q, len(x0)))
+    q = np.array(np.broadcast_to(q, len(x0)))
     for i in np.flatnonzero((q <= 0) | (q >= 2)):
         raise InputError(f"orders[{i}] = {q[i]:g}: an order must lie strictly between 0 and 2.")
     for i in np.flatnonzero((slope != 0) & (q <= 1)):
@@ -424,28 +387,77 @@ def _initial_and_orders(
     return x0, slope, q
 
 
-def _steps(step: float, end: float) -> int:
+def _steps(step: float, start: float, end: float, exact: bool) -> tuple[float, int]:
+    """The step and how many of them; `exact` where samples are given, which fix it."""
     if not (math.isfinite(step) and step > 0):
         raise InputError(f"step = {step!r}: the step must be a positive number of seconds.")
-    if not (math.isfinite(end) and end > 0):
-        raise InputError(f"end = {end!r}: the end must be a positive number of seconds; runs start at 0.")
-    steps = round(end / step)
-    if steps < 1 or abs(steps * step - end) > 1e-6 * step * max(1.0, 1e-6 * steps):
-        below = max(1, math.floor(end / step))
-        raise InputError(f"end = {end:g} is not a whole number of steps of {step:g}; "
-                         f"type end={below * step:.12g} or end={(below + 1) * step:.12g}.")  # fmt: skip
-    return steps
+    if not math.isfinite(start):
+        raise InputError(f"start = {start!r}: the start must be a finite number of seconds.")
+    if not (math.isfinite(end) and end > start):
+        raise InputError(f"end = {end!r}: the end must be a number of seconds after the start, {start:g}.")
+    duration = end - start
+    steps = max(1, round(duration / step))
+    if abs(steps * step - duration) <= 1e-6 * step * max(1.0, 1e-6 * steps):
+        return float(step), steps
+    if exact:
+        below = max(1, math.floor(duration / step))
+        raise InputError(f"end = {end:g} is not a whole number of steps of {step:g}, and inputs or history are sampled "
+                         f"at that step; type end={start + below * step:.12g} or "
+                         f"end={start + (below + 1) * step:.12g}.")  # fmt: skip
+    steps = math.ceil(duration / step)
+    shortened = duration / steps
+    warnings.warn(f"end = {end:g} is not a whole number of steps of {step:g}; the step is shortened to "
+                  f"{shortened:.12g}.", StepWarning, stacklevel=5)  # fmt: skip
+    return shortened, steps
+
+
+def _history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
+    """Known samples before the start, none of them where there is no history."""
+    if history is None:
+        return np.empty((0, len(x0)))
+    past = vector("history", history)
+    past = np.ascontiguousarray(past.reshape(-1, 1) if past.ndim == 1 and len(x0) == 1 else past)
+    if past.ndim != 2 or past.shape[1] != len(x0):
+        raise InputError(f"history has the shape {past.shape}; expected (n_past, {len(x0)}), a row for each of the "
+                         "times …, start − 2 step, start − step.")  # fmt: skip
+    return past
+
+
+def _bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
+    if bounds is None:
+        return None
+    try:
+        box = np.array(bounds, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"bounds = {bounds!r}: expected pairs of numbers (±inf for none).") from None
+    if box.shape != (len(x0), 2) or np.any(np.isnan(box)):
+        raise InputError(f"bounds has the shape {box.shape}; expected ({len(x0)}, 2), lowest and highest value of each "
+                         "state (±inf for none).")  # fmt: skip
+    for i in np.flatnonzero(~((box[:, 0] <= x0) & (x0 <= box[:, 1]))):
+        raise InputError(f"bounds[{i}] = ({box[i, 0]:g}, {box[i, 1]:g}) do not hold the initial state {x0[i]:g}.")
+    return box
+
+
+def _times(times: ArrayLike | None, start: float, end: float) -> FloatArray | None:
+    if times is None:
+        return None
+    wanted = vector("times", times)
+    if wanted.ndim != 1 or np.any(np.diff(wanted) < 0):
+        raise InputError("times must be a list of times in ascending order.")
+    for t in wanted[(wanted < start) | (wanted > end)]:
+        raise InputError(f"times: {t:g} is not between start = {start:g} and end = {end:g}.")
+    return wanted
 
 
 def _inputs(inputs: ArrayLike | None, steps: int, count: int | None = None) -> FloatArray:
     if inputs is None:
         return np.zeros((1, 0))
-    u = _vector("inputs", inputs)
+    u = vector("inputs", inputs)
     u = np.ascontiguousarray(u.reshape(len(u), -1))
-    if len(u) != steps + 1 or (count is not None and u.shape[1] != count):
+    if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
         wanted = "n_inputs" if count is None else count
         raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {wanted}), a row for each of the "
-                         f"{steps + 1} grid points 0, step, …, end.")  # fmt: skip
+                         f"{steps + 1} grid points from the first known sample on, or one for all.")  # fmt: skip
     return u
 
 
