@@ -19,7 +19,7 @@ LAYERS = (
     {"stepping", "trajectory"},
     {"right_hand_side"},
     {"simulate"},
-    {"problem", "reduction"},
+    {"batch", "problem", "reduction"},
     {"project"},
     {"uncertainty", "regression"},
     {"identify"},

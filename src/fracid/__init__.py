@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
     from fracid.errors import DataError, FracidError, InputError
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.regression import Regression, regress
-    from fracid.simulate import Outcome, Trajectory, simulate, solve_fde
+    from fracid.simulate import simulate, solve_fde
+    from fracid.trajectory import Outcome, Trajectory
 
 __version__ = "0.1.0"
 
@@ -37,14 +39,15 @@ _HOME = {
     "Free": "problem",
     "InputError": "errors",
     "Model": "models",
-    "Outcome": "simulate",
+    "Outcome": "trajectory",
     "Parameter": "models",
     "Problem": "problem",
     "Project": "project",
     "Recording": "recording",
+    "Sensitivities": "batch",
     "Regression": "regression",
     "System": "reduction",
-    "Trajectory": "simulate",
+    "Trajectory": "trajectory",
     "derivative": "fractional",
     "identify": "identify",
     "linear_multi_term": "reduction",
@@ -54,15 +57,18 @@ _HOME = {
     "multi_term": "reduction",
     "regress": "regression",
     "rotary_pendulum": "models",
+    "sensitivities": "batch",
     "simulate": "simulate",
     "solve_fde": "simulate",
+    "solve_fde_batch": "batch",
 }
 """Which module each public name lives in."""
 
 __all__ = ["DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter",
-           "Problem", "Project", "Recording", "Regression", "System", "Trajectory", "__version__", "derivative",
-           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording", "multi_term", "regress",
-           "rotary_pendulum", "simulate", "solve_fde"]  # fmt: skip
+           "Problem", "Project", "Recording", "Regression", "Sensitivities", "System", "Trajectory", "__version__",
+           "derivative", "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
+           "multi_term", "regress", "rotary_pendulum", "sensitivities", "simulate", "solve_fde",
+           "solve_fde_batch"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -87,6 +87,7 @@ def _largest_indices(function: Any) -> tuple[int, ...] | None:
     return tuple(sizes)
 
 
+@lru_cache(maxsize=128)
 def _check_arity(function: Any) -> None:
     if not callable(function):
         raise InputError(f"The right-hand side must be a function (t, x, u, p, out); got {function!r}.")
@@ -104,6 +105,11 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
     _check_arity(function)
     out = np.full(len(x0), np.nan)
     sizes = f"x and out have {len(x0)} entries, u has {len(u)}, p has {len(p)}"
+    reach = _largest_indices(function) or (0,) * 5
+    for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], map(len, (x0, u, p, x0)), strict=True):
+        if needed > there:
+            raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
+                             f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip
     try:
         with np.errstate(all="ignore"):
             returned = function(0.0, x0.copy(), u.copy(), p.copy(), out)
@@ -118,11 +124,6 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
     except Exception as error:
         raise InputError(f"The right-hand side {name_of(function)} fails at the start: "
                          f"{type(error).__name__}: {error}. Here {sizes}.") from None  # fmt: skip
-    reach = _largest_indices(function) or (0,) * 5
-    for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], map(len, (x0, u, p, x0)), strict=True):
-        if needed > there:
-            raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
-                             f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip
     if returned is not None:
         raise InputError(f"The right-hand side {name_of(function)} returns a value; "
                          "it must write the derivatives into out and return nothing: out[0] = ...")  # fmt: skip

@@ -28,7 +28,7 @@ apart from n = 64 on, with parabolas between.
 
 **Which exponents.**  Sums of the orders of all states, and the power with which f depends on t itself,
 measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a fractional derivative, which makes
-:math:`D^q x` begin like :math:`t^{1-q}`); of these the :data:`MOST` smallest up to 0.97 that are :data:`APART`,
+:math:`D^q x` begin like :math:`t^{1-q}`); of these the :data:`MOST` smallest below 1 that are :data:`APART`,
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
 corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.
 
@@ -72,16 +72,16 @@ _helper = nb.njit(nogil=True, error_model="numpy")
 @_helper
 def exponents(orders: FloatArray, powers_of_time: FloatArray) -> FloatArray:
     """Give the exponents σ below 1 with which f begins, in ascending order, and 1 where none is near it."""
-    found, generators = [0.0], [q for q in orders if q < 0.97]
+    found, generators = [0.0], [q for q in orders if q < 1.0]
     for power in powers_of_time:
-        if 0.05 < power < 0.97:
+        if 0.05 < power < 0.98:  # measured to 0.01
             generators.append(power)
     generators.sort()
     chosen, at = [0.0], 0
     while at < len(found):  # every sum of generators, by breadth: found grows as it is walked
         for g in generators:
             total = found[at] + g
-            if total < 0.97 and len(found) < 200:
+            if total < 1.0 and len(found) < 200:
                 new = True
                 for other in found:
                     new = new and abs(total - other) > 1e-9

@@ -46,9 +46,9 @@ __all__ = ["RHS_SIGNATURE", "step_gl", "step_gl_sequential", "step_pi2"]
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.simulate.Outcome` has the sentences."""
 
-SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-7, 1e-3, 12
+SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
-and by more than 10⁻⁷ of (10⁻³ + its size).  At most 12 iterations."""
+and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
 
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
