@@ -12,7 +12,7 @@ import fracid
 from fracid.costs import COSTS, Cost
 from fracid.errors import InputError
 from fracid.models import Model, Parameter
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.recording import Recording
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
@@ -140,6 +140,57 @@ def test_a_model_that_reaches_beyond_its_arrays_is_told_and_does_not_run():
         _ = Problem(two_angles(beyond), (e,), {"q": 1.0}, outputs=("a", "b")).names
 
 
+# --- ties -----------------------------------------------------------------------------------------
+
+
+def test_a_tied_value_follows_the_other_through_every_link():
+    p = problem(
+        orders={"lambda": Free(0.9, 0.5, 1.2), "mu": Tied("lambda")},
+        parameters={
+            "coulomb_alpha": Tied("coulomb_theta"),
+            "coulomb_theta": Free(1e-3, 0.0, 1.0),
+            "drag_alpha": Tied("drag_theta"),
+            "drag_theta": 2e-3,
+            "alpha_rest": Tied("theta_rest"),  # which is the rig's
+        },
+    )
+    assert p.names == ("lambda", "coulomb_theta")
+    orders, constants, _ = p.unpack(np.array([0.8, 3e-3]), p.experiments[0])
+    value = dict(zip(RIG.parameter_names, constants, strict=True))
+    assert orders.tolist() == [0.8] * 4
+    assert (value["coulomb_alpha"], value["coulomb_theta"]) == (3e-3, 3e-3)
+    assert (value["drag_alpha"], value["drag_theta"]) == (2e-3, 2e-3)
+    assert value["alpha_rest"] == RIG.parameter("theta_rest").value
+    assert p.aliases == {"mu": "lambda", "coulomb_alpha": "coulomb_theta"}
+    chain = problem(parameters={"b_alpha": Free(1e-3, 0.0, 1.0), "b_theta": Tied("b_alpha")})
+    assert chain.unpack(np.array([1.0, 1.0, 5e-3]), chain.experiments[0])[1][5:7].tolist() == [5e-3, 5e-3]
+
+
+def test_a_tied_problem_costs_what_the_free_one_does_where_both_are_equal():
+    free, tied = problem(), problem(orders={"lambda": Free(0.9, 0.5, 1.2), "mu": Tied("lambda")})
+    assert tied.cost(np.array([0.93])) == free.cost(np.array([0.93, 0.93])) > 0
+
+
+def test_what_is_tied_to_a_recordings_own_is_its_own_too():
+    p = problem(
+        twin("a"), twin("b"), orders=TRUE, per_recording=("theta_rest",),
+        parameters={"theta_rest": Free(0.0, -1.0, 1.0), "alpha_rest": Tied("theta_rest")},
+    )  # fmt: skip
+    assert p.own_parameters == ("theta_rest", "alpha_rest")
+    assert p.aliases == {"alpha_rest [a]": "theta_rest [a]", "alpha_rest [b]": "theta_rest [b]"}
+    at = [RIG.parameter_names.index(n) for n in ("theta_rest", "alpha_rest")]
+    assert [p.unpack(np.array([0.1, 0.2]), e)[1][at].tolist() for e in p.experiments] == [[0.1, 0.1], [0.2, 0.2]]
+    other = p.with_shared(np.array([0.1, 0.2]), (twin("c"),))
+    assert other.names == ("theta_rest [c]",)
+    assert other.unpack(np.array([0.3]), other.experiments[0])[1][at].tolist() == [0.3, 0.3]
+
+
+def test_a_validation_keeps_ties_to_what_is_fixed_there():
+    p = problem(orders={"lambda": Free(0.9, 0.5, 1.2), "mu": Tied("lambda")})
+    other = p.with_shared(np.array([0.8]), (twin("b", known=False),))
+    assert other.unpack(other.start, other.experiments[0])[0].tolist() == [0.8] * 4
+
+
 # --- the cost ---------------------------------------------------------------------------------------
 
 
@@ -263,6 +314,14 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"orders": {"lambda": 1.0, "mu": 2.5}}, "order mu = 2.5: expected a number between 0 and 2"),
         ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.0, 1.2)}}, r"mu = 0 … 1\.2: an order must lie strictly between"),
         ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.5, 2.0)}}, r"mu = 0\.5 … 2: an order"),
+        ({"orders": {"mu": Tied("lambda")}}, "order 'lambda' .* is missing"),
+        ({"orders": {"lambda": 1.0, "mu": Tied("nu")}}, "unknown order that mu is tied to 'nu'.* lambda, mu"),
+        ({"orders": {"lambda": Tied("mu"), "mu": Tied("lambda")}}, "lambda = mu = lambda goes in a circle: give one"),
+        ({"parameters": {"b_alpha": Tied("lambda")}}, "unknown parameter that b_alpha is tied to 'lambda'"),
+        ({"parameters": {"b_alpha": Tied("C1")}}, r"b_alpha \[N m s/rad\] cannot be tied to C1 \[kg m\^2\]"),
+        ({"parameters": {"C1": Tied("C3"), "C3": Free(0.1, -1.0, 1.0)}}, r"C1 is free in -1 … 1 .* bring C3's lower"),
+        ({"parameters": {"alpha_rest": Tied("theta_rest"), "theta_rest": Free(0.0, -1.0, 1.0)},
+          "per_recording": ("alpha_rest",)}, "per_recording names 'alpha_rest', which is tied: name 'theta_rest'"),
         ({"parameters": {"C9": 1.0}}, "unknown rotary-pendulum parameter 'C9'; the known ones are C1, "),
         ({"parameters": {"C1": -1.0}}, "C1 = -1.0 kg m.2 is outside its physical bounds"),
         ({"parameters": {"C4": Free(0.1, -1.0, 1.0)}}, "C4 is free in -1 … 1 N m, but means something only"),

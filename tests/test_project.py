@@ -62,6 +62,17 @@ def test_the_model_table(project):
     assert p.model.parameter("C4").value == 0.02
 
 
+@pytest.mark.parametrize("tie", ['"lambda"', '{ tie = "lambda" }'])
+def test_a_name_or_a_tie_ties(project, tie):
+    p = project(
+        '[model.parameters]\nb_theta = { start = 1e-3, lower = 0.0, upper = 1e-2 }\nb_alpha = "b_theta"\n'
+        f'coulomb_alpha = {{ tie = "coulomb_theta" }}\n[model.orders]\nmu = {tie}\n' + BOTH
+    ).problem
+    assert p.names[:2] == ("lambda", "b_theta")
+    assert p.ties == {"mu": "lambda", "b_alpha": "b_theta", "coulomb_alpha": "coulomb_theta"}
+    assert p.parameter_starts["coulomb_alpha"] == p.model.parameter("coulomb_theta").value  # which the file leaves out
+
+
 def test_the_papers_constants_are_converted(project):
     p = project("[model.parameters]\nC2 = 5e-3\nC5 = 1e-2\nI2xx = 1e-4\n" + ONE).problem
     assert p.model.parameter("C6").value == pytest.approx(4.9e-3)
@@ -190,7 +201,12 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + '[fit]\nper_recording = ["C1"]', "per_recording names 'C1', which is not free"),
         (ONE + '[fit]\ncost = "no.py:f"', r"there is no file .*no\.py"),
         (ONE + "[model.orders]\nmu = true", rf"\[model\.orders\] mu = true; {RANGE}"),
-        (ONE + '[model.orders]\nmu = "one"', rf"\[model\.orders\] mu = 'one'; {RANGE}"),
+        (ONE + "[model.orders]\nmu = [1.0]", rf"\[model\.orders\] mu = \[1\.0\]; {RANGE}"),
+        (ONE + '[model.orders]\nmu = "one"', "unknown order that mu is tied to 'one'; the known ones are lambda, mu"),
+        (ONE + '[model.orders]\nmu = "mu"', "mu = mu goes in a circle: give one order of them a number"),
+        (ONE + "[model.orders]\nmu = { tie = 1.0 }", r"\[model\.orders\.mu\] .*tie.* is unknown"),
+        (ONE + '[model.parameters]\nb_alpha = "b_teta"', "that b_alpha is tied to 'b_teta': did you mean b_theta"),
+        (ONE + '[model.parameters]\nb_alfa = "b_theta"', "unknown rotary-pendulum parameter 'b_alfa'"),
         (ONE + "[model.orders]\nmu = 0", r"order mu = 0\.0: expected a number between 0 and 2, both excluded"),
         (ONE + "[model.orders]\nmu = 2.5", r"order mu = 2\.5: expected a number between 0 and 2, both excluded"),
         (ONE + "[model.orders]\nmu = { start = 1.0, lower = 0.5, upper = 2.5 }", r"mu = 0\.5 … 2\.5: an order must"),

@@ -46,7 +46,7 @@ from fracid.optimise import Evaluation, Space
 from fracid.recording import Recording
 from fracid.simulate import METHODS, Trajectory, compile_rhs, integrate, time_scale
 
-__all__ = ["Experiment", "Free", "Problem", "Unknown", "refuse_twins"]
+__all__ = ["Experiment", "Free", "Problem", "Tied", "Unknown", "refuse_twins"]
 
 FloatArray = NDArray[np.float64]
 InitialState = Literal["estimate", "rest", "measured", "held"]
@@ -70,6 +70,21 @@ class Free:
                 f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
                 "expected lower <= start <= upper and lower < upper."
             )
+
+
+@dataclass(frozen=True)
+class Tied:
+    """A value that is always another's: ``"mu": Tied("lambda")``.
+
+    Orders are tied to orders, parameters to parameters of the same unit; free or fixed, the other may itself be tied.
+    """
+
+    to: str
+    """The other's name."""
+
+
+Value = float | Free | Tied
+"""A number is fixed."""
 
 
 @dataclass(frozen=True)
@@ -182,9 +197,9 @@ class Problem:
 
     model: Model
     experiments: tuple[Experiment, ...]
-    orders: Mapping[str, float | Free]
+    orders: Mapping[str, Value]
     """One per order's name: a number is fixed."""
-    parameters: Mapping[str, float | Free] = field(default_factory=dict)
+    parameters: Mapping[str, Value] = field(default_factory=dict)
     """Those that differ from the model's own values: a number is fixed."""
     per_recording: tuple[str, ...] = ()
     """Names of free parameters that each recording has for itself."""
@@ -198,8 +213,9 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check names, bounds and options."""
-        self.model.parameter_vector({n: _start(v) for n, v in self.parameters.items()})
-        self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
+        _check_ties(self)
+        self.model.parameter_vector(self.parameter_starts)
+        self.model.state_orders(self.order_starts)
         _check_bounds(self)
         _check_outputs(self)
         _check_experiments(self)
@@ -207,6 +223,43 @@ class Problem:
         _check_choice("method", self.method, METHODS)
         if not isinstance(self.substeps, int) or self.substeps < 1:
             raise InputError(f"substeps = {self.substeps!r}; expected a whole number, 1 or more.")
+
+    # --- values and ties ---------------------------------------------------------------------------
+
+    @cached_property
+    def order_starts(self) -> dict[str, float]:
+        """Every order where the search starts, fixed and tied ones too."""
+        roots = {n: _root("order", n, self.orders) for n in self.orders}
+        return {n: _start(self.orders[root]) for n, root in roots.items() if root in self.orders}
+
+    @cached_property
+    def parameter_starts(self) -> dict[str, float]:
+        """Each of `parameters` where the search starts, fixed and tied ones too [SI]."""
+        own = {p.name: p.value for p in self.model.parameters}
+        return {n: _start((own | {**self.parameters})[_root("parameter", n, self.parameters)]) for n in self.parameters}
+
+    @cached_property
+    def ties(self) -> dict[str, str]:
+        """Each tied order and parameter with the one that it follows in the end, which is tied to none."""
+        return {
+            n: _root(what, n, values)
+            for what, values in (("order", self.orders), ("parameter", self.parameters))
+            for n, v in values.items() if isinstance(v, Tied)
+        }  # fmt: skip
+
+    @cached_property
+    def own_parameters(self) -> tuple[str, ...]:
+        """The parameters that each recording has for itself: those of `per_recording`, and what is tied to them."""
+        return (*self.per_recording, *(n for n, root in self.ties.items() if root in self.per_recording))
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """By what name a result calls a tied value, and the unknown that it is: ``{"mu": "lambda"}``."""
+        return {
+            n if u.experiment is None else f"{n} [{u.experiment}]": u.name
+            for n, root in self.ties.items() for u in self.unknowns
+            if u.target == root and u.kind == ("order" if n in self.orders else "parameter")
+        }  # fmt: skip
 
     # --- the unknowns ------------------------------------------------------------------------------
 
@@ -307,8 +360,8 @@ class Problem:
     @cached_property
     def _fixed(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
         """For each recording what :meth:`unpack` starts from: every value at its own start."""
-        orders = self.model.state_orders({n: _start(v) for n, v in self.orders.items()})
-        values = self.model.parameter_vector({n: _start(v) for n, v in self.parameters.items()})
+        orders = self.model.state_orders(self.order_starts)
+        values = self.model.parameter_vector(self.parameter_starts)
         return {e.name: (orders, values, self._initial_guess(e)) for e in self.experiments}
 
     @cached_property
@@ -316,7 +369,7 @@ class Problem:
         """Where each unknown goes: which of the three vectors of :meth:`unpack`, and its entries there."""
         kinds = {"order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states}
         return tuple(
-            ([*kinds].index(u.kind), [i for i, name in enumerate(kinds[u.kind]) if name == u.target])
+            ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
             for u in self.unknowns
         )
 
@@ -408,32 +461,64 @@ class Problem:
         For validation: initial states and `per_recording` parameters are found again, nothing else.
         """
         shared = {u.target: v for u, v in zip(self.unknowns, x.tolist(), strict=True) if u.experiment is None}
-        orders = {n: shared.get(n, _start(v)) for n, v in self.orders.items()}
-        parameters = {n: shared.get(n, v if n in self.per_recording else _start(v)) for n, v in self.parameters.items()}
+        kept = (*self.per_recording, *self.ties)
+        orders = {n: v if n in kept else shared.get(n, _start(v)) for n, v in self.orders.items()}
+        parameters = {n: v if n in kept else shared.get(n, _start(v)) for n, v in self.parameters.items()}
         return replace(self, orders=orders, parameters=parameters, experiments=experiments)
 
 
-def _start(value: float | Free) -> float:
+def _start(value: Value) -> float:
+    assert not isinstance(value, Tied)
     return value.start if isinstance(value, Free) else float(value)
+
+
+def _root(what: str, name: str, values: Mapping[str, Value]) -> str:
+    """Follow the ties from a name to the one that is tied to none."""
+    path = [name]
+    while isinstance(value := values.get(path[-1]), Tied):
+        path.append(value.to)
+        if value.to in path[:-1]:
+            raise InputError(f"{' = '.join(path)} goes in a circle: give one {what} of them a number or a range.")
+    return path[-1]
 
 
 # --- what cannot be ----------------------------------------------------------------------------------
 
 
+def _check_ties(problem: Problem) -> None:
+    """A tie goes to a known name of the same kind and unit, and in no circle."""
+    known = {"order": problem.model.order_names, "parameter": problem.model.parameter_names}
+    for what, values in (("order", problem.orders), ("parameter", problem.parameters)):
+        for name, value in values.items():
+            if isinstance(value, Tied) and value.to not in known[what]:
+                raise unknown_name(f"{what} that {name} is tied to", value.to, known[what])
+            root = _root(what, name, values)
+            if what == "parameter":
+                units = [problem.model.parameter(n).unit for n in (name, root)]
+                if units[0] != units[1]:
+                    raise InputError(
+                        f"{name} [{units[0]}] cannot be tied to {root} [{units[1]}]: tie what has the same unit."
+                    )
+
+
 def _check_bounds(problem: Problem) -> None:
-    """Orders stay within (0, 2), parameters where the model means something."""
+    """Orders stay within (0, 2), parameters where the model means something, also those tied to a free one."""
     for name, value in problem.orders.items():
-        low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
-        if not 0 < low <= high < 2:
-            raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
-    for name, value in problem.parameters.items():
-        p = problem.model.parameter(name)
-        if isinstance(value, Free) and not p.lower <= value.lower < value.upper <= p.upper:
+        if not isinstance(value, Tied):
+            low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
+            if not 0 < low <= high < 2:
+                raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
+    for name in problem.parameters:
+        p, free = problem.model.parameter(name), problem.parameters.get(problem.ties.get(name, name))
+        whose = f"{problem.ties[name]}'s" if name in problem.ties else "its"
+        if isinstance(free, Free) and not p.lower <= free.lower < free.upper <= p.upper:
             raise InputError(
-                f"{name} is free in {value.lower:g} … {value.upper:g} {p.unit}, but means something only in "
-                f"{p.lower:g} … {p.upper:g}: bring its lower and upper into that."
+                f"{name} is free in {free.lower:g} … {free.upper:g} {p.unit}, but means something only in "
+                f"{p.lower:g} … {p.upper:g}: bring {whose} lower and upper into that."
             )
     for name in problem.per_recording:
+        if name in problem.ties:
+            raise InputError(f"per_recording names {name!r}, which is tied: name {problem.ties[name]!r} instead.")
         if not isinstance(problem.parameters.get(name), Free):
             raise InputError(
                 f"per_recording names {name!r}, which is not free; "

@@ -15,7 +15,8 @@
                lower = 0.6, upper = 1.2 }        cost  = "rmse"
     mu = 1.0                                     initial_state = "estimate"
 
-A number fixes, a table frees, and what is left out keeps the rig's value; orders that are left out are
+A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
+same value), and what is left out keeps the rig's value; orders that are left out are
 free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are
 relative to the file.  :func:`load_project` reads it all, recordings included; an unknown key or a value of
 the wrong kind is told with its place in the file.
@@ -31,9 +32,9 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.costs import cost_from_name
 from fracid.errors import InputError
@@ -41,7 +42,7 @@ from fracid.memory import memory_from_name
 from fracid.models import Model, model_from_name
 from fracid.models.base import unknown_name
 from fracid.optimise import optimiser_from_name
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Free, Problem, Tied, Value
 from fracid.recording import Recording, load_recording
 
 __all__ = ["PRESETS", "Project", "load_project"]
@@ -74,13 +75,24 @@ class _Range(_Table):
     upper: float
 
 
+def _untied(said: Any) -> Any:
+    """``{ tie = "lambda" }`` says the same as ``"lambda"``."""
+    if not isinstance(said, dict):
+        return said
+    ties = {n: v["tie"] for n, v in said.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
+    return said | {n: v for n, v in ties.items() if isinstance(v, str)}
+
+
+_Values = Annotated[dict[str, float | _Range | str], BeforeValidator(_untied)]
+
+
 class _Model(_Table):
     name: str = "rotary-pendulum"
     rig: str | None = None
     zero: str | None = None
     actuation: Literal["voltage", "torque"] | None = None
-    parameters: dict[str, float | _Range] = {}
-    orders: dict[str, float | _Range] = {}
+    parameters: _Values = {}
+    orders: _Values = {}
 
 
 class _Recording(_Table):
@@ -222,12 +234,14 @@ def _apply(fit: _Fit, preset: str | None) -> _Fit:
     return fit.model_copy(update=PRESETS[preset])
 
 
-def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, float | Free]]:
+def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, Value]]:
     """The model with every parameter at its start, and those of the file that are its own."""
     parameters = {n: _value(n, v) for n, v in said.parameters.items()}
-    starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+    starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
     model = model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=starts, folder=folder)
     for name, value in parameters.items():
+        if isinstance(value, Tied):
+            model.parameter(name)
         if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
             raise InputError(
                 f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
@@ -235,15 +249,13 @@ def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, float | Free]]:
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
 
 
-def _freed_by_recording(
-    names: list[str], parameters: Mapping[str, float | Free], model: Model
-) -> dict[str, float | Free]:
+def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:
     """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
     values = {n: parameters.get(n, model.parameter(n).value) for n in names}
     return {
         n: Free(v, v - 1.0, v + 1.0)
         for n, v in values.items()
-        if not isinstance(v, Free) and model.parameter(n).unit == "rad"
+        if not isinstance(v, Free | Tied) and model.parameter(n).unit == "rad"
     }
 
 
@@ -274,7 +286,7 @@ def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
             raise InputError(f"two recordings are named {name!r}; give each its own name.")
 
 
-def _orders(said: Mapping[str, float | _Range], model: Model) -> dict[str, float | Free]:
+def _orders(said: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
     for name in said:
         if name not in model.order_names:
@@ -289,7 +301,9 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     return outputs
 
 
-def _value(name: str, said: float | _Range | Free) -> float | Free:
+def _value(name: str, said: float | _Range | str | Free) -> Value:
+    if isinstance(said, str):
+        return Tied(said)
     if not isinstance(said, _Range):
         return said
     try:
@@ -327,13 +341,14 @@ def _explain(error: ValidationError) -> str:
     for fault in error.errors():
         faults.setdefault(_path(fault["loc"]), []).append(fault)
     inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
+    inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
     return " ".join(_sentence(p, faults[p]) for p in inner[:3])
 
 
 def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
     """Where a fault is, without pydantic's notes on which alternative it tried."""
     tried = {"float", "int", "str", "bool", "_Range"}
-    return tuple(p for p in loc if p not in tried and not str(p).startswith(("literal[", "dict[")))
+    return tuple(p for p in loc if p not in tried and not str(p).startswith(("literal[", "dict[", "function-")))
 
 
 def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
