@@ -12,13 +12,15 @@ import fracid
 from fracid.costs import COSTS, Cost
 from fracid.errors import InputError
 from fracid.models import Model, Parameter
-from fracid.problem import Experiment, Free, Problem, Tied
+from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.recording import Recording
+from fracid.uncertainty import jacobian
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 TRUE = {"lambda": 0.9, "mu": 0.95}
 FREE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
 STEP = 4e-3
+OWN = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
 
 
 def twin(name="swing", end=2.0, alpha=0.4, *, rig=RIG, orders=TRUE, known=True, **run):
@@ -211,6 +213,135 @@ def test_the_rows_squares_add_up_as_the_cost_does(name):
     assert p.residuals(x) @ p.residuals(x) == pytest.approx(scale * square, rel=2e-3)  # |e| is smoothed near 0
 
 
+def noisy(e, levels, seed=1):
+    noise = np.random.default_rng(seed).standard_normal(e.measured.shape) * levels
+    return replace(e, measured=e.measured + noise)
+
+
+@pytest.mark.parametrize("weights", ["equal", "noise"])
+@pytest.mark.parametrize("name", sorted(COSTS))
+def test_with_weights_levels_and_priors_the_rows_squares_add_up_as_the_cost_does(name, weights):
+    p = problem(
+        replace(noisy(twin("long", 2.0), (2e-3, 1e-2)), weight=0.3), noisy(twin("short", 0.5, alpha=0.2), (2e-3, 1e-2)),
+        cost_function=COSTS[name], weights=weights,
+        orders={"lambda": 0.97, "mu": Free(0.95, 0.5, 1.2, Prior(0.95, 0.002))},
+    )  # fmt: skip
+    x = np.array([0.9])
+    square = 2 * p.cost(x) ** 2 if COSTS[name].root else p.cost(x)  # rmse is a mean over the outputs too
+    assert p.residuals(x) @ p.residuals(x) == pytest.approx(square, rel=2e-3)  # |e| is smoothed near 0
+
+
+def test_a_weight_of_two_counts_as_the_recording_twice():
+    a, b = noisy(twin("a"), 1e-2), noisy(twin("b", 0.5, alpha=0.2), 1e-2, 2)
+    x = np.array([0.97, 0.9])
+    for name, cost in COSTS.items():
+        double = problem(replace(a, weight=2.0), b, cost_function=cost)
+        twice = problem(a, replace(a, name="again"), b, cost_function=cost)
+        assert double.cost(x) == pytest.approx(twice.cost(x), rel=1e-12), name
+
+
+# --- levels -------------------------------------------------------------------------------------------
+
+
+def test_the_rmse_of_outputs_that_count_by_their_noise_is_the_geometric_mean_of_theirs():
+    e = noisy(twin(), (1e-3, 2e-2))
+    p, x = problem(e, weights="noise"), np.array([0.9, 0.95])
+    each = np.sqrt(np.mean(p.errors(x)[0] ** 2, axis=0))
+    assert p.cost(x) == pytest.approx(math.sqrt(each[0] * each[1]), rel=1e-9)
+    assert list(p.levels(x).values()) == pytest.approx(each)
+    assert each == pytest.approx([1e-3, 2e-2], rel=0.1)
+    equal = problem(noisy(twin(), 1e-2), weights="noise")
+    assert equal.cost(x) == pytest.approx(problem(noisy(twin(), 1e-2)).cost(x), rel=1e-3)
+
+
+def test_an_outputs_unit_does_not_matter_where_it_counts_by_its_noise():
+    def scaled(c, rhs):
+        model = replace(two_angles(rhs), outputs={"a": 0, "b": 1})
+        time = np.arange(300) * STEP
+        shape = np.column_stack([np.cos(3 * time), c * np.cos(math.sqrt(18) * time)])
+        e = Experiment("a", STEP, shape + np.random.default_rng(1).standard_normal(shape.shape) * [0.01, 0.03 * c],
+                       np.zeros((1, 0)), initial={"a": 1.0, "b": c})  # fmt: skip
+        free = {"k": Free(9.0, 5.0, 15.0)}
+        return [Problem(model, (e,), {"q": 1.0}, free, (), COSTS["rmse"], ("a", "b"), "held", weights=w)
+                for w in ("equal", "noise")]  # fmt: skip
+
+    (equal, by_noise), (equal_mm, by_noise_mm) = scaled(1.0, positions_first), scaled(1000.0, positions_first)
+    x, y = np.array([9.0]), np.array([9.3])
+    assert by_noise.cost(y) / by_noise.cost(x) == pytest.approx(by_noise_mm.cost(y) / by_noise_mm.cost(x), rel=1e-6)
+    assert abs(equal.cost(y) / equal.cost(x) - equal_mm.cost(y) / equal_mm.cost(x)) > 0.01
+
+
+def test_levels_that_are_estimated_do_as_well_as_levels_that_are_known():
+    """At the minimum the weighted normal equations hold with the residual's own levels."""
+    p = problem(noisy(twin(), (1e-3, 2e-2)), weights="noise")
+    fit = fracid.identify(p, optimiser="least-squares")
+    errors = p.errors(fit.x)[0]
+    (J,) = jacobian(p, fit.x, np.arange(2))
+    weighted = p.balance([errors])[:, None] * J
+    gradient, size = np.einsum("to,toi->i", errors, weighted), np.sqrt(np.einsum("toi,toi->i", J, weighted))
+    assert np.all(np.abs(gradient / size) < 1e-3 * np.linalg.norm(errors))
+    assert p.balance([errors])[0] / p.balance([errors])[1] == pytest.approx((2e-2 / 1e-3) ** 2, rel=0.2)
+
+
+def test_an_output_that_fits_without_an_error_does_not_outweigh_all_others():
+    locked = {"J_theta": 1e9, "C3": 0.0, "C6": 0.0}
+    e = noisy(twin(rig=RIG.with_parameters(**locked)), (0.0, 1e-2))
+    assert np.max(np.abs(e.measured[:, 0])) < 1e-9
+    p = problem(e, weights="noise", parameters=locked)
+    here, there = p.evaluate(np.array([0.9, 0.95])), p.evaluate(np.array([0.9, 0.9]))
+    assert 0 < here.cost < there.cost < math.inf
+    assert np.all(np.isfinite(here.residuals))
+
+
+# --- priors -------------------------------------------------------------------------------------------
+
+
+def one_order(prior=None, **options):
+    orders = {"lambda": 0.9, "mu": Free(0.95, 0.8, 1.1, prior)}
+    return problem(noisy(twin(), 1e-2), orders=orders, **options)
+
+
+@pytest.mark.parametrize("weights", ["equal", "noise"])
+def test_data_and_prior_meet_where_their_precisions_say(weights):
+    """One unknown, white noise: the posterior's mode lies between both, each weighed by its inverse variance."""
+    alone = fracid.identify(one_order(), optimiser="least-squares")
+    error = 1e-2 / math.sqrt(sum(np.sum(j**2) for j in jacobian(alone.problem, alone.x, np.arange(1))))
+    for sd in (0.5 * error, error, 2 * error):
+        prior = Prior(alone.x[0] + error, sd)
+        both = fracid.identify(
+            one_order(prior, weights=weights), optimiser="least-squares", options={"tolerance": 1e-12}
+        )
+        pull = 1 / (1 + (sd / error) ** 2)
+        assert (both.x[0] - alone.x[0]) / error == pytest.approx(pull, abs=0.05)
+
+
+def test_a_prior_holds_what_the_data_do_not_see():
+    """Inertias and torques of a free response are known up to a factor: a prior on one gives it."""
+    value = {n: RIG.parameter(n).value for n in ("C1", "C3", "C6", "J_theta", "C4", "b_theta", "b_alpha")}
+    dry = {"coulomb_theta": 0.0, "coulomb_alpha": 0.0, "cable_stiffness": 0.0}
+    free = {n: Free(1.3 * v, 0.1 * v, 10 * v) for n, v in value.items()}
+    free["C4"] = Free(1.1 * value["C4"], 0.1, 1.0, Prior(1.1 * value["C4"], 1e-4 * value["C4"]))
+    swing = noisy(twin(alpha=1.2, rig=RIG.with_parameters(**dry)), 1e-4)
+    found = fracid.identify(problem(swing, orders=TRUE, parameters=free | dry), optimiser="least-squares")
+    assert found.x == pytest.approx([1.1 * value[n] for n in found.problem.names], rel=0.02)
+
+
+def test_a_start_that_the_prior_excludes_is_refused():
+    with pytest.raises(InputError, match=r"start = 1 lies 10 standard deviations .* type start = 0\.9"):
+        Free(1.0, 0.5, 1.2, Prior(0.9, 0.01))
+
+
+def test_each_recordings_own_value_has_the_prior():
+    p = problem(twin("a"), twin("b"), orders=TRUE, per_recording=("theta_rest",),
+                parameters={"theta_rest": Free(0.0, -1.0, 1.0, Prior(0.1, 0.05))})  # fmt: skip
+    assert p.prior_residuals(np.array([0.0, 0.2])) == pytest.approx([-2.0, 2.0])
+
+
+def test_a_failed_run_has_no_finite_cost_for_all_its_priors():
+    p = problem(twin(), orders=TRUE, parameters={"b_alpha": Free(-0.05, -0.1, 0.1, Prior(0.0, 1.0))}, weights="noise")
+    assert p.evaluate(p.start).cost == math.inf
+
+
 def test_two_recordings_cost_what_one_of_all_their_samples_would():
     long, short = twin("long", 2.0), twin("short", 0.5)
     x = np.array([0.97, 0.9])
@@ -330,6 +461,11 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"outputs": ("alpha",)}, r"swing: measured has the shape \(501, 2\); expected .* 1 outputs: alpha"),
         ({"per_recording": ("theta_rest",)}, "per_recording names 'theta_rest', which is not free; type theta_rest = "),
         ({"initial_state": "estimated"}, "unknown initial_state 'estimated': did you mean estimate"),
+        ({"weights": "noisy"}, "unknown weights 'noisy': did you mean noise"),
+        ({"weights": "noise", "cost_function": OWN}, 'weights = "noise" has no place beside the cost .own., a user'),
+        ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.9, 1.1, Prior(1.0, 0.1))}, "cost_function": OWN},
+         "a prior has no place beside the cost 'own'.*take one of rmse"),
+        ({"experiments": (replace(twin(), weight=0.0),)}, "swing: weight = 0; expected a number above 0"),
         ({"method": "pi3"}, "unknown method 'pi3': did you mean pi2"),
         ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
         ({"experiments": ()}, "needs at least one recording"),
@@ -341,6 +477,12 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
 def test_what_cannot_be_is_told(options, message):
     with pytest.raises(InputError, match=message):
         Problem(**{"model": RIG, "experiments": (twin(),), "orders": FREE} | options)
+
+
+@pytest.mark.parametrize("prior", [(math.nan, 1.0), (1.0, 0.0), (1.0, -1.0), (1.0, math.inf)])
+def test_what_is_no_normal_density_is_no_prior(prior):
+    with pytest.raises(InputError, match="expected finite numbers, and sd above 0"):
+        Prior(*prior)
 
 
 @pytest.mark.parametrize("bounds", [(1.0, 1.1, 1.2), (1.0, 0.5, 0.9), (1.0, 1.0, 1.0), (math.nan, 0.0, 1.0)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fracid.errors import DataError, FracidError, InputError
-from fracid.problem import Free
+from fracid.problem import Free, Prior
 from fracid.project import load_project
 
 T = np.arange(200) / 100
@@ -71,6 +71,16 @@ def test_a_name_or_a_tie_ties(project, tie):
     assert p.names[:2] == ("lambda", "b_theta")
     assert p.ties == {"mu": "lambda", "b_alpha": "b_theta", "coulomb_alpha": "coulomb_theta"}
     assert p.parameter_starts["coulomb_alpha"] == p.model.parameter("coulomb_theta").value  # which the file leaves out
+
+
+def test_priors_and_weights(project):
+    p = project(
+        "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 4.2e-3, sd = 1e-4 } }\n"
+        + BOTH + 'weight = 2.5\n[fit]\nweights = "noise"\n'
+    ).problem  # fmt: skip
+    assert p.parameters["C1"] == Free(4e-3, 1e-3, 1e-2, Prior(4.2e-3, 1e-4))
+    assert p.experiments[0].weight == 2.5
+    assert p.weights == "noise"
 
 
 def test_the_papers_constants_are_converted(project):
@@ -185,7 +195,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         ("[modle]\n" + ONE, r"\[modle\] is unknown; did you mean 'model'\?"),
         ('[model]\nnmae = "x"\n' + ONE, r"\[model\] nmae is unknown; did you mean 'name'\?"),
         (ONE + '[fit]\noptimizer = "genetic"', r"\[fit\] optimizer is unknown; did you mean 'optimiser'\?"),
-        (ONE + "[fit]\nxyz = 1", r"\[fit\] xyz is unknown; the known ones are cost, outputs, "),
+        (ONE + "[fit]\nxyz = 1", r"\[fit\] xyz is unknown; the known ones are cost, weights, outputs, "),
         (ONE + '[[recordin]]\nfile = "x"', r"\[recordin\] is unknown; did you mean 'recording'\?"),
         (ONE + '[fit]\ncost = "rsme"', "no cost 'rsme'; did you mean 'rmse'"),
         (ONE + '[fit]\noptimiser = "genetik"', "no optimiser 'genetik'; did you mean 'genetic'"),
@@ -219,6 +229,17 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "[model.parameters]\nC1 = -1.0", r"C1 = -1\.0 kg m\^2 is outside its physical bounds"),
         (ONE + "[model.parameters]\nC1 = nan", r"C1 = nan; expected a finite number"),
         (ONE + "[model.parameters]\nC1 = { start = 1e-3, lower = -1.0, upper = 1.0 }", "C1 is free in -1 … 1 kg"),
+        (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 4e-3 } }",
+         r"\[model\.parameters\.C1\.prior\] sd is missing"),
+        (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { maen = 1, sd = 1.0 } }",
+         "maen is unknown; did you mean 'mean'"),
+        (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 1, sd = 0 } }",
+         r"C1: prior = \{ mean = 1, sd = 0 \}: expected finite numbers, and sd above 0"),
+        (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = 4e-3 }",
+         r"prior = 0\.004; expected a table \{ mean = \.\.\., sd = "),
+        (ONE + "weight = -1.0", "swing: weight = -1; expected a number above 0.*use = \"validate\""),
+        (ONE + 'weight = "big"', "weight = 'big'; expected a number"),
+        (ONE + '[fit]\nweights = "noisy"', "unknown weights 'noisy': did you mean noise"),
         (ONE + "[model.parameters]\nC2 = 1e-3", "C2, C5 and I2xx go together"),
         (ONE + "[model.parameters]\nC5 = 1e-2\nI2xx = 0.0\nC2 = { start = 1e-3, lower = 0.0, upper = 1.0 }",
          "C2 is converted, not fitted; free one of C1, C3"),

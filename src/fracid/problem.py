@@ -4,7 +4,8 @@ r"""An identification problem: a model, its recordings, what is free, and what c
 
     Problem = Model + Experiment, … + what is free + Cost   →   residuals(x), cost(x)
 
-The unknowns x, in this order, are
+Each order and parameter is a number (fixed), :class:`Free` within bounds, or :class:`Tied` to another.  The
+unknowns x, in this order, are
 
 1. the free orders, λ and μ of (25), and the free parameters, which all recordings share,
 2. for each recording the parameters named in `per_recording`, which it has for itself, and
@@ -22,8 +23,33 @@ The unknowns x, in this order, are
 States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 
+**Levels.**  The level of an output is its residual's, never asked for: the rmse with ``weights = "noise"`` is the
+geometric mean of the outputs' own,
+
+.. math::  G = \prod_o C_o^{1/m}, \qquad C_o^2 = \tfrac1N\sum_t e_{t,o}^2,
+
+the likelihood of normal errors after each σ_o was maximised out, :math:`-2\log L = 2N\sum_o\log C_o` + const
+[BD]_: an output counts by its noise, not by its amplitude or unit.  Its least-squares rows are
+:math:`(G/C_o)\,e_{t,o}`, whose weights move with x: reweighting that needs no rounds.  The same holds of
+any cost that is a sum, with Laplace's likelihood for iae and itae.  No output counts as better than its encoder,
+q/√12.
+
+A :class:`Prior` is a normal density on an unknown.  With :math:`z = (x - mean)/sd` and n samples of all outputs,
+:math:`-2\log` posterior :math:`= n\log C^2 + \sum z^2`, so the cost C becomes :math:`C\sqrt{1 + \sum z^2/n}` (equal to
+first order in 1/n) and each prior is one row more, z at the level of the data's rows: where the fit is bad
+the data weigh little, and the prior holds.  It counts samples as independent: where the residual is correlated
+over k of them, the data weigh k times too much; give sd/√k.  Where :math:`z^2 > n`, that is where data and prior
+contradict each other flatly, the prior gives way as Student's t does.  Costs of Laplace's kind have
+:math:`C(1 + \sum z^2/2n)`.
+
+A recording's `weight` w counts each of its samples as w samples.
+
 A trajectory is stepped on the recording's own grid, or `substeps` times finer.  Residuals are measured
 minus simulated [rad].  A run that diverges has an infinite cost and its reason, never a NaN.
+
+References
+----------
+.. [BD] G. Box, N. Draper, Biometrika 52 (1965) 355: several outputs of unknown levels.
 """
 
 from __future__ import annotations
@@ -32,27 +58,51 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.costs import COSTS, Cost
+from fracid.costs import ABSOLUTE, COSTS, Cost
 from fracid.errors import InputError
 from fracid.memory import Memory, compressed
 from fracid.models import Model
 from fracid.models.base import unknown_name
 from fracid.optimise import Evaluation, Space
-from fracid.recording import Recording
+from fracid.recording import Recording, resolution
 from fracid.simulate import METHODS, Trajectory, compile_rhs, integrate, time_scale
 
-__all__ = ["Experiment", "Free", "Problem", "Tied", "Unknown", "refuse_twins"]
+__all__ = ["Experiment", "Free", "Prior", "Problem", "Tied", "Unknown", "refuse_twins"]
 
 FloatArray = NDArray[np.float64]
 InitialState = Literal["estimate", "rest", "measured", "held"]
+Weights = Literal["equal", "noise"]
 
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged."""
+
+FINEST = 1e-9
+"""No output's level is below this [rad]."""
+
+FAR = 5.0
+"""A search does not start further than this from a prior's mean [standard deviations]."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a value beforehand: a normal density; see the module's first screen for its weight."""
+
+    mean: float
+    sd: float
+    """Standard deviation, in the value's unit."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no density."""
+        if not (math.isfinite(self.mean) and math.isfinite(self.sd) and self.sd > 0):
+            raise InputError(
+                f"prior = {{ mean = {self.mean:g}, sd = {self.sd:g} }}: expected finite numbers, and sd above 0 "
+                "(to fix a value give the number alone)."
+            )
 
 
 @dataclass(frozen=True)
@@ -62,6 +112,8 @@ class Free:
     start: float
     lower: float
     upper: float
+    prior: Prior | None = None
+    """None: every value between the bounds is as likely as any other."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""
@@ -69,6 +121,11 @@ class Free:
             raise InputError(
                 f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
                 "expected lower <= start <= upper and lower < upper."
+            )
+        if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
+            raise InputError(
+                f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "
+                f"deviations from its prior's mean, which all but excludes it: type start = {self.prior.mean:g}."
             )
 
 
@@ -119,12 +176,21 @@ class Experiment:
     """Of the file."""
     initial: Mapping[str, float] = field(default_factory=dict)
     """States whose initial value is known, such as a release angle [rad]: fixed, whatever `initial_state` says."""
+    weight: float = 1.0
+    """As how many samples each of its samples counts."""
 
     @classmethod
     def of(
-        cls, recording: Recording, model: Model, outputs: Sequence[str], initial: Mapping[str, float] | None = None
+        cls,
+        recording: Recording,
+        model: Model,
+        outputs: Sequence[str],
+        initial: Mapping[str, float] | None = None,
+        **options: Any,
     ) -> Experiment:
         """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
+
+        The `options` are what else a recording has: its `weight`.
 
         Raises
         ------
@@ -156,8 +222,9 @@ class Experiment:
             columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
             inputs = np.ascontiguousarray(np.column_stack(columns))
         return cls(
-            recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256, initial or {}
-        )
+            recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
+            initial or {}, **options,
+        )  # fmt: skip
 
     @cached_property
     def time(self) -> FloatArray:
@@ -210,6 +277,8 @@ class Problem:
     memory: Memory = compressed()  # noqa: RUF009 (frozen)
     substeps: int = 1
     """Steps per sample of the recording."""
+    weights: Weights = "equal"
+    """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
 
     def __post_init__(self) -> None:
         """Check names, bounds and options."""
@@ -221,6 +290,8 @@ class Problem:
         _check_experiments(self)
         _check_choice("initial_state", self.initial_state, get_args(InitialState))
         _check_choice("method", self.method, METHODS)
+        _check_choice("weights", self.weights, get_args(Weights))
+        _check_likelihood(self)
         if not isinstance(self.substeps, int) or self.substeps < 1:
             raise InputError(f"substeps = {self.substeps!r}; expected a whole number, 1 or more.")
 
@@ -436,18 +507,107 @@ class Problem:
         errors = self.errors(x)
         if isinstance(errors, str):
             return Evaluation(x, np.inf, None, errors)
-        pairs = [(e.time, error) for e, error in zip(self.experiments, errors, strict=True)]
-        samples = [len(time) for time, _ in pairs]
-        cost = self.cost_function.join([self.cost_function.value(*pair) for pair in pairs], samples)
-        rows = [row for row in (self.cost_function.rows(*pair) for pair in pairs) if row is not None]
-        if not rows:
-            return Evaluation(x, cost)
-        return Evaluation(x, cost, np.concatenate([w * r for w, r in zip(self.shares(), rows, strict=True)]))
+        levels = self._costs_by_output(errors)
+        cost = self._joined([self.cost_function.value(e.time, r) for e, r in self._pairs(errors)])
+        if levels is not None and math.isfinite(cost):
+            cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+        rows = self._rows(x, errors, levels) if math.isfinite(cost) else None
+        return Evaluation(x, cost * self._prior_factor(x), rows)
+
+    def _pairs(self, errors: list[FloatArray]) -> list[tuple[Experiment, FloatArray]]:
+        return list(zip(self.experiments, errors, strict=True))
+
+    def _joined(self, costs: list[float]) -> float:
+        """Join the recordings' costs, each by its weight."""
+        weights = [e.weight for e in self.experiments]
+        counts: list[Any] = [w * len(e.measured) for w, e in zip(weights, self.experiments, strict=True)]
+        root = self.cost_function.root
+        return self.cost_function.join([c if root else w * c for w, c in zip(weights, costs, strict=True)], counts)
 
     def shares(self) -> list[float]:
         """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
-        samples = [len(e.measured) for e in self.experiments]
-        return [math.sqrt(n / sum(samples)) if self.cost_function.root else 1.0 for n in samples]
+        samples = [e.weight * len(e.measured) for e in self.experiments]
+        if self.cost_function.root:
+            return [math.sqrt(n / sum(samples)) for n in samples]
+        return [math.sqrt(e.weight) for e in self.experiments]
+
+    # --- levels and priors -------------------------------------------------------------------------
+
+    def balance(self, errors: list[FloatArray]) -> FloatArray:
+        """By what the squares of each output count, shape (n_outputs,): 1, but (G/C_o)² with ``weights = "noise"``.
+
+        Multiply a loss's weights with it, wherever they are not taken from :attr:`Evaluation.residuals`.
+        """
+        levels = self._costs_by_output(errors)
+        if levels is None:
+            return np.ones(len(self.outputs))
+        relative = np.exp(np.mean(np.log(levels))) / levels
+        return np.asarray(relative**2 if self.cost_function.root else relative)
+
+    def levels(self, x: FloatArray) -> dict[str, float]:
+        """The level of each output's residual, rms [rad]; infinite where a run fails."""
+        errors = self.errors(x)
+        if isinstance(errors, str):
+            return dict.fromkeys(self.outputs, math.inf)
+        squares = sum(s**2 * np.mean(e**2, axis=0) for s, e in zip(self.shares(), errors, strict=True))
+        whole = sum(s**2 for s in self.shares())
+        return dict(zip(self.outputs, np.sqrt(squares / whole).tolist(), strict=True))
+
+    def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray | None:
+        """C_o of each output alone, at least that of its encoder's rounding; None where all count the same."""
+        if self.weights == "equal":
+            return None
+        costs = [
+            self._joined([self.cost_function.value(e.time, r[:, [o]]) for e, r in self._pairs(errors)])
+            for o in range(len(self.outputs))
+        ]
+        return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
+
+    @cached_property
+    def _floor(self) -> FloatArray:
+        """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
+        steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in range(len(self.outputs))]
+        rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
+        return np.array([
+            self._joined([self.cost_function.value(e.time, np.full((len(e.measured), 1), r)) for e in self.experiments])
+            for r in rounding
+        ])  # fmt: skip
+
+    def _rows(self, x: FloatArray, errors: list[FloatArray], levels: FloatArray | None) -> FloatArray | None:
+        """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
+        found = [self.cost_function.rows(e.time, r) for e, r in self._pairs(errors)]
+        rows = [share * r for share, r in zip(self.shares(), found, strict=True) if r is not None]
+        if not rows:
+            return None
+        if levels is not None:
+            balance = np.sqrt(self.balance(errors))
+            rows = [(r.reshape(-1, len(balance)) * balance).ravel() for r in rows]
+            rows.append(balance * (self._floor if self.cost_function.root else np.sqrt(self._floor)))
+        if self._priors:
+            total = sum(float(np.sum(r**2)) for r in rows)
+            rows.append(math.sqrt(total / self._prior_samples) * self.prior_residuals(x))
+        return np.concatenate(rows)
+
+    @cached_property
+    def _priors(self) -> dict[int, Prior]:
+        """Unknown → its prior."""
+        return {i: u.range.prior for i, u in enumerate(self.unknowns) if u.range.prior is not None}
+
+    def prior_residuals(self, x: FloatArray) -> FloatArray:
+        """z = (x − mean)/sd of the unknowns that have a prior, shape (n_priors,)."""
+        return np.array([(x[i] - prior.mean) / prior.sd for i, prior in self._priors.items()])
+
+    @cached_property
+    def _prior_samples(self) -> float:
+        """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
+        n = sum(e.weight * e.measured.size for e in self.experiments)
+        return 2 * n if self.cost_function.loss is ABSOLUTE else n
+
+    def _prior_factor(self, x: FloatArray) -> float:
+        if not self._priors:
+            return 1.0
+        factor = 1 + float(np.sum(self.prior_residuals(x) ** 2)) / self._prior_samples
+        return math.sqrt(factor) if self.cost_function.root else factor
 
     # --- variants ----------------------------------------------------------------------------------
 
@@ -526,6 +686,18 @@ def _check_bounds(problem: Problem) -> None:
             )
 
 
+def _check_likelihood(problem: Problem) -> None:
+    """Levels and priors are weighed by the errors' likelihood, which a user's own cost does not tell."""
+    ranges = [*problem.orders.values(), *problem.parameters.values()]
+    prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
+    what = "a prior" if prior else 'weights = "noise"' if problem.weights == "noise" else ""
+    if what and problem.cost_function.loss is None:
+        raise InputError(
+            f"{what} has no place beside the cost {problem.cost_function.name!r}, a user's own, of unknown likelihood: "
+            f"take one of {', '.join(COSTS)}, or leave it out."
+        )
+
+
 def _check_outputs(problem: Problem) -> None:
     if not problem.outputs:
         raise InputError(f"outputs is empty: score at least one of {', '.join(problem.model.outputs)}.")
@@ -543,6 +715,11 @@ def _check_experiments(problem: Problem) -> None:
             raise InputError(
                 f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
                 f"{len(problem.outputs)} outputs: {', '.join(problem.outputs)}."
+            )
+        if not (math.isfinite(e.weight) and e.weight > 0):
+            raise InputError(
+                f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
+                'left out, or validates: use = "validate".'
             )
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")

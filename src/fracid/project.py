@@ -15,6 +15,10 @@
                lower = 0.6, upper = 1.2 }        cost  = "rmse"
     mu = 1.0                                     initial_state = "estimate"
 
+Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand;
+a recording its ``weight``; and ``weights = "noise"`` in ``[fit]`` makes outputs count by their residual's level:
+:mod:`fracid.problem` has the formulas.
+
 A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
 same value), and what is left out keeps the rig's value; orders that are left out are
 free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are
@@ -42,7 +46,7 @@ from fracid.memory import memory_from_name
 from fracid.models import Model, model_from_name
 from fracid.models.base import unknown_name
 from fracid.optimise import optimiser_from_name
-from fracid.problem import Experiment, Free, Problem, Tied, Value
+from fracid.problem import Experiment, Free, Prior, Problem, Tied, Value
 from fracid.recording import Recording, load_recording
 
 __all__ = ["PRESETS", "Project", "load_project"]
@@ -54,6 +58,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
         "method": "gl-paper",
         "cost": "itae",
+        "weights": "equal",
         "outputs": ["alpha"],
         "per_recording": [],
         "initial_state": "held",
@@ -69,10 +74,16 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
+class _Prior(_Table):
+    mean: float
+    sd: float
+
+
 class _Range(_Table):
     start: float
     lower: float
     upper: float
+    prior: _Prior | None = None
 
 
 def _untied(said: Any) -> Any:
@@ -109,10 +120,12 @@ class _Recording(_Table):
     variable: str | None = None
     initial: dict[str, float] = {}
     """States known at the start [rad], such as the angle of release."""
+    weight: float = 1.0
 
 
 class _Fit(_Table):
     cost: str = "rmse"
+    weights: str = "equal"
     outputs: list[str] | None = None
     per_recording: list[str] = []
     initial_state: str = "estimate"
@@ -205,7 +218,10 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     recordings = tuple(_load(r, model, path.parent) for r in said.recording)
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
-    experiments = [Experiment.of(r, model, outputs, s.initial) for r, s in zip(recordings, said.recording, strict=True)]
+    experiments = [
+        Experiment.of(r, model, outputs, s.initial, weight=s.weight)
+        for r, s in zip(recordings, said.recording, strict=True)
+    ]
     uses = [r.use for r in said.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
@@ -217,7 +233,7 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     problem = Problem(
         model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
-        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps,
+        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps, fit.weights,  # type: ignore[arg-type]
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
@@ -307,7 +323,8 @@ def _value(name: str, said: float | _Range | str | Free) -> Value:
     if not isinstance(said, _Range):
         return said
     try:
-        return Free(said.start, said.lower, said.upper)
+        prior = None if said.prior is None else Prior(said.prior.mean, said.prior.sd)
+        return Free(said.start, said.lower, said.upper, prior)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
@@ -328,7 +345,7 @@ EXPECTED = {
     "int_type": "a whole number",
     "list_type": "a list [...]; for recordings type [[recording]]",
     "literal_error": "{expected}",
-    "model_type": "a table {{ start = ..., lower = ..., upper = ... }}",
+    "model_type": "a table {{ {keys} }}",
     "dict_type": "a table {{ ... }}",
     "string_type": 'a text in "..."',
 }
@@ -357,10 +374,18 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
         return f"{where} is unknown; {_close(path)}"
     if "missing" in kinds:
         return f"{where} is missing."
-    expected = [EXPECTED.get(f["type"], f["msg"]).format(**f.get("ctx", {})) for f in faults]
+    expected = [EXPECTED.get(f["type"], f["msg"]).format(**f.get("ctx", {}), keys=_keys(f)) for f in faults]
     value = faults[0]["input"]
     said = str(value).lower() if isinstance(value, bool) else repr(value)
     return f"{where} = {said}; expected {' or '.join(dict.fromkeys(expected))}."
+
+
+def _keys(fault: Any) -> str:
+    """What the table must hold that a fault misses: ``mean = ..., sd = ...``."""
+    tables: dict[str, type[_Table]] = {"_Range": _Range, "_Prior": _Prior}
+    table = tables.get(fault.get("ctx", {}).get("class_name", ""), _Table)
+    required = [n for n, f in table.model_fields.items() if f.is_required()]
+    return ", ".join(f"{n} = ..." for n in required) or "..."
 
 
 def _place(path: list[Any]) -> str:
@@ -375,6 +400,7 @@ def _place(path: list[Any]) -> str:
 def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
-    known = [*tables.get(path[:-1], _Range).model_fields]
+    table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
+    known = [*table.model_fields]
     match = difflib.get_close_matches(str(path[-1]), known, 1)
     return f"did you mean {match[0]!r}?" if match else f"the known ones are {', '.join(known)}."
