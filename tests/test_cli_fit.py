@@ -229,7 +229,7 @@ def test_a_wrong_option_is_told(capsys, folder, monkeypatch, arguments, message)
 
 
 def test_an_interrupted_search_ends_with_1_and_keeps_its_best(capsys, project, tmp_path, monkeypatch):
-    module, calls = sys.modules["fracid.identify"], []
+    module, calls = sys.modules["fracid.search"], []
 
     def minimise(*args, **options):
         def callback(best, n):

@@ -19,6 +19,7 @@ RIG = fracid.rotary_pendulum("srv02-rotpen")
 WIDE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
 STEP = 4e-3
 MODULE = sys.modules["fracid.identify"]  # the name fracid.identify is the function
+SEARCH = sys.modules["fracid.search"]
 
 
 def twin(name="swing", *, end=3.0, alpha=0.4, orders=(0.9, 0.9, 0.95, 0.95), step=STEP, noise=0.0, seed=1, **options):
@@ -198,7 +199,7 @@ def test_ctrl_c_keeps_the_best_so_far(optimiser):
     json.dumps(fit.to_json(), allow_nan=False)
 
 
-@pytest.mark.parametrize("stage", ["uncertainty", "_validate", "_discretisation", "_refine"])
+@pytest.mark.parametrize("stage", ["uncertainty", "_validate", "_discretisation", "refined"])
 def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     def interrupted(*args, **options):
         raise KeyboardInterrupt
@@ -212,13 +213,13 @@ def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
 
 
 def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
-    minimise, searches = MODULE.minimise, []
+    minimise, searches = SEARCH.minimise, []
 
     def second_is_interrupted(*args, **options):
         searches.append(options)
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
-    monkeypatch.setattr(MODULE, "minimise", second_is_interrupted)
+    monkeypatch.setattr(SEARCH, "minimise", second_is_interrupted)
     fit = identify(problem(twin(end=1.0)), optimiser="least-squares")
     assert fit.outcome.startswith("interrupted")
     assert fit.discretisation is None

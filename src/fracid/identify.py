@@ -4,11 +4,12 @@
 optimiser              strategy
 ====================== ==========================================================================
 multistart (default)   least squares from the start, on a horizon that grows to the whole record
-                       (against local minima that are a whole swing off); then, with ``starts`` > 1,
-                       from Sobol points too, and the best is kept
+                       (against local minima that are a whole swing off); with ``starts`` > 1 from the
+                       regression's start and from Sobol points too (:mod:`fracid.search`)
 least-squares          the same with one start and no growing horizon
 genetic                the paper's GA: 20 points, crossover 0.5, mutation 0.01, 25 generations
 differential-evolution SciPy's
+cma                    CMA-ES
 ====================== ==========================================================================
 
 Whatever found the minimum, :func:`identify` then
@@ -27,24 +28,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.errors import InputError
-from fracid.optimise import (
-    Evaluation,
-    EvaluationLog,
-    Outcome,
-    Result,
-    least_squares,
-    minimise,
-    nelder_mead,
-    optimiser_from_name,
-)
+from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
+from fracid.search import Start, Watch, growing, minimised, refined, search, won
 from fracid.uncertainty import Uncertainty, uncertainty
 
 if TYPE_CHECKING:
@@ -145,6 +136,8 @@ class Fit:
     warnings: tuple[str, ...] = ()
     timing: Mapping[str, float] = field(default_factory=dict)
     """Seconds spent, per stage."""
+    starts: tuple[Start, ...] = ()
+    """What became of each start of ``multistart``; empty for other optimisers."""
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the samples, as plain JSON values; angles in radians.
@@ -165,6 +158,8 @@ class Fit:
             "evaluations": self.evaluations,
             "optimiser": self.optimiser,
             "outcome": self.outcome,
+            "starts": [_start_json(s, self.problem.names) for s in self.starts],
+            "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "interval_method": "sandwich with the prewhitened Newey-West long-run covariance"
             if self.uncertainty
             else None,
@@ -200,7 +195,7 @@ def identify(
     jobs : int
         Threads; the result is the same for any number.
     starts : int
-        Starts of ``multistart``.
+        Starts of ``multistart``: the given one, the regression's where it applies, Sobol points.
     log : EvaluationLog, optional
         Gets each evaluation as it ends.
     callback : function (best evaluation so far, number of evaluations) -> None
@@ -236,10 +231,10 @@ def identify(
         seed, starts = (project.seed if seed is None else seed), max(starts, project.starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
     refuse_twins([*problem.experiments, *validation])
-    clock, watch = _Clock(), _Watch(log, callback)
-    result = _search(problem, name, np.random.default_rng(seed), jobs, starts, watch, dict(options or {}))
+    clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
+    result, made = search(problem, name, rng, jobs=jobs, starts=starts, watch=watch, options=dict(options or {}))
     clock.lap("search")
-    found = _Findings(problem, result)
+    found = _Findings(problem, result, made)
     if not np.isfinite(result.best.cost):
         found.known = "every run failed"
         found.warnings.append(f"No run reached its end: {result.best.reason}.")
@@ -254,6 +249,7 @@ class _Findings:
 
     problem: Problem
     result: Result
+    starts: tuple[Start, ...] = ()
     known: Uncertainty | str = "the search was interrupted"
     validated: dict[str, RecordingFit] = field(default_factory=dict)
     check: Discretisation | None = None
@@ -275,7 +271,7 @@ def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jo
         found.warnings.append(found.check.warning)
         clock.lap("discretisation")
         if name not in ("multistart", "least-squares") and problem.cost_function.loss is not None:
-            polished = _arrived(_refine(problem, x, jobs, _Watch(None, None))).best
+            polished = _arrived(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
         clock.lap("polish")
     except KeyboardInterrupt:
@@ -299,7 +295,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        recordings=fitted | found.validated,
+        recordings=fitted | found.validated, starts=found.starts,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in (*_warnings(problem, known), *_misfits(fitted), *found.warnings) if w),
@@ -319,92 +315,6 @@ class _Clock:
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
         self.laps[stage], self._last = now - self._last, now
-
-
-@dataclass
-class _Watch:
-    """The log and the callback of a whole identification, over all its searches."""
-
-    log: EvaluationLog | None
-    callback: Callable[[Evaluation, int], None] | None
-    count: int = 0
-
-
-def _search(
-    problem: Problem,
-    name: str,
-    rng: np.random.Generator,
-    jobs: int,
-    starts: int,
-    watch: _Watch,
-    options: dict[str, Any],
-) -> Result:
-    if not problem.names:
-        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
-    if name != "multistart":
-        return _minimise(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch)
-    best = _growing(problem, problem.start, jobs, watch)
-    if starts > 1 and not best.interrupted:
-        space = replace(problem.space, start=best.best.point)
-        many = optimiser_from_name("multistart")(space, rng, starts=starts, **options)
-        best = min(best, _minimise(problem, many, jobs, watch), key=lambda result: result.best.cost)
-    return best
-
-
-def _growing(problem: Problem, x: FloatArray, jobs: int, watch: _Watch) -> Result:
-    """Least squares on the first swing, then on ever more, up to the whole record."""
-    for horizon in _horizons(problem):
-        result = _refine(problem.until(horizon), x, jobs, watch, tolerance=1e-2, budget=12)
-        if np.isfinite(result.best.cost):
-            x = result.best.point
-        if result.interrupted:
-            return replace(result, best=problem.evaluate(x))
-    return _refine(problem, x, jobs, watch, tolerance=1e-5)
-
-
-def _refine(problem: Problem, x: FloatArray, jobs: int, watch: _Watch, **options: Any) -> Result:
-    """Least squares from x."""
-    space = problem.space
-    space = replace(space, start=np.clip(x, space.lower, space.upper))
-    return _minimise(problem, least_squares(space, np.random.default_rng(0), **options), jobs, watch)
-
-
-def _horizons(problem: Problem) -> Iterator[float]:
-    """Seconds: one swing of the slowest recording, then each half as long again, below the whole record.
-
-    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.
-    """
-    whole = max(e.time[-1] for e in problem.experiments)
-    horizon = max(_period(e) for e in problem.experiments)
-    while horizon < 0.75 * whole:
-        yield horizon
-        horizon *= 1.5
-
-
-def _period(e: Experiment) -> float:
-    """The period at the peak of the spectrum of the output that varies most [s].
-
-    A peak below three periods a record is drift, not swinging: then a sixteenth of the record.
-    """
-    swings = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
-    spectrum = np.abs(np.fft.rfft(swings - np.mean(swings)))
-    peak = int(np.argmax(spectrum))
-    return float(e.time[-1]) / (peak if peak >= 3 else 16)
-
-
-def _minimise(problem: Problem, optimiser: Any, jobs: int, watch: _Watch) -> Result:
-    before = watch.count
-
-    def callback(best: Evaluation, evaluations: int) -> None:
-        if watch.callback is not None:
-            watch.callback(best, before + evaluations)
-
-    result = minimise(
-        problem.evaluate, optimiser, jobs=jobs,
-        log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
-    )  # fmt: skip
-    watch.count += result.evaluations
-    return result
 
 
 # --- what the minimum says -------------------------------------------------------------------------
@@ -429,13 +339,13 @@ def _recording(problem: Problem, x: FloatArray, known: Uncertainty | str, e: Exp
 def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
     """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
     alone = problem.with_shared(x, (e,))
-    quiet = _Watch(None, None)
+    quiet = Watch()
     if not alone.names:
         best = alone.evaluate(alone.start)
     elif problem.cost_function.loss is None:
-        best = _arrived(_minimise(alone, nelder_mead(alone.space, None), jobs, quiet)).best
+        best = _arrived(minimised(alone, nelder_mead(alone.space, None), jobs, quiet)).best
     else:
-        best = _arrived(_growing(alone, alone.start, jobs, quiet)).best
+        best = _arrived(growing(alone, alone.start, jobs, quiet)).best
     known = uncertainty(alone, best.point, jobs=jobs)
     return _recording(alone, best.point, known, e, "validate"), best.reason
 
@@ -456,9 +366,9 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    refined = _arrived(_refine(second, x, jobs, _Watch(None, None), tolerance=1e-6, budget=20)).best.point
+    finer = _arrived(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
-    shift = {n: float(refined[i] - x[i]) for n, i in at.items()}
+    shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: max(SHIFT, _half_width(known, x, i)) for n, i in at.items()}
     warning = " ".join(
         f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
@@ -470,7 +380,7 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
             f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
             f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
         ).strip()
-    return Discretisation(*costs, {n: float(refined[i]) for n, i in at.items()}, shift, warning)
+    return Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
 
 
 def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | str) -> str:
@@ -599,6 +509,19 @@ def _recording_json(r: RecordingFit) -> dict[str, Any]:
         "initial_state": {n: _estimate_json(e) for n, e in r.initial.items()},
         "parameters": {n: _estimate_json(e) for n, e in r.parameters.items()},
         "data_sha256": r.sha256,
+    }
+
+
+def _start_json(s: Start, names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "origin": s.origin,
+        "start": dict(zip(names, s.point.tolist(), strict=True)),
+        "cost_on_first_swing": _number(s.first_cost),
+        "end": dict(zip(names, s.end.tolist(), strict=True)),
+        "cost": _number(s.cost),
+        "ended": s.ended,
+        "joined": s.joined,
+        "evaluations": s.evaluations,
     }
 
 

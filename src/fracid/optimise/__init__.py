@@ -8,6 +8,8 @@ optimiser                  what it is                                 when
 ``multistart``             the same from Sobol points too             several minima, or no fair start
 ``differential-evolution`` whole generations over the bounds          a cost of your own, or cliffs of failing
                                                                       runs; some 400 evaluations an unknown
+``cma``                    evolution with an adapted covariance       a cost of your own and many unknowns that pull on
+                                                                      each other; from a start
 ``nelder-mead``            a simplex, from the start                  a cost of your own and a fair start
 ``genetic``                the paper's GA: 520 evaluations            to reproduce the paper
 ========================== ========================================== ==========================================
@@ -30,10 +32,11 @@ from fracid.optimise.base import (
     as_generator,
     minimise,
 )
+from fracid.optimise.cma import cma
 from fracid.optimise.differential_evolution import differential_evolution
 from fracid.optimise.genetic import genetic
 from fracid.optimise.least_squares import least_squares
-from fracid.optimise.multistart import multistart
+from fracid.optimise.multistart import Path, lockstep, multistart, sobol_points
 from fracid.optimise.nelder_mead import nelder_mead
 
 __all__ = [
@@ -43,16 +46,20 @@ __all__ = [
     "EvaluationLog",
     "Optimiser",
     "Outcome",
+    "Path",
     "Result",
     "Space",
     "as_generator",
+    "cma",
     "differential_evolution",
     "genetic",
     "least_squares",
+    "lockstep",
     "minimise",
     "multistart",
     "nelder_mead",
     "optimiser_from_name",
+    "sobol_points",
 ]
 
 OPTIMISERS: dict[str, Callable[..., Optimiser]] = {
@@ -60,6 +67,7 @@ OPTIMISERS: dict[str, Callable[..., Optimiser]] = {
     "least-squares": least_squares,
     "genetic": genetic,
     "differential-evolution": differential_evolution,
+    "cma": cma,
     "nelder-mead": nelder_mead,
 }
 """By name, as a project file has it; see the table above."""

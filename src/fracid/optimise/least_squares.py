@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from fracid.errors import InputError
 from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator, at_least
 
-__all__ = ["least_squares"]
+__all__ = ["least_squares", "sizes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def least_squares(
     del rng  # nothing here is random
     from scipy.optimize import least_squares as scipy_least_squares
 
-    size = _sizes(space)
+    size = sizes(space)
     bounds = size + (space.lower - space.start), size + (space.upper - space.start)  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:
@@ -109,8 +109,8 @@ def least_squares(
     return as_generator(run)
 
 
-def _sizes(space: Space) -> FloatArray:
-    """The size of each unknown: of its start, but a hundredth of its range at least and all of it at most."""
+def sizes(space: Space) -> FloatArray:
+    """Give the size of each unknown: of its start, but a hundredth of its range at least and all of it at most."""
     width = space.upper - space.lower
     floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
     return np.minimum(np.maximum(np.abs(space.start), floor), width)
