@@ -193,6 +193,61 @@ def test_a_validation_keeps_ties_to_what_is_fixed_there():
     assert other.unpack(other.start, other.experiments[0])[0].tolist() == [0.8] * 4
 
 
+# --- the release ------------------------------------------------------------------------------------
+
+
+def released_at(time, *, volts=None, step=STEP / 8, rig=RIG, alpha=0.8):
+    """A recording in which the pendulum is held until `time`, whatever the grid; simulated much finer."""
+    grid = np.arange(501) * STEP
+    more = {} if volts is None else {"inputs": volts(time + np.arange(round(2.2 / step) + 1) * step)[:, None]}
+    run = fracid.simulate(rig, orders=TRUE, initial={"alpha": alpha}, step=step, end=2.2, **more)
+    measured = np.tile([0.0, alpha], (501, 1))
+    measured[grid >= time] = run.at(grid[grid >= time] - time)[:, [0, 2]]
+    inputs = np.zeros((1, 1)) if volts is None else volts(grid)[:, None]
+    return Experiment("late", STEP, measured, inputs, initial={"theta": 0.0, "alpha": alpha})
+
+
+@pytest.mark.parametrize("time", [-0.0317, -STEP, 0.0, 0.3 * STEP, 0.0291])
+def test_the_release_is_found_between_the_samples(time):
+    e = replace(released_at(time), release_time=Free(0.0, -0.04, 0.04))
+    p = problem(e)
+    assert p.names == ("lambda", "mu", "release_time [late]")
+    fit = fracid.identify(p, optimiser="least-squares")
+    assert fit.x == pytest.approx([0.9, 0.95, time], abs=2e-3)
+    assert fit.x[2] == pytest.approx(time, abs=0.03 * STEP)
+    fixed = problem(replace(e, release_time=time))
+    assert fixed.cost(np.array([0.9, 0.95])) < 1e-3
+    if time:
+        assert problem(replace(e, release_time=0.0)).cost(np.array([0.9, 0.95])) > 3 * fixed.cost(np.array([0.9, 0.95]))
+
+
+def test_a_release_at_the_first_sample_is_none():
+    e = twin()
+    x = np.array([0.93, 0.97])
+    free = problem(replace(e, release_time=Free(0.0, 0.0, 0.1)))
+    assert free.fitted(np.append(x, 0.0), free.experiments[0]) == pytest.approx(problem().fitted(x, e), abs=1e-12)
+
+
+def test_until_its_release_a_recording_keeps_its_start_and_inputs_keep_its_clock():
+    rig = fracid.rotary_pendulum("srv02-rotpen", torque_per_volt=0.1)
+    e = released_at(0.05, volts=lambda t: np.sin(3 * t), rig=rig)
+    p = Problem(rig, (replace(e, release_time=0.05),), TRUE, initial_state="held")
+    fitted = p.fitted(np.empty(0), p.experiments[0])
+    assert np.array_equal(fitted[:13], np.tile([0.0, 0.8], (13, 1)))
+    assert fitted == pytest.approx(e.measured, abs=1e-3)
+    early = released_at(-0.05, volts=lambda t: np.where(t > 0.3, np.sin(3 * (t - 0.3)), 0.0), rig=rig)
+    p = Problem(rig, (replace(early, release_time=-0.05),), TRUE, initial_state="held")
+    assert p.fitted(np.empty(0), p.experiments[0]) == pytest.approx(early.measured, abs=1e-3)
+
+
+def test_the_cost_follows_the_release_smoothly():
+    e = replace(released_at(0.0), release_time=Free(0.0, -0.04, 0.04))
+    p, times = problem(e, orders=TRUE), np.linspace(-1.1, 1.1, 441) * STEP
+    outputs = np.array([p.fitted(np.array([t]), e)[20:].ravel() for t in times])
+    slopes = np.diff(outputs, axis=0) / np.diff(times)[:, None]
+    assert np.max(np.abs(np.diff(slopes, axis=0))) < 0.02 * np.max(np.abs(slopes))
+
+
 # --- the cost ---------------------------------------------------------------------------------------
 
 
@@ -466,6 +521,11 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"orders": {"lambda": 1.0, "mu": Free(1.0, 0.9, 1.1, Prior(1.0, 0.1))}, "cost_function": OWN},
          "a prior has no place beside the cost 'own'.*take one of rmse"),
         ({"experiments": (replace(twin(), weight=0.0),)}, "swing: weight = 0; expected a number above 0"),
+        ({"experiments": (replace(twin(), release_time=Free(0.0, -0.1, 0.1)),), "initial_state": "estimate"},
+         "swing: a release_time that is free needs a start at rest, but initial_state is 'estimate'"),
+        ({"experiments": (replace(twin(), release_time=Free(0.0, -0.1, 1.1)),), "initial_state": "rest"},
+         r"swing: release_time = -0\.1 … 1\.1 s; expected within half of the recording's 2 s"),
+        ({"experiments": (replace(twin(), release_time=-3.0),), "initial_state": "rest"}, "release_time = -3 s; exp"),
         ({"method": "pi3"}, "unknown method 'pi3': did you mean pi2"),
         ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
         ({"experiments": ()}, "needs at least one recording"),

@@ -83,6 +83,14 @@ def test_priors_and_weights(project):
     assert p.weights == "noise"
 
 
+def test_a_release_time_is_a_number_or_free(project):
+    rest = '\n[fit]\ninitial_state = "rest"\n'
+    free = project(BOTH + "release_time = { start = 0.0, lower = -0.02, upper = 0.05 }" + rest).problem
+    assert free.names[-1] == "release_time [swing]"
+    assert free.experiments[0].release_time == Free(0.0, -0.02, 0.05)
+    assert project(BOTH + "release_time = 0.01" + rest).problem.experiments[0].release_time == 0.01
+
+
 def test_the_papers_constants_are_converted(project):
     p = project("[model.parameters]\nC2 = 5e-3\nC5 = 1e-2\nI2xx = 1e-4\n" + ONE).problem
     assert p.model.parameter("C6").value == pytest.approx(4.9e-3)
@@ -237,6 +245,9 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
          r"C1: prior = \{ mean = 1, sd = 0 \}: expected finite numbers, and sd above 0"),
         (ONE + "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = 4e-3 }",
          r"prior = 0\.004; expected a table \{ mean = \.\.\., sd = "),
+        (ONE + "release_time = 0.01", "swing: a release_time needs a start at rest.*type initial_state = \"rest\""),
+        (ONE + 'release_time = "now"', "release_time = 'now'; expected a number or a table"),
+        (ONE + "release_time = { start = 0.1, lower = 0.2, upper = 0.3 }", "release_time of swing: start = 0.1, lower"),
         (ONE + "weight = -1.0", "swing: weight = -1; expected a number above 0.*use = \"validate\""),
         (ONE + 'weight = "big"', "weight = 'big'; expected a number"),
         (ONE + '[fit]\nweights = "noisy"', "unknown weights 'noisy': did you mean noise"),

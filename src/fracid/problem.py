@@ -8,8 +8,9 @@ Each order and parameter is a number (fixed), :class:`Free` within bounds, or :c
 unknowns x, in this order, are
 
 1. the free orders, λ and μ of (25), and the free parameters, which all recordings share,
-2. for each recording the parameters named in `per_recording`, which it has for itself, and
-3. for each recording its initial state, unless that is taken as measured.
+2. for each recording the parameters named in `per_recording`, which it has for itself,
+3. for each recording its initial state, unless that is taken as measured, and
+4. its release time, where that is free: until then the initial state is held, then the motion begins.
 
 ``initial_state`` is one of
 
@@ -19,6 +20,10 @@ unknowns x, in this order, are
 ``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
+
+A release time τ lies between samples as well: the run starts at τ, on its own grid, and is read at the samples
+by :meth:`Trajectory.at`, which follows τ smoothly; inputs keep the recording's clock.  It needs ``rest`` or
+``held``, for a motion that is under way can begin anywhere.
 
 States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
@@ -149,11 +154,11 @@ class Unknown:
     """One entry of x."""
 
     name: str
-    """``mu``, ``b_alpha``, ``theta_rest [release 92°]`` or ``alpha(0) [release 92°]``."""
+    """``mu``, ``b_alpha``, ``theta_rest [release 92°]``, ``alpha(0) [release 92°]``, ``release_time [release 92°]``."""
     unit: str
-    kind: Literal["order", "parameter", "initial"]
+    kind: Literal["order", "parameter", "initial", "time"]
     target: str
-    """The order's, the parameter's or the state's own name."""
+    """The order's, the parameter's or the state's own name; ``release_time``."""
     experiment: str | None
     """The recording that it belongs to; None where all share it."""
     range: Free
@@ -178,6 +183,8 @@ class Experiment:
     """States whose initial value is known, such as a release angle [rad]: fixed, whatever `initial_state` says."""
     weight: float = 1.0
     """As how many samples each of its samples counts."""
+    release_time: float | Free = 0.0
+    """When the motion begins, from the first sample [s]; until then the initial state is held."""
 
     @classmethod
     def of(
@@ -190,7 +197,7 @@ class Experiment:
     ) -> Experiment:
         """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
 
-        The `options` are what else a recording has: its `weight`.
+        The `options` are what else a recording has: its `weight`, its `release_time`.
 
         Raises
         ------
@@ -349,6 +356,8 @@ class Problem:
                 assert isinstance(value, Free)
                 own.append(Unknown(f"{name} [{e.name}]", units[name], "parameter", name, e.name, value))
             own += self._initial_unknowns(e)
+            if isinstance(e.release_time, Free):
+                own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", e.name, e.release_time))
         return (*shared, *own)
 
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
@@ -422,23 +431,35 @@ class Problem:
 
     def unpack(self, x: FloatArray, e: Experiment) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Orders per state, parameters and initial state of one recording, for the unknowns x."""
-        vectors = tuple(v.copy() for v in self._fixed[e.name])
+        orders, values, initial, _ = self._unpack(x, e)
+        return orders, values, initial
+
+    def release(self, x: FloatArray, e: Experiment) -> float:
+        """When the motion of one recording begins [s]."""
+        return float(self._unpack(x, e)[3][0])
+
+    def _unpack(self, x: FloatArray, e: Experiment) -> list[FloatArray]:
+        vectors = [v.copy() for v in self._fixed[e.name]]
         for value, unknown, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
             if unknown.experiment in (None, e.name):
                 vectors[vector][where] = value
-        return vectors[0], vectors[1], vectors[2]
+        return vectors
 
     @cached_property
-    def _fixed(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
-        """For each recording what :meth:`unpack` starts from: every value at its own start."""
+    def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:
+        """For each recording what :meth:`_unpack` starts from: every value at its own start."""
         orders = self.model.state_orders(self.order_starts)
         values = self.model.parameter_vector(self.parameter_starts)
-        return {e.name: (orders, values, self._initial_guess(e)) for e in self.experiments}
+        return {
+            e.name: (orders, values, self._initial_guess(e), np.array([_start(e.release_time)]))
+            for e in self.experiments
+        }
 
     @cached_property
     def _places(self) -> tuple[tuple[int, list[int]], ...]:
-        """Where each unknown goes: which of the three vectors of :meth:`unpack`, and its entries there."""
-        kinds = {"order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states}
+        """Where each unknown goes: which of the vectors of :meth:`_unpack`, and its entries there."""
+        kinds = {"order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states,
+                 "time": ("release_time",)}  # fmt: skip
         return tuple(
             ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
             for u in self.unknowns
@@ -457,20 +478,40 @@ class Problem:
         return {e.name: refined(e.inputs) for e in self.experiments}
 
     def simulate(self, x: FloatArray, e: Experiment) -> Trajectory:
-        """Simulate one recording with the unknowns x, on its grid divided by `substeps`."""
-        orders, values, initial = self.unpack(x, e)
+        """Simulate one recording with the unknowns x, from its release on, on its grid divided by `substeps`."""
+        orders, values, initial, (release,) = self._unpack(x, e)
+        step = e.step / self.substeps
+        steps = (len(e.measured) - 1) * self.substeps + self._more_steps(e)
         return integrate(
-            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), self._inputs[e.name], values,
-            e.step / self.substeps, (len(e.measured) - 1) * self.substeps, METHODS[self.method], self.memory,
-            limit=LIMIT, time_scale=time_scale(self.model, values), name=self.method,
+            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), self._inputs_from(release, steps, e),
+            values, step, steps, METHODS[self.method], self.memory, limit=LIMIT,
+            time_scale=time_scale(self.model, values), name=self.method, start=float(release),
         )  # fmt: skip
+
+    def _more_steps(self, e: Experiment) -> int:
+        """Steps beyond the samples: a run from any release reaches the last, and all have the same memory."""
+        earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
+        return math.ceil(max(0.0, -earliest) * self.substeps / e.step)
+
+    def _inputs_from(self, release: float, steps: int, e: Experiment) -> FloatArray:
+        """The inputs on the grid of a run from `release`; before the first and after the last sample they stay."""
+        u = self._inputs[e.name]
+        if len(u) == 1 or (release == 0.0 and steps == len(u) - 1):
+            return u
+        at = release * self.substeps / e.step + np.arange(steps + 1)
+        return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
 
     def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | str:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
         run = self.simulate(x, e)
         if not run.completed:
             return f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s"
-        return run.states[:: self.substeps, [self.model.outputs[n] for n in self.outputs]]
+        columns = [self.model.outputs[n] for n in self.outputs]
+        if e.release_time == 0.0:
+            return run.states[:: self.substeps, columns]
+        moving = e.time >= run.time[0]
+        held = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
+        return np.vstack([held, run.at(e.time[moving])[:, columns]])
 
     # --- what counts -------------------------------------------------------------------------------
 
@@ -688,7 +729,7 @@ def _check_bounds(problem: Problem) -> None:
 
 def _check_likelihood(problem: Problem) -> None:
     """Levels and priors are weighed by the errors' likelihood, which a user's own cost does not tell."""
-    ranges = [*problem.orders.values(), *problem.parameters.values()]
+    ranges = [*problem.orders.values(), *problem.parameters.values(), *(e.release_time for e in problem.experiments)]
     prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
     what = "a prior" if prior else 'weights = "noise"' if problem.weights == "noise" else ""
     if what and problem.cost_function.loss is None:
@@ -705,6 +746,24 @@ def _check_outputs(problem: Problem) -> None:
         _check_choice("output", name, problem.model.outputs)
 
 
+def _check_release(problem: Problem, e: Experiment) -> None:
+    """A release lies within the recording, and what moves already cannot be released."""
+    if e.release_time == 0.0:
+        return
+    free = isinstance(e.release_time, Free)
+    ends = (e.release_time.lower, e.release_time.upper) if isinstance(e.release_time, Free) else (e.release_time,) * 2
+    if not -e.time[-1] / 2 <= ends[0] <= ends[1] <= e.time[-1] / 2:
+        raise InputError(
+            f"{e.name}: release_time = {' … '.join(f'{v:g}' for v in dict.fromkeys(ends))} s; expected within half of "
+            f"the recording's {e.time[-1]:g} s, counted from its first sample."
+        )
+    if problem.initial_state not in ("rest", "held"):
+        raise InputError(
+            f"{e.name}: a release_time{' that is free' if free else ''} needs a start at rest, but initial_state is "
+            f'{problem.initial_state!r}, a start in motion; type initial_state = "rest" (or "held").'
+        )
+
+
 def _check_experiments(problem: Problem) -> None:
     """At least one, each with its own name, a column an output, and enough samples."""
     if not problem.experiments:
@@ -716,6 +775,7 @@ def _check_experiments(problem: Problem) -> None:
                 f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
                 f"{len(problem.outputs)} outputs: {', '.join(problem.outputs)}."
             )
+        _check_release(problem, e)
         if not (math.isfinite(e.weight) and e.weight > 0):
             raise InputError(
                 f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "

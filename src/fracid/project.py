@@ -15,9 +15,9 @@
                lower = 0.6, upper = 1.2 }        cost  = "rmse"
     mu = 1.0                                     initial_state = "estimate"
 
-Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand;
-a recording its ``weight``; and ``weights = "noise"`` in ``[fit]`` makes outputs count by their residual's level:
-:mod:`fracid.problem` has the formulas.
+Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand.
+A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
+in ``[fit]`` outputs count by their residual's level.  :mod:`fracid.problem` has the formulas.
 
 A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
 same value), and what is left out keeps the rig's value; orders that are left out are
@@ -121,6 +121,7 @@ class _Recording(_Table):
     initial: dict[str, float] = {}
     """States known at the start [rad], such as the angle of release."""
     weight: float = 1.0
+    release_time: float | _Range = 0.0
 
 
 class _Fit(_Table):
@@ -219,7 +220,7 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
     experiments = [
-        Experiment.of(r, model, outputs, s.initial, weight=s.weight)
+        Experiment.of(r, model, outputs, s.initial, weight=s.weight, release_time=_release_time(r.name, s))
         for r, s in zip(recordings, said.recording, strict=True)
     ]
     uses = [r.use for r in said.recording]
@@ -315,6 +316,12 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     if not outputs:
         raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
     return outputs
+
+
+def _release_time(name: str, said: _Recording) -> float | Free:
+    value = _value(f"release_time of {name}", said.release_time)
+    assert not isinstance(value, Tied)
+    return value
 
 
 def _value(name: str, said: float | _Range | str | Free) -> Value:
