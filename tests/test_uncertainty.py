@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 import fracid
 from fracid.costs import COSTS, Cost
 from fracid.optimise import least_squares, minimise
-from fracid.problem import Experiment, Free, Problem
-from fracid.uncertainty import Uncertainty, bartlett_long_run, jacobian, sokal_bandwidth, uncertainty
+from fracid.problem import Experiment, Free, Prior, Problem
+from fracid.uncertainty import METHODS, Uncertainty, bartlett_long_run, jacobian, sokal_bandwidth, uncertainty
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 TRUE = np.array([0.9, 0.95])
@@ -188,3 +188,57 @@ def test_the_bandwidth_is_five_correlation_times(rho):
 def test_the_bandwidth_sees_a_slow_error_under_a_fast_one():
     both = noise(20_000, 0.98, 1) + noise(20_000, 0.0, 2)
     assert sokal_bandwidth(both) > 150
+
+
+# --- both covariances ----------------------------------------------------------------------------------
+
+
+def test_the_white_one_is_sigma_squared_times_the_inverse_of_j_transposed_j():
+    p = problem(clean() + noise(2001, 0.5, 3))
+    found = uncertainty(p, TRUE)
+    J = jacobian(p, TRUE, np.arange(2))[0].reshape(-1, 2)
+    variance = np.mean(np.concatenate(p.errors(TRUE)) ** 2)
+    assert found.white == pytest.approx(np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))), rel=1e-9)
+    assert found.standard_error == pytest.approx(np.sqrt(np.diag(found.covariance)))
+
+
+@pytest.mark.parametrize(("rho", "share"), [(0.0, 1.0), (0.5, 1 / 3), (0.9, 1 / 19)])
+def test_of_ar1_samples_one_in_1_plus_rho_over_1_minus_rho_counts(rho, share):
+    # for a slope that changes as slowly as the noise is long; the pendulum's swings are nearly so
+    p = problem(clean() + noise(2001, rho, 3))
+    counted = uncertainty(p, TRUE).effective_samples / 2001
+    assert np.all(counted > 0.5 * share)
+    assert np.all(counted < 2.5 * share)
+
+
+def test_each_method_has_its_interval_and_its_sentence():
+    found = uncertainty(problem(clean() + noise(2001, 0.9, 3)), TRUE)
+    wide, narrow = found.interval(TRUE, 0), found.interval(TRUE, 0, "white")
+    assert wide[1] - wide[0] > 2 * (narrow[1] - narrow[0])
+    assert set(METHODS) == {"sandwich", "white", "profile", "bootstrap"}
+
+
+def test_unseen_directions_are_relative_changes():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95}, parameters=free(*LUMPED))
+    (direction,) = uncertainty(p, p.start).unseen
+    assert direction == pytest.approx(direction[0] * np.ones(7), abs=1e-2)  # all scale together
+    assert np.max(np.abs(direction)) == 1.0
+
+
+def test_outputs_that_count_by_their_noise_give_the_weighted_covariance():
+    rough = noise(2001, 0.0, 3) * [1.0, 10.0]
+    p = replace(problem(clean() + rough), weights="noise")
+    J = jacobian(p, TRUE, np.arange(2))[0]
+    sigma = np.sqrt(np.mean(p.errors(TRUE)[0] ** 2, axis=0))
+    whole = (J / sigma[:, None]).reshape(-1, 2)
+    assert uncertainty(p, TRUE).white == pytest.approx(np.sqrt(np.diag(np.linalg.inv(whole.T @ whole))), rel=1e-6)
+
+
+def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
+    orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": 0.95}
+    p = problem(clean() + noise(2001, 0.0, 3), orders=orders)
+    alone = uncertainty(p, p.start).white[0]
+    known = Free(0.9, 0.5, 1.2, prior=Prior(0.9, alone))
+    both = uncertainty(replace(p, orders=orders | {"lambda": known}), p.start)
+    assert both.white[0] == pytest.approx(alone / np.sqrt(2), rel=1e-2)
+    assert both.standard_error[0] < 0.8 * uncertainty(p, p.start).standard_error[0]

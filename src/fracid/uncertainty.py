@@ -25,6 +25,11 @@ AR(1), ρ = 0.98, and as much white     79 %, 93 %     19 %, 31 %
 So where errors are slow beside the record, as in the last row, it still promises too much.
 It does not know of model error: an interval says where the best value *of this model* lies.
 
+Both are found, by name in :data:`METHODS`.  Their ratio says how many of the n samples count: as many independent
+ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)` would tell :math:`x_i` as well.
+For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
+:math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
+
 An unknown at one of its bounds is held there; directions that J does not see (singular values of the
 column-scaled J below 10⁻⁶ of the largest) are reported by the names that take part in them.
 
@@ -33,6 +38,7 @@ References
 .. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
 .. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
+.. [K] J. Kent, Biometrika 69 (1982) 19: likelihood ratios of wrong likelihoods.
 .. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 """
 
@@ -40,20 +46,41 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.costs import Loss
 from fracid.optimise import Space
 from fracid.problem import Problem
 
-__all__ = ["Uncertainty", "bartlett_long_run", "jacobian", "sokal_bandwidth", "uncertainty"]
+__all__ = [
+    "METHODS",
+    "Sandwich",
+    "Uncertainty",
+    "at_bound",
+    "bartlett_long_run",
+    "jacobian",
+    "residual_bandwidth",
+    "rows_and_scores",
+    "sandwich",
+    "sokal_bandwidth",
+    "uncertainty",
+]
 
 FloatArray = NDArray[np.float64]
 
 NORMAL_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
+
+METHODS = {
+    "sandwich": "sandwich with the prewhitened Newey-West long-run covariance",
+    "white": "sigma² (J'J)⁻¹, right only where the residuals are white",
+    "profile": "profile likelihood, its threshold scaled by the sandwich",
+    "bootstrap": "moving-block bootstrap of the residuals",
+}
+"""What an interval's method is called, and what it is."""
 
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
@@ -82,11 +109,50 @@ class Uncertainty:
     """B of the sandwich [samples]."""
     condition: float
     """Of the column-scaled Jacobian."""
+    white: FloatArray = field(default_factory=lambda: np.empty(0))
+    """Standard errors by σ²(J'J)⁻¹, as if the residuals were white, shape (n_unknowns,); NaN where the others are."""
+    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    """Of the sandwich, shape (n_unknowns, n_unknowns); NaN in the rows of what has no standard error."""
+    unseen: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    """Relative changes of the unknowns that the data do not see, shape (len(confounded), n_unknowns); the
+    greatest in a row is 1."""
+    samples: int = 0
+    """Of all recordings."""
 
-    def interval(self, x: FloatArray, i: int) -> tuple[float, float] | None:
-        """The 95 % interval of unknown i, None where there is none."""
-        se = float(self.standard_error[i])
+    def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
+        """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
+        se = float((self.standard_error if method == "sandwich" else self.white)[i])
         return (float(x[i]) - NORMAL_95 * se, float(x[i]) + NORMAL_95 * se) if math.isfinite(se) else None
+
+    @property
+    def effective_samples(self) -> FloatArray:
+        """How many independent samples would tell each unknown as well, shape (n_unknowns,)."""
+        return np.asarray(self.samples * (self.white / self.standard_error) ** 2)
+
+
+@dataclass(frozen=True)
+class Sandwich:
+    """The curvature of the cost and the scatter of its minimum, over some of the unknowns."""
+
+    free: NDArray[np.intp]
+    """Which, shape (n_free,)."""
+    inverse: FloatArray
+    """A⁻¹ of the cost's rows, the inverse of its curvature, shape (n_free, n_free); pseudo-inverse where J is blind."""
+    covariance: FloatArray
+    """A⁻¹SA⁻¹, shape (n_free, n_free)."""
+    white: FloatArray
+    """A⁻¹S₀A⁻¹, shape (n_free, n_free)."""
+    directions: FloatArray
+    """Changes of the unknowns, in their own units, that J does not see, shape (n_unseen, n_free)."""
+    bandwidth: float
+    """B [samples]."""
+    condition: float
+    """Of the column-scaled Jacobian."""
+
+    def inflation(self, which: NDArray[np.intp]) -> FloatArray:
+        """By how much twice the rise of the cost, profiled over `which`, exceeds a χ²: C_A⁻¹C_S, shape (k, k) [K]_."""
+        at = np.searchsorted(self.free, which)
+        return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
 
 
 def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | str:
@@ -123,53 +189,138 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return "nothing is free"
     if problem.cost_function.loss is None:
         return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
-    at_bound = _at_bound(problem.space, x)
-    free = np.flatnonzero(~at_bound)
+    held = at_bound(problem.space, x)
+    free = np.flatnonzero(~held)
     error = np.full(len(x), np.nan)
     if not len(free):
-        return Uncertainty(error, at_bound, (), 0.0, 1.0)
+        return Uncertainty(error, held, (), 0.0, 1.0)
+    found = sandwich(problem, x, free, jobs=jobs)
+    if isinstance(found, str):
+        return found
+    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))[free]
+    directions = _sparse(found.directions / size)
+    known = ~np.any(directions != 0, axis=0)
+    white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
+    error[free[known]] = np.sqrt(np.diag(found.covariance))[known]
+    white[free[known]] = np.sqrt(np.diag(found.white))[known]
+    covariance[np.ix_(free[known], free[known])] = found.covariance[np.ix_(known, known)]
+    unseen = np.zeros((len(directions), len(x)))
+    unseen[:, free] = directions
+    confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in unseen)
+    samples = sum(len(e.measured) for e in problem.experiments)
+    return Uncertainty(error, held, confounded, found.bandwidth, found.condition, white, covariance, unseen, samples)
+
+
+def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | str:
+    """A⁻¹, A⁻¹SA⁻¹ and A⁻¹S₀A⁻¹ of the unknowns `free`, all others held; or why there are none.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a cost of known loss.
+    x : array, shape (n_unknowns,)
+    free : array of int, shape (n_free,)
+        In ascending order.
+    jobs : int
+        Threads.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((1001, 2))
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
+    (1, 1)
+    """
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
     if isinstance(errors, str) or isinstance(J, str):
         return errors if isinstance(errors, str) else str(J)
-    rows, scores = _rows_and_scores(problem, errors, J)
+    rows, scores = rows_and_scores(problem, errors, J)
+    prior, level = _prior_curvature(problem, errors, free)
+    rows = np.concatenate([rows, np.diag(np.sqrt(prior))[prior > 0]])
     norm = np.linalg.norm(rows, axis=0)
     norm[norm == 0] = 1.0
     _, singular, V = np.linalg.svd(rows / norm, full_matrices=False)
-    seen = singular > UNSEEN * singular[0]
+    seen = singular > UNSEEN * max(singular[0], 1e-300)
     S, bandwidth = _long_run([s / norm for s in scores])
+    scale = np.outer(norm, norm)
+    S, S0 = (
+        S + np.diag(2 * level * prior) / scale,
+        (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
+    )
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
-    covariance = inverse @ S @ inverse
-    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))[free]
-    partners = _sparse(V[~seen] / (norm * size))
-    known = ~np.any(partners, axis=0)
-    error[free[known]] = (np.sqrt(np.diag(covariance)) / norm)[known]
-    confounded = tuple(tuple(problem.names[free[i]] for i in np.flatnonzero(row)) for row in partners)
-    return Uncertainty(error, at_bound, confounded, bandwidth, float(singular[0] / max(singular[-1], 1e-300)))
+    return Sandwich(
+        free, inverse / scale, inverse @ S @ inverse / scale, inverse @ S0 @ inverse / scale, V[~seen] / norm,
+        bandwidth, float(singular[0] / max(singular[-1], 1e-300)),
+    )  # fmt: skip
 
 
-def _at_bound(space: Space, x: FloatArray) -> NDArray[np.bool_]:
-    """Which unknowns lie within a thousandth of their range of a bound."""
+def at_bound(space: Space, x: FloatArray) -> NDArray[np.bool_]:
+    """Which unknowns lie within a thousandth of their range of a bound, shape (n_unknowns,).
+
+    Examples
+    --------
+    >>> space = Space(("a", "b"), np.zeros(2), np.ones(2), np.array([0.5, 1.0]))
+    >>> at_bound(space, space.start)
+    array([False,  True])
+    """
     width = space.upper - space.lower
     margin = np.where(np.isfinite(width), BOUND * width, 0.0)
     return np.asarray((x - space.lower <= margin) | (space.upper - x <= margin))
 
 
-def _rows_and_scores(
+def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
-    loss, weight = problem.cost_function.loss, problem.cost_function.weight
-    assert loss is not None
-    assert weight is not None
-    weights = [share**2 * weight(e.time) for e, share in zip(problem.experiments, problem.shares(), strict=True)]
+    loss, weights = _loss_and_weights(problem, errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    rows = [np.sqrt(curvature * w)[:, None, None] * j for w, j in zip(weights, J, strict=True)]
-    scores = [np.einsum("t,to,toi->ti", w, loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
+    rows = [np.sqrt(curvature * w)[..., None] * j for w, j in zip(weights, J, strict=True)]
+    scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
     return np.concatenate([r.reshape(-1, r.shape[-1]) for r in rows]), scores
 
 
-def _sparse(unseen: FloatArray) -> NDArray[np.bool_]:
-    """Who takes part in each unseen direction, of relative changes, shape (n_unseen, n_free).
+def _loss_and_weights(problem: Problem, errors: list[FloatArray]) -> tuple[Loss, list[FloatArray]]:
+    """ρ, and w of each recording, shape (n_samples, n_outputs)."""
+    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+    assert loss is not None
+    assert weight is not None
+    balance = problem.balance(errors)
+    shares = zip(problem.experiments, problem.shares(), strict=True)
+    return loss, [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+
+
+def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
+    """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
+    loss, weights = _loss_and_weights(problem, errors)
+    balance = problem.balance(errors)
+    power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
+    flat = [(w / np.sqrt(balance))[..., None] * j for w, j in zip(weights, J, strict=True)]
+    whole = np.concatenate([f.reshape(-1, f.shape[-1]) for f in flat])
+    return np.asarray(power * (whole.T @ whole))
+
+
+def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
+    """What the priors add to A, on its diagonal, and the level D/n that turns a curvature into a variance.
+
+    A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
+    """
+    priors = [problem.unknowns[i].range.prior for i in free]
+    if not any(priors):
+        return np.zeros(len(free)), 0.0
+    loss, weights = _loss_and_weights(problem, errors)
+    total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
+    level = total / problem._prior_samples
+    return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
+
+
+def _sparse(unseen: FloatArray) -> FloatArray:
+    """Unseen directions, of relative changes, with the fewest entries that are not 0, shape (n_unseen, n_free).
 
     A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
     """
@@ -185,7 +336,8 @@ def _sparse(unseen: FloatArray) -> NDArray[np.bool_]:
         others = np.arange(len(rows)) != lead
         rows[others] -= np.outer(rows[others, column], rows[lead])
         lead += 1
-    return np.asarray(np.abs(rows) > PART * np.max(np.abs(rows), axis=1, keepdims=True, initial=0.0))
+    rows = rows / np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
+    return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
 
 
 def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
@@ -240,6 +392,25 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
     wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
     return float(wide_enough[0] if len(wide_enough) else n // 4)
+
+
+def residual_bandwidth(errors: list[FloatArray]) -> float:
+    """Five correlation times of the residuals, all recordings and outputs together, at most n/4 of the shortest.
+
+    Parameters
+    ----------
+    errors : list of array, shape (n_samples, n_outputs)
+        Each output counts by its own scatter, so that the quieter one is heard too.
+
+    Examples
+    --------
+    >>> residual_bandwidth([np.random.default_rng(0).standard_normal((5000, 2))]) < 10
+    True
+    """
+    scatter = np.std(np.concatenate(errors), axis=0)
+    pieces = [(e - e.mean(axis=0)) / np.where(scatter > 0, scatter, 1.0) for e in errors]
+    longest = max(sokal_bandwidth(piece) for piece in pieces)
+    return float(min(longest, min(map(len, errors)) // 4))
 
 
 def bartlett_long_run(scores: FloatArray, bandwidth: float) -> FloatArray:
