@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
+    from fracid.bootstrap import Bootstrap, Spread, bootstrap, spread
     from fracid.errors import DataError, FracidError, InputError
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
     from fracid.models import Model, Parameter, rotary_pendulum
     from fracid.problem import Experiment, Free, Problem
+    from fracid.profiles import Profile, Profiles, profile
     from fracid.project import Project, load_project
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Bootstrap": "bootstrap",
     "DataError": "errors",
     "Experiment": "problem",
     "Fit": "identify",
@@ -42,12 +45,16 @@ _HOME = {
     "Outcome": "trajectory",
     "Parameter": "models",
     "Problem": "problem",
+    "Profile": "profiles",
+    "Profiles": "profiles",
     "Project": "project",
     "Recording": "recording",
-    "Sensitivities": "batch",
     "Regression": "regression",
+    "Sensitivities": "batch",
+    "Spread": "bootstrap",
     "System": "reduction",
     "Trajectory": "trajectory",
+    "bootstrap": "bootstrap",
     "derivative": "fractional",
     "identify": "identify",
     "linear_multi_term": "reduction",
@@ -55,20 +62,23 @@ _HOME = {
     "load_project": "project",
     "load_recording": "recording",
     "multi_term": "reduction",
+    "profile": "profiles",
     "regress": "regression",
     "rotary_pendulum": "models",
     "sensitivities": "batch",
     "simulate": "simulate",
     "solve_fde": "simulate",
     "solve_fde_batch": "batch",
+    "spread": "bootstrap",
 }
 """Which module each public name lives in."""
 
-__all__ = ["DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter",
-           "Problem", "Project", "Recording", "Regression", "Sensitivities", "System", "Trajectory", "__version__",
-           "derivative", "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
-           "multi_term", "regress", "rotary_pendulum", "sensitivities", "simulate", "solve_fde",
-           "solve_fde_batch"]  # fmt: skip
+__all__ = ["Bootstrap", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
+           "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
+           "Regression", "Sensitivities", "Spread", "System", "Trajectory", "__version__", "bootstrap",
+           "derivative", "identify", "linear_multi_term", "linear_system", "load_project",
+           "load_recording", "multi_term", "profile", "regress", "rotary_pendulum", "sensitivities",
+           "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,371 @@
+r"""What repeating the experiment would give: resampled residuals, and each recording alone.
+
+**Moving blocks** [K]_.  A record that might as well have been measured is the fitted one plus residuals drawn again:
+blocks of l neighbouring residuals, all outputs together, laid end to end, less their mean at each place in a block, so
+that their correlation in time outlives the shuffling.  l is five correlation times (Sokal's window, as in
+:mod:`fracid.uncertainty`), so that a block's sum knows its scatter to some 10 %.  Each such record is fitted again:
+
+=============  ==============================================================================================
+``one-step``   one Newton step with the Jacobian of the minimum, :math:`\hat x + A^{-1} \sum_t w_t ρ'(e^*_t) J_t`:
+               thousands of draws in a second; it sees the noise, and nothing of the model's curvature
+``refit``      a few steps of least squares from :math:`\hat x`, each with runs of the model: it also sees
+               curvature, bounds, and a start that is taken from the first samples
+=============  ==============================================================================================
+
+The interval lies between the 2.5 % and 97.5 % quantiles of the draws.  It assumes that the residuals scatter alike all
+along the record; the sandwich does not, and where the two differ by much, they do not.
+
+**Recordings alone.**  Where there are several, each is fitted by itself.  What all share should come out the same
+within each one's interval; how much it does not, as the factor :math:`\sqrt{χ^2/(k-1)}` of Birge [B]_, is model error
+that no interval from residuals knows of.
+
+References
+----------
+.. [K] H. Künsch, Ann. Statist. 17 (1989) 1217.
+.. [B] R. Birge, Phys. Rev. 40 (1932) 207.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.costs import ABSOLUTE
+from fracid.errors import InputError
+from fracid.models.base import unknown_name
+from fracid.optimise.base import at_least
+from fracid.problem import Experiment, Problem
+from fracid.profiles import refit
+from fracid.uncertainty import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
+
+__all__ = ["Bootstrap", "Spread", "bootstrap", "resampled", "spread"]
+
+FloatArray = NDArray[np.float64]
+Variant = Literal["one-step", "refit"]
+
+QUICK: dict[str, Any] = {"tolerance": 1e-4, "budget": 6}
+"""Of a refit where the loss is square, and a step from the minimum lands next to the new one."""
+
+PATIENT: dict[str, Any] = {"tolerance": 1e-6, "budget": 60}
+"""Of a refit for |e|, whose rows bend at every sample: stopped early it would scatter too little."""
+
+FEW_BLOCKS = 20
+"""Below so many blocks in all the scatter itself is badly known."""
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Draws of the unknowns."""
+
+    names: tuple[str, ...]
+    variant: Variant
+    x: FloatArray
+    """The minimum, shape (n_unknowns,)."""
+    draws: FloatArray
+    """Shape (n_draws, n_unknowns); those whose runs failed are left out."""
+    block: int
+    """Length of a block [samples]."""
+    failed: int
+    """Draws left out."""
+    warning: str = ""
+    """Where there are too few blocks."""
+
+    @property
+    def standard_error(self) -> FloatArray:
+        """Standard deviation of the draws, shape (n_unknowns,)."""
+        return np.asarray(np.std(self.draws, axis=0, ddof=1))
+
+    @property
+    def bias(self) -> FloatArray:
+        """Mean of the draws less the minimum, shape (n_unknowns,)."""
+        return np.asarray(np.mean(self.draws, axis=0) - self.x)
+
+    def interval(self, i: int) -> tuple[float, float]:
+        """The 95 % interval of unknown i."""
+        low, high = np.quantile(self.draws[:, i], [0.025, 0.975])
+        return float(low), float(high)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values, without the draws."""
+        se, bias = self.standard_error.tolist(), self.bias.tolist()
+        return {
+            "method": f"{METHODS['bootstrap']}, {self.variant}",
+            "draws": len(self.draws), "failed": self.failed, "block": self.block, "warning": self.warning,
+            "unknowns": {n: {"standard_error": se[i], "bias": bias[i], "interval95": list(self.interval(i))}
+                         for i, n in enumerate(self.names)},
+        }  # fmt: skip
+
+
+def bootstrap(
+    problem: Problem,
+    x: FloatArray,
+    *,
+    variant: Variant = "one-step",
+    draws: int = 400,
+    block: int | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+) -> Bootstrap:
+    """Draw the unknowns as often as if the experiment had been repeated.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a cost of known loss.
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    variant : {"one-step", "refit"}
+        See the module's table.
+    draws : int
+    block : int, optional
+        Length of a block [samples]; five correlation times if left out.
+    seed : int
+        Each draw has its own stream, so that `jobs` changes nothing.
+    jobs : int
+        Threads, of ``refit``.
+
+    Raises
+    ------
+    InputError
+        For a user's own cost, nothing free, a run that fails at x, or an impossible option.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> found = bootstrap(problem, refit(problem, problem.start).point, draws=50)
+    >>> low, high = found.interval(1)
+    >>> low < 0.95 < high
+    True
+    """
+    if variant not in get_args(Variant):
+        raise unknown_name("variant", variant, get_args(Variant))
+    if problem.cost_function.loss is None:
+        raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no bootstrap of it.")
+    if not problem.names:
+        raise InputError("Nothing is free, so there is nothing to draw.")
+    at_least("draws", draws, 2)
+    errors = problem.errors(x)
+    if isinstance(errors, str):
+        raise InputError(f"There is nothing to draw from: the run at the minimum fails: {errors}.")
+    length = round(residual_bandwidth(errors)) + 1 if block is None else at_least("block", block, 1)
+    length = min(length, min(map(len, errors)))
+    streams = np.random.default_rng(seed).spawn(draws)
+    again = _refitted if variant == "refit" else _stepped
+    drawn = again(problem, np.asarray(x, dtype=np.float64), errors, length, streams, at_least("jobs", jobs, 1))
+    good = [point for point in drawn if point is not None]
+    if len(good) < 2:
+        raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
+    blocks = sum(len(e) // length for e in errors)
+    warning = (
+        f"The residuals hang together over {length} samples, which leaves {blocks} blocks: intervals are too narrow."
+        if blocks < FEW_BLOCKS
+        else ""
+    )
+    return Bootstrap(problem.names, variant, x, np.array(good), length, draws - len(good), warning)
+
+
+def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, median: bool = False) -> FloatArray:
+    """Blocks of residuals at random, laid end to end, of mean 0 over all draws at every sample.
+
+    For |e| the minimum rests on the `median`: then that of the record is 0.
+
+    Parameters
+    ----------
+    errors : array, shape (n_samples, n_outputs)
+    length : int
+        Of a block, at most n_samples.
+
+    Examples
+    --------
+    >>> resampled(np.arange(4.0)[:, None], 4, np.random.default_rng(0)).ravel()  # one block: nothing left
+    array([0., 0., 0., 0.])
+    """
+    n = len(errors)
+    starts = rng.integers(0, n - length + 1, -(-n // length))
+    drawn = errors[(starts[:, None] + np.arange(length)).ravel()[:n]]
+    if median:
+        return np.asarray(drawn - np.median(errors, axis=0))
+    total = np.vstack([np.zeros_like(errors[:1]), np.cumsum(errors, axis=0)])
+    mean = (total[n - length + 1 :] - total[:length]) / (n - length + 1)  # over all starts, at each place of a block
+    return np.asarray(drawn - np.tile(mean, (len(starts), 1))[:n])
+
+
+def _stepped(
+    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
+) -> list[FloatArray]:
+    """One Newton step for each draw; unknowns at their bounds stay."""
+    known = uncertainty(problem, x, jobs=jobs)
+    if isinstance(known, str):
+        raise InputError(f"There is no Newton step: {known}.")
+    free = np.flatnonzero(~known.at_bound)
+    if not len(free):
+        return [x.copy() for _ in streams]
+    J = jacobian(problem, x, free, jobs=jobs)
+    if isinstance(J, str):
+        raise InputError(f"There is no Newton step: {J}.")
+    shape = sandwich(problem, x, free, jobs=jobs)
+    if isinstance(shape, str):
+        raise InputError(f"There is no Newton step: {shape}.")
+
+    median = problem.cost_function.loss is ABSOLUTE
+
+    def step(rng: np.random.Generator) -> FloatArray:
+        drawn = [resampled(e, length, rng, median=median) for e in errors]
+        _, scores = rows_and_scores(problem, drawn, J)
+        point = x.copy()
+        point[free] -= shape.inverse @ sum((s.sum(axis=0) for s in scores), np.zeros(len(free)))
+        return point
+
+    return [step(rng) for rng in streams]
+
+
+def _refitted(
+    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
+) -> list[FloatArray | None]:
+    """A few steps of least squares for each draw; None where every run fails."""
+    median = problem.cost_function.loss is ABSOLUTE
+    effort = PATIENT if median else QUICK
+    fitted = [e.measured - error for e, error in zip(problem.experiments, errors, strict=True)]
+
+    def again(rng: np.random.Generator) -> FloatArray | None:
+        records = tuple(
+            replace(e, measured=y + resampled(error, length, rng, median=median))
+            for e, y, error in zip(problem.experiments, fitted, errors, strict=True)
+        )
+        found = refit(replace(problem, experiments=records), x, **effort)
+        return found.point if math.isfinite(found.cost) else None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            return list(pool.map(again, streams))
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+# --- each recording alone ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What each recording says alone of the unknowns that all share."""
+
+    names: tuple[str, ...]
+    """Of the shared unknowns."""
+    recordings: tuple[str, ...]
+    values: FloatArray
+    """Shape (n_recordings, n_shared); NaN where a recording's run fails."""
+    standard_error: FloatArray
+    """By the sandwich of each recording, shape (n_recordings, n_shared); NaN where it cannot tell."""
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Over the recordings that can tell, shape (n_shared,); NaN below two."""
+        return np.array([np.std(v[t], ddof=1) if t.sum() > 1 else np.nan
+                         for v, t in zip(self.values.T, self._tell, strict=True)])  # fmt: skip
+
+    @property
+    def birge(self) -> FloatArray:
+        """√(χ²/(k − 1)) about the weighted mean, shape (n_shared,): about 1 where the intervals are honest."""
+        ratios = np.full(len(self.names), np.nan)
+        for i, tell in enumerate(self._tell):
+            if tell.sum() > 1:
+                v, w = self.values[tell, i], self.standard_error[tell, i] ** -2.0
+                ratios[i] = math.sqrt(np.sum(w * (v - np.sum(w * v) / np.sum(w)) ** 2) / (len(v) - 1))
+        return ratios
+
+    @property
+    def _tell(self) -> NDArray[np.bool_]:
+        """Which recordings can tell, shape (n_shared, n_recordings)."""
+        return np.asarray((np.isfinite(self.values) & (self.standard_error > 0)).T)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the recordings do not agree on, in words."""
+        return tuple(
+            f"{n} differs from recording to recording by {ratio:.1f} times its standard errors "
+            f"(from {np.nanmin(v):.4g} to {np.nanmax(v):.4g}): its interval is too narrow by about that."
+            for n, ratio, v in zip(self.names, self.birge, self.values.T, strict=True)
+            if ratio > 2
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+
+        def numbers(row: FloatArray) -> list[float | None]:
+            return [v if math.isfinite(v) else None for v in row.tolist()]
+
+        return {
+            "recordings": list(self.recordings),
+            "unknowns": {
+                n: {"values": numbers(self.values[:, i]), "standard_errors": numbers(self.standard_error[:, i]),
+                    "standard_deviation": numbers(self.standard_deviation)[i], "birge": numbers(self.birge)[i]}
+                for i, n in enumerate(self.names)
+            },
+            "sentences": list(self.sentences()),
+        }  # fmt: skip
+
+
+def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
+    """Fit each recording alone, from x.
+
+    Parameters
+    ----------
+    problem : Problem
+        With two recordings or more, and a cost of known loss.
+    x : array, shape (n_unknowns,)
+        The minimum of all together.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    InputError
+        If there is but one recording, or the cost is a user's own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> def swing(seed):
+    ...     run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    ...     noise = 1e-3 * np.random.default_rng(seed).standard_normal((401, 2))
+    ...     return Experiment(f"{seed}", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing(1), swing(2), swing(3)), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> bool(spread(problem, problem.start).birge[0] < 2)
+    True
+    """
+    if len(problem.experiments) < 2:
+        raise InputError("There is one recording to fit; a spread needs two or more.")
+    if problem.cost_function.loss is None:
+        raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no spread of it.")
+    shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
+    at = dict(zip(problem.names, np.asarray(x).tolist(), strict=True))
+
+    def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
+        one = replace(problem, experiments=(e,))
+        found = refit(one, np.array([at[n] for n in one.names]))
+        known = uncertainty(one, found.point) if math.isfinite(found.cost) else found.reason
+        if isinstance(known, str):
+            return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
+        where = [one.names.index(problem.names[i]) for i in shared]
+        return found.point[where], known.standard_error[where]
+
+    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
+        found = list(pool.map(alone, problem.experiments))
+    values, errors = (np.array(rows) for rows in zip(*found, strict=True))
+    names = tuple(problem.names[i] for i in shared)
+    return Spread(names, tuple(e.name for e in problem.experiments), values, errors)

@@ -1,0 +1,614 @@
+r"""Profile likelihood: how far one unknown can go while all the others follow, before the data object.
+
+With the cost as a sum :math:`V(x) = \sum_t w_t\,ρ(e_t(x))`, as in :mod:`fracid.uncertainty`, the profile of
+unknown i is :math:`V_i(v) = \min_{x:\,x_i = v} V(x)`, and its *rise*
+
+.. math::  W_i(v) = \frac{2}{κ_i}\,\big(V_i(v) - V(\hat x)\big), \qquad
+           κ_i = \frac{[A^{-1} S A^{-1}]_{ii}}{[A^{-1}]_{ii}} .
+
+κ puts the threshold where the data put it: by Kent [K]_ twice the rise is :math:`κ_i χ^2_1` in the long run, whatever
+the cost and however the residuals hang together in time, since S is their long-run covariance.  So the 95 % interval
+is where W < 3.84.  For white Gaussian residuals κ is σ² in the cost's unit and W the likelihood ratio's statistic; for
+residuals that are correlated κ is larger by n/n_eff.  The same holds for ``iae``, ``itae`` and ``huber``, whose V is
+no likelihood's.  A user's own cost has no S: its profile is drawn until the cost has doubled, without an interval.
+
+Where the cost is a parabola, :math:`W = (v - \hat x_i)^2 / \mathrm{var}\,\hat x_i`: the profile's interval is the
+sandwich's.  What it shows beyond that are the four ways in which data fail to fix a value:
+
+==============  ==================================================================================
+verdict         means
+==============  ==================================================================================
+two-sided       the rise crosses the threshold on both sides
+one-sided       on one side alone: the data bound the value from below only, or from above only
+flat            on neither side: as far as was looked, the data do not object to any value
+hits a bound    the best value lies at a bound of the search; the interval has one side
+==============  ==================================================================================
+
+The walk goes from the minimum to both sides.  Each point starts from its neighbour, moved on along the line through
+the last two (the first along that of A), and its step aims at equal rises of √W, which is linear where the cost is a
+parabola [BW]_; a step that rises too far, or whose runs fail, is taken again shorter.  It ends past the threshold, at
+the bound, or where its budget is spent.  If a point lies lower than the minimum, that was none: all starts again from
+there, and the result says so.
+
+Two unknowns together: W over a grid with the threshold of :math:`χ^2_2`, 5.99, each point scaled by the sandwich in
+its own direction δ, :math:`1/κ = (δ'C_S^{-1}δ)/(δ'C_A^{-1}δ)` with the blocks of the two in place of the diagonal
+entries [CB]_.
+
+References
+----------
+.. [K] J. Kent, Biometrika 69 (1982) 19: the likelihood ratio of a likelihood that is not the data's.
+.. [BW] D. Bates, D. Watts, Nonlinear Regression Analysis and Its Applications, Wiley 1988, section 6.1.
+.. [CB] R. Chandler, S. Bate, Biometrika 94 (2007) 167, section 3: the vertical adjustment.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.models.base import unknown_name
+from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
+from fracid.optimise.base import at_least
+from fracid.problem import Problem
+from fracid.uncertainty import METHODS, NORMAL_95, Sandwich, at_bound, sandwich
+
+if TYPE_CHECKING:
+    from fracid.identify import Fit
+    from fracid.project import Project
+
+__all__ = ["End", "JointProfile", "Profile", "Profiles", "profile", "refit"]
+
+FloatArray = NDArray[np.float64]
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
+
+THRESHOLD = NORMAL_95**2
+"""95 % of χ² with one degree of freedom."""
+
+THRESHOLD_2 = -2 * math.log(0.05)
+"""95 % of χ² with two."""
+
+TOLERANCE = 1e-7
+"""Of each refit: its error in V is some 10⁻³ of the threshold at 20,000 samples."""
+
+BUDGET = 30
+"""Trial steps of each refit at most."""
+
+LOWER = 0.05
+"""A rise that matters: a point lower than the minimum by more means that it was none."""
+
+
+class End(Enum):
+    """Why a walk to one side ended; the value is the sentence."""
+
+    CROSSED = "the data object"
+    BOUND = "it reaches its bound before the data object"
+    FAILED = "the runs fail before the data object"
+    SPENT = "the data do not object as far as was looked"
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile of one unknown."""
+
+    name: str
+    unit: str
+    best: float
+    """The value at the minimum."""
+    values: FloatArray
+    """In ascending order, the best among them, shape (n_points,)."""
+    rise: FloatArray
+    """W at each, shape (n_points,)."""
+    cost: FloatArray
+    """The problem's cost at each, shape (n_points,)."""
+    points: FloatArray
+    """All unknowns at each, shape (n_points, n_unknowns)."""
+    ends: tuple[End, End]
+    """Below and above."""
+    interval95: tuple[float | None, float | None]
+    """Where W = 3.84, None on a side where that is not reached."""
+    wald95: tuple[float, float] | None
+    """The sandwich's interval; None where it knows none."""
+    verdict: str
+    """See the module's table; "no threshold" for a user's own cost."""
+
+    @property
+    def two_sided(self) -> tuple[float, float] | None:
+        """The interval, where it has two sides."""
+        low, high = self.interval95
+        return None if low is None or high is None else (low, high)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with the reason on each side that has no end."""
+        sides = [f"{side} {end.value}" for side, end in zip(("below", "above"), self.ends, strict=True)
+                 if end is not End.CROSSED]  # fmt: skip
+        return self.verdict + (f": {', '.join(sides)}" if sides else "")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values, without the other unknowns along the way."""
+        return {
+            "value": self.best,
+            "unit": self.unit,
+            "interval95": list(self.interval95),
+            "method": METHODS["profile"],
+            "wald95": None if self.wald95 is None else list(self.wald95),
+            "wald_method": METHODS["sandwich"],
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "ends": [end.value for end in self.ends],
+            "values": self.values.tolist(),
+            "rise": self.rise.tolist(),
+            "cost": self.cost.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class JointProfile:
+    """The profile of two unknowns together."""
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    best: tuple[float, float]
+    first: FloatArray
+    """Values of the first, shape (n,)."""
+    second: FloatArray
+    """Values of the second, shape (m,)."""
+    rise: FloatArray
+    """W, shape (n, m); infinite where the runs fail.  The 95 % region is where it is below 5.99."""
+    correlation: float
+    """Of the two by the sandwich."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "names": list(self.names), "units": list(self.units), "best": list(self.best),
+            "first": self.first.tolist(), "second": self.second.tolist(), "threshold": THRESHOLD_2,
+            "rise": [[w if math.isfinite(w) else None for w in row] for row in self.rise.tolist()],
+            "correlation": self.correlation if math.isfinite(self.correlation) else None,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """What :func:`profile` found."""
+
+    problem: Problem
+    x: FloatArray
+    """The minimum that the profiles start from, shape (n_unknowns,)."""
+    cost: float
+    profiles: dict[str, Profile]
+    joint: JointProfile | None = None
+    notes: tuple[str, ...] = field(default=())
+    """That the minimum given was none; that there is no threshold."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "cost": {"name": self.problem.cost_function.name, "value": self.cost},
+            "minimum": dict(zip(self.problem.names, self.x.tolist(), strict=True)),
+            "threshold": None if self.problem.cost_function.loss is None else THRESHOLD,
+            "profiles": {n: p.to_json() for n, p in self.profiles.items()},
+            "joint": None if self.joint is None else self.joint.to_json(),
+            "notes": list(self.notes),
+        }
+
+
+def profile(
+    problem: Problem | Project | Fit,
+    x: FloatArray | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    joint: tuple[str, str] | None = None,
+    points: int = 12,
+    jobs: int = 1,
+) -> Profiles:
+    """Profile unknowns of a problem about its minimum.
+
+    Parameters
+    ----------
+    problem : Problem, Project or Fit
+    x : array, shape (n_unknowns,), optional
+        The minimum, which is refined first; a Fit's own, or the problem's start, if left out.
+    parameters : sequence of str, optional
+        Names of unknowns: the free orders if left out, or all that the recordings share where no order is free.
+    joint : two names, optional
+        To be profiled together too, on a grid of `points` by `points`.
+    points : int
+        Between the two ends of an interval, about.
+    jobs : int
+        Threads; the result is the same for any number.
+
+    Returns
+    -------
+    Profiles
+
+    Raises
+    ------
+    InputError
+        If a name is no unknown's, nothing is free, or no run from the start reaches its end.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> mu = profile(problem, parameters=["mu"]).profiles["mu"]
+    >>> mu.verdict, mu.interval95[0] < 0.95 < mu.interval95[1]
+    ('two-sided', True)
+    """
+    if not isinstance(problem, Problem):
+        x = getattr(problem, "x", None) if x is None else x
+        problem = problem.problem
+    at = _indices(problem, parameters)
+    pair = None if joint is None else _pair(problem, joint)
+    at_least("points", points, 4)
+    at_least("jobs", jobs, 1)
+    x, notes = problem.start if x is None else np.asarray(x, dtype=np.float64), list[str]()
+    for _ in range(3):
+        surface = _minimum(problem, x, at, jobs)
+        walks, (x, lower) = _walks(surface, at, points, jobs)
+        if lower > -LOWER:
+            break
+        notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
+    pairs = zip(at, walks[::2], walks[1::2], strict=True)
+    found = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
+    if not surface.calibrated:
+        notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
+    grid = None if pair is None else _joint(surface, pair, found, points, jobs)
+    return Profiles(problem, surface.top.point, surface.top.cost, found, grid, tuple(notes))
+
+
+def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> _Surface:
+    """V about the minimum next to x: about x itself where that is as good, lest flat directions drift."""
+    there, top = problem.evaluate(np.clip(x, problem.space.lower, problem.space.upper)), refit(problem, x)
+    if not math.isfinite(top.cost):
+        raise InputError(f"There is nothing to profile: no run from the start reached its end: {top.reason}.")
+    surface = _Surface(problem, top, jobs)
+    good = surface.value(there) <= surface.value(top) or max(surface.rise(there, i) for i in at) < LOWER
+    return _Surface(problem, there, jobs) if good else surface
+
+
+def _walks(
+    surface: _Surface, at: Sequence[int], points: int, jobs: int
+) -> tuple[list[_Walked], tuple[FloatArray, float]]:
+    """Both sides of each unknown, and of all their points the lowest, with its rise."""
+    tasks = [(i, side) for i in at for side in (-1, 1)]
+    walks = _in_threads(jobs, lambda task: _walk(surface, *task, points), tasks)
+    seen = [(e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path]
+    return walks, min(seen, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
+
+
+def _indices(problem: Problem, names: Sequence[str] | None) -> list[int]:
+    if not problem.names:
+        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    if names is None:
+        shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
+        return list(problem.order_indices) or shared or list(range(len(problem.names)))
+    return [_index(problem, name) for name in dict.fromkeys(names)]
+
+
+def _index(problem: Problem, name: str) -> int:
+    if name in problem.names:
+        return problem.names.index(name)
+    if name in problem.orders or name in problem.model.parameter_names:
+        raise InputError(
+            f"{name} is not free, so it has no profile; free it with {name} = {{ start = ..., lower = ..., "
+            f"upper = ... }}. What is free: {', '.join(problem.names)}."
+        )
+    raise unknown_name("name", name, problem.names)
+
+
+def _pair(problem: Problem, names: Sequence[str]) -> tuple[int, int]:
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"joint = {', '.join(names)!r}; expected two different names, such as mu and b_alpha.")
+    return _index(problem, names[0]), _index(problem, names[1])
+
+
+def _in_threads(jobs: int, work: Callable[[_In], _Out], tasks: Iterable[_In]) -> list[_Out]:
+    """All results in order; Ctrl-C waits for what runs and leaves out the rest."""
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            return list(pool.map(work, tasks))
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+# --- the refit of what is not held -------------------------------------------------------------------
+
+
+def refit(
+    problem: Problem,
+    x: FloatArray,
+    held: Sequence[int] = (),
+    *,
+    tolerance: float = TOLERANCE,
+    budget: int = BUDGET,
+) -> Evaluation:
+    """Minimise over all unknowns but those held at their values in x, from x, on this thread.
+
+    Parameters
+    ----------
+    held : sequence of int
+        Their indices.
+    tolerance, budget
+        Of :func:`fracid.optimise.least_squares`; a user's own cost takes Nelder and Mead's method.
+
+    Returns
+    -------
+    Evaluation
+        With all the unknowns as its point; an infinite cost where every run failed.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> refit(problem, np.array([1.0, 0.95]), held=[1]).point.round(3)
+    array([0.9 , 0.95])
+    """
+    space = problem.space
+    x = np.clip(x, space.lower, space.upper)
+    free = np.setdiff1d(np.arange(len(x)), held)
+    if not len(free):
+        return problem.evaluate(x)
+    names = tuple(problem.names[i] for i in free)
+    inner = Space(names, space.lower[free], space.upper[free], x[free])
+
+    def whole(y: FloatArray) -> FloatArray:
+        point = x.copy()
+        point[free] = y
+        return point
+
+    if problem.cost_function.loss is None:
+        search = nelder_mead(inner, None)
+    else:
+        search = least_squares(inner, None, tolerance=tolerance, budget=budget)
+    result = minimise(lambda y: replace(problem.evaluate(whole(y)), point=y), search)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return replace(result.best, point=whole(result.best.point))
+
+
+class _Surface:
+    """V about a minimum, and by how much its rise is scaled."""
+
+    def __init__(self, problem: Problem, top: Evaluation, jobs: int) -> None:
+        self.problem, self.top = problem, top
+        self.calibrated = problem.cost_function.loss is not None
+        self.space = problem.space
+        self.at_bound = np.flatnonzero(at_bound(problem.space, top.point))
+        self._shape: dict[tuple[int, ...], Sandwich] = {}
+        self._jobs = jobs
+        self._lock = threading.Lock()
+
+    def value(self, e: Evaluation) -> float:
+        if not math.isfinite(e.cost):
+            return math.inf
+        return e.cost if e.residuals is None else float(np.sum(e.residuals**2))
+
+    def sandwich(self, *which: int) -> Sandwich:
+        """Over all unknowns off their bounds, and `which`."""
+        inside = np.setdiff1d(np.arange(len(self.top.point)), self.at_bound)
+        free = np.union1d(inside, which).astype(np.intp)
+        with self._lock:
+            if tuple(free) not in self._shape:
+                found = sandwich(self.problem, self.top.point, free, jobs=self._jobs)
+                if isinstance(found, str):
+                    raise InputError(f"There is no threshold for the profile: {found}.")
+                self._shape[tuple(free)] = found
+            return self._shape[tuple(free)]
+
+    def kappa(self, i: int) -> float:
+        """κ of one unknown; the mean over all where the data do not see it."""
+        if not self.calibrated:
+            return 2 * max(self.top.cost, 1e-300) / THRESHOLD  # W = 3.84 where the cost has doubled
+        shape = self.sandwich(i)
+        at = int(np.searchsorted(shape.free, i))
+        seen = shape.inverse[at, at] > 0 and not _blind(shape, at)
+        scale = shape.inflation(np.array([i]))[0, 0] if seen else self._mean_kappa(shape)
+        return float(max(scale, 1e-300))
+
+    @staticmethod
+    def _mean_kappa(shape: Sandwich) -> float:
+        return float(np.trace(np.linalg.pinv(shape.inverse) @ shape.covariance) / max(1, len(shape.free)))
+
+    def rise(self, e: Evaluation, i: int) -> float:
+        return 2 * (self.value(e) - self.value(self.top)) / self.kappa(i)
+
+    def standard_error(self, i: int) -> float:
+        """By the sandwich; NaN where the data do not see it, infinite precision and a user's own cost."""
+        if not self.calibrated:
+            return math.nan
+        shape = self.sandwich(i)
+        at = int(np.searchsorted(shape.free, i))
+        se = math.sqrt(max(0.0, shape.covariance[at, at]))
+        return se if se > 0 and not _blind(shape, at) else math.nan
+
+    def slope(self, held: Sequence[int]) -> FloatArray:
+        """How the others follow those held, were the cost a parabola, shape (n_unknowns, n_held)."""
+        slope = np.zeros((len(self.top.point), len(held)))
+        slope[list(held), range(len(held))] = 1.0
+        if self.calibrated:
+            shape = self.sandwich(*held)
+            at = np.searchsorted(shape.free, held)
+            slope[shape.free] = shape.inverse[:, at] @ np.linalg.pinv(shape.inverse[np.ix_(at, at)])
+            slope[list(held)] = np.eye(len(held))
+        return slope
+
+
+def _blind(shape: Sandwich, at: int) -> bool:
+    """Whether an unknown takes part in a direction that J does not see."""
+    norm = np.linalg.norm(shape.directions, axis=1) if len(shape.directions) else np.empty(0)
+    return bool(np.any(np.abs(shape.directions[:, at]) > 1e-6 * norm)) if len(norm) else False
+
+
+# --- the walk ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Walked:
+    """One side of a profile, from the minimum outwards, the minimum left out."""
+
+    path: tuple[Evaluation, ...]
+    end: End
+
+
+RETRIES = 5
+"""Shorter steps in a row, at most."""
+
+NEAR = 0.02
+"""The walk ends this close to where runs fail, as a part of the way there."""
+
+
+def _walk(surface: _Surface, i: int, side: int, points: int) -> _Walked:
+    """Go from the minimum to one side until the rise is past the threshold."""
+    path, heights, wall = [surface.top], [0.0], math.inf  # how far from the minimum runs fail
+    best, bound = surface.top.point[i], float((surface.space.upper if side > 0 else surface.space.lower)[i])
+    slope, aim = surface.slope([i])[:, 0], 2 * NORMAL_95 / (points - 1)  # so that the last is past it
+    step, retries = _first_step(surface, i, aim), 0
+    for _ in range(4 * points):
+        if heights[-1] >= NORMAL_95 or len(path) == 2 * points:
+            break
+        here = path[-1].point
+        room, open_ = abs(bound - here[i]), wall - abs(here[i] - best)
+        if room == 0:
+            return _Walked(tuple(path[1:]), End.BOUND)
+        if open_ < NEAR * wall < math.inf:
+            return _Walked(tuple(path[1:]), End.FAILED)
+        step = min(step, room, 0.5 * open_)
+        step = room if room - step < 1e-3 * step else step
+        ahead = here + side * step * slope
+        ahead[i] = bound if step == room else here[i] + side * step
+        e = refit(surface.problem, ahead, [i])
+        height = math.sqrt(max(0.0, surface.rise(e, i)))
+        if not math.isfinite(height):
+            wall = abs(ahead[i] - best)
+            continue
+        gain = height - heights[-1]
+        if gain > 2.5 * aim and retries < RETRIES:
+            step, retries = step / 3, retries + 1
+            continue
+        path.append(e)
+        heights.append(height)
+        slope, retries = (e.point - here) / (e.point[i] - here[i]), 0
+        step *= float(np.clip(aim / max(gain, 1e-9), 0.3, 3.0))
+    reasons = {
+        End.CROSSED: heights[-1] >= NORMAL_95,
+        End.BOUND: path[-1].point[i] == bound,
+        End.FAILED: wall < math.inf,
+    }
+    return _Walked(tuple(path[1:]), next((end for end, true in reasons.items() if true), End.SPENT))
+
+
+def _first_step(surface: _Surface, i: int, aim: float) -> float:
+    """As far as the rise of a parabola aims; a fiftieth of the range where there is none to go by."""
+    x, width = abs(float(surface.top.point[i])), float(surface.space.upper[i] - surface.space.lower[i])
+    rough = 0.02 * (width if math.isfinite(width) else max(x, 1.0))
+    step = aim * surface.standard_error(i)
+    return min(step, 12 * rough) if math.isfinite(step) else rough
+
+
+def _join(surface: _Surface, i: int, below: _Walked, above: _Walked) -> Profile:
+    """Both sides and the minimum between them."""
+    unknown, path = surface.problem.unknowns[i], (*below.path[::-1], surface.top, *above.path)
+    values = np.array([e.point[i] for e in path])
+    rise = np.array([surface.rise(e, i) for e in path])
+    best, k = float(surface.top.point[i]), len(below.path)
+    ends = (_crossing(values[k::-1], rise[k::-1]), _crossing(values[k:], rise[k:]))
+    if not surface.calibrated:
+        ends = (None, None)
+    se = surface.standard_error(i)
+    return Profile(
+        unknown.name, unknown.unit, best, values, rise, np.array([e.cost for e in path]),
+        np.array([e.point for e in path]), (below.end, above.end), ends,
+        (best - NORMAL_95 * se, best + NORMAL_95 * se) if math.isfinite(se) and i not in surface.at_bound else None,
+        _verdict(surface, i, below, above),
+    )  # fmt: skip
+
+
+def _verdict(surface: _Surface, i: int, below: _Walked, above: _Walked) -> str:
+    if not surface.calibrated:
+        return "no threshold"
+    crossed = [walked.end is End.CROSSED for walked in (below, above)]
+    if not all(crossed) and any(crossed) and i in surface.at_bound:
+        return "hits a bound"
+    return "two-sided" if all(crossed) else "one-sided" if any(crossed) else "flat"
+
+
+def _crossing(values: FloatArray, rise: FloatArray) -> float | None:
+    """Where the rise first passes 3.84, linear in √W between points; from the minimum outwards."""
+    height = np.sqrt(np.maximum(rise, 0.0))
+    past = np.flatnonzero(height >= NORMAL_95)
+    if not len(past):
+        return None
+    k = int(past[0])
+    share = (NORMAL_95 - height[k - 1]) / (height[k] - height[k - 1])
+    return float(values[k - 1] + share * (values[k] - values[k - 1]))
+
+
+# --- two together --------------------------------------------------------------------------------------
+
+REACH = 3.2
+"""Standard errors to each side of a joint profile; its 95 % region reaches 2.45."""
+
+
+def _joint(surface: _Surface, pair: tuple[int, int], found: dict[str, Profile], points: int, jobs: int) -> JointProfile:
+    """W over a grid; each point starts from where the parabola would have it."""
+    if not surface.calibrated:
+        raise InputError(f"The cost {surface.problem.cost_function.name} is a user's own: no joint profile of it.")
+    axes = [_axis(surface, i, found.get(surface.problem.names[i]), points) for i in pair]
+    shape, slope, top = surface.sandwich(*pair), surface.slope(pair), surface.top.point
+    at = np.searchsorted(shape.free, pair)
+    bread, filled = (np.linalg.pinv(c[np.ix_(at, at)]) for c in (shape.inverse, shape.covariance))
+
+    def rise(point: FloatArray) -> float:
+        delta = point - top[list(pair)]
+        if not np.any(delta):
+            return 0.0
+        ahead = top + slope @ delta
+        ahead[list(pair)] = point
+        value = surface.value(refit(surface.problem, ahead, pair)) - surface.value(surface.top)
+        return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
+
+    grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]
+    rises = np.array(_in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
+    c = shape.covariance[np.ix_(at, at)]
+    correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
+    first, second = (surface.problem.unknowns[i] for i in pair)
+    best = (float(top[pair[0]]), float(top[pair[1]]))
+    return JointProfile(
+        (first.name, second.name), (first.unit, second.unit), best, axes[0], axes[1], rises, float(correlation)
+    )
+
+
+def _axis(surface: _Surface, i: int, found: Profile | None, points: int) -> FloatArray:
+    """Values about the best, which is one of them, as far as the profile's interval says, within the bounds."""
+    best, low, high = float(surface.top.point[i]), float(surface.space.lower[i]), float(surface.space.upper[i])
+    se = surface.standard_error(i)
+    reach = REACH * se if math.isfinite(se) else 0.25 * (high - low if math.isfinite(high - low) else abs(best) + 1)
+    ends = (None, None) if found is None else found.interval95
+    below, above = (reach if end is None else max(0.3 * reach, REACH / NORMAL_95 * abs(end - best)) for end in ends)
+    low, high = max(low, best - below), min(high, best + above)
+    count = min(points - 1, max(0, round((points - 1) * (best - low) / (high - low))))
+    left = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
+    return np.concatenate([left, np.linspace(best, high, points - len(left))]) if high > best else np.append(left, best)
