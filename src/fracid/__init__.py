@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
     from fracid.bootstrap import Bootstrap, Spread, bootstrap, spread
+    from fracid.diagnostics import Verdict, identifiability
     from fracid.errors import DataError, FracidError, InputError
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
@@ -54,8 +55,10 @@ _HOME = {
     "Spread": "bootstrap",
     "System": "reduction",
     "Trajectory": "trajectory",
+    "Verdict": "diagnostics",
     "bootstrap": "bootstrap",
     "derivative": "fractional",
+    "identifiability": "diagnostics",
     "identify": "identify",
     "linear_multi_term": "reduction",
     "linear_system": "reduction",
@@ -75,10 +78,10 @@ _HOME = {
 
 __all__ = ["Bootstrap", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
            "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
-           "Regression", "Sensitivities", "Spread", "System", "Trajectory", "__version__", "bootstrap",
-           "derivative", "identify", "linear_multi_term", "linear_system", "load_project",
-           "load_recording", "multi_term", "profile", "regress", "rotary_pendulum", "sensitivities",
-           "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
+           "Regression", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
+           "bootstrap", "derivative", "identifiability", "identify", "linear_multi_term",
+           "linear_system", "load_project", "load_recording", "multi_term", "profile", "regress",
+           "rotary_pendulum", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
