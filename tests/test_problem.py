@@ -248,6 +248,83 @@ def test_the_cost_follows_the_release_smoothly():
     assert np.max(np.abs(np.diff(slopes, axis=0))) < 0.02 * np.max(np.abs(slopes))
 
 
+# --- a start in motion -------------------------------------------------------------------------------
+
+
+SMOOTH = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=0.0, coulomb_alpha=0.0)
+
+
+def from_mid_swing(*, past=True, plateau=0.4, cut=1.1, end=5.0, alpha=1.0, noise=0.0, orders=TRUE, **model):
+    """A recording of a held plateau, a release and a swing, cut in mid-swing."""
+    rig = SMOOTH.with_parameters(**model)
+    run = fracid.simulate(rig, orders=orders, initial={"alpha": alpha}, step=STEP / 4, end=end)
+    angles = np.vstack([np.tile(run.states[0], (round(plateau / STEP), 1)), run.states[::4]])[:, [0, 2]]
+    angles = angles + noise * np.random.default_rng(3).standard_normal(angles.shape)
+    whole = Recording.of("swing", np.arange(len(angles)) * STEP, {"theta": angles[:, 0], "alpha": angles[:, 1]})
+    before, after = whole.split(plateau + cut)
+    return Experiment.of(after, rig, ["theta", "alpha"], before=before if past else None)
+
+
+def test_a_measured_past_recovers_the_orders_where_a_free_start_alone_is_biased():
+    found = {}
+    for past in (True, False):
+        p = Problem(SMOOTH, (from_mid_swing(past=past, noise=1e-3),), FREE, initial_state="estimate")
+        found[past] = fracid.identify(p, optimiser="least-squares").x[:2]
+    assert found[True] == pytest.approx([0.9, 0.95], abs=0.001)
+    assert abs(found[False][0] - 0.9) > 0.012
+
+
+def test_orders_of_one_need_no_past():
+    """An integer-order rig remembers nothing but its state: with and without a past the same."""
+    one = {"lambda": 1.0, "mu": 1.0}
+    p = Problem(SMOOTH, (from_mid_swing(orders=one),), one)
+    alone = replace(p, experiments=(replace(p.experiments[0], past=None),))
+    x0 = p.start
+    assert p.fitted(x0, p.experiments[0]) == pytest.approx(alone.fitted(x0, alone.experiments[0]), abs=1e-4)
+    half = replace(p, orders=TRUE)
+    assert np.max(np.abs(half.fitted(x0, p.experiments[0]) - p.fitted(x0, p.experiments[0]))) > 0.1
+
+
+def test_the_past_begins_with_its_release_and_holds_the_states():
+    e = from_mid_swing()
+    assert abs(e.release_in_past() - 100) <= 1
+    assert from_mid_swing(plateau=0.0, cut=1.5).release_in_past() == 0
+    assert abs(from_mid_swing(noise=2e-3).release_in_past() - 100) <= 2
+    p = Problem(SMOOTH, (e,), TRUE, initial_state="measured")
+    x0 = p.unpack(p.start, e)[2]
+    run = fracid.simulate(SMOOTH, orders=TRUE, initial={"alpha": 1.0}, step=STEP / 4, end=1.1)
+    assert x0 == pytest.approx(run.states[-1], abs=0.02)  # 2 % of rad/s, and the filter's ripple
+    fine = replace(p, substeps=3).unpack(p.start, e)[2]
+    assert fine == pytest.approx(x0, abs=2e-3)
+
+
+def test_the_rates_at_a_measured_start_follow_the_orders():
+    e = from_mid_swing()
+    p = Problem(SMOOTH, (e,), FREE, initial_state="measured")
+    assert p.names == ("lambda", "mu")
+    rates = [p.unpack(np.array([q, q]), e)[2][[1, 3]] for q in (0.8, 1.0)]
+    angles = np.vstack([e.past, e.measured])
+    assert rates[1] == pytest.approx((angles[len(e.past) + 1] - angles[len(e.past) - 1]) / (2 * STEP), abs=0.05)
+    assert np.max(np.abs(rates[0] - rates[1])) > 0.1
+    known = replace(e, initial={"D^mu alpha": -0.25})
+    assert replace(p, experiments=(known,)).unpack(np.array([0.8, 0.8]), known)[2][3] == -0.25
+
+
+def test_a_past_has_its_inputs():
+    e = from_mid_swing()
+    n, m = len(e.past), len(e.measured)
+    both = replace(e, inputs=np.ones((m, 1)), past_inputs=np.full((n, 1), 2.0))
+    assert both.all_inputs[:, 0].tolist() == [2.0] * n + [1.0] * m
+    assert replace(both, past_inputs=None).all_inputs[:, 0].tolist() == [0.0] * n + [1.0] * m
+    assert e.all_inputs.shape == (1, 1)
+    rig = SMOOTH.with_parameters(torque_per_volt=0.1)
+    p = Problem(rig, (both,), TRUE, initial_state="measured")
+    quiet = replace(p, experiments=(replace(both, past_inputs=np.zeros((n, 1))),))
+    assert (
+        np.max(np.abs(p.fitted(np.empty(0), p.experiments[0]) - quiet.fitted(np.empty(0), quiet.experiments[0]))) > 1e-3
+    )
+
+
 # --- the cost ---------------------------------------------------------------------------------------
 
 
@@ -526,6 +603,10 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"experiments": (replace(twin(), release_time=Free(0.0, -0.1, 1.1)),), "initial_state": "rest"},
          r"swing: release_time = -0\.1 … 1\.1 s; expected within half of the recording's 2 s"),
         ({"experiments": (replace(twin(), release_time=-3.0),), "initial_state": "rest"}, "release_time = -3 s; exp"),
+        ({"experiments": (replace(twin(), past=np.zeros((5, 1))),)}, r"swing: past has the shape \(5, 1\); expected"),
+        ({"experiments": (replace(twin(), past=np.full((5, 2), np.nan)),)}, "a sample of its past is not a finite num"),
+        ({"experiments": (replace(twin(), past=np.zeros((5, 2))),), "initial_state": "held"},
+         "swing has a past, so it starts in motion, but initial_state is 'held'"),
         ({"method": "pi3"}, "unknown method 'pi3': did you mean pi2"),
         ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
         ({"experiments": ()}, "needs at least one recording"),
@@ -549,6 +630,12 @@ def test_what_is_no_normal_density_is_no_prior(prior):
 def test_bounds_that_do_not_hold_the_start_are_refused(bounds):
     with pytest.raises(InputError, match=r"expected lower <= start <= upper and lower < upper"):
         Free(*bounds)
+
+
+def test_a_past_that_does_not_end_where_the_recording_begins_is_told():
+    whole = Recording.of("r", np.arange(20.0), {"alpha": np.arange(20.0)})
+    with pytest.raises(InputError, match="r: the past must end one step before the start"):
+        Experiment.of(whole.trim(10.0), RIG, ["alpha"], before=whole.trim(None, 8.0))
 
 
 def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_state_is_told():

@@ -91,6 +91,19 @@ def test_a_release_time_is_a_number_or_free(project):
     assert project(BOTH + "release_time = 0.01" + rest).problem.experiments[0].release_time == 0.01
 
 
+def test_what_came_before_from_is_the_past_where_it_is_asked_for(project):
+    cut = BOTH + 'voltage = { column = "volts", unit = "V" }\nfrom = 0.5\nto = 1.5\n'
+    alone = project(cut).problem.experiments[0]
+    for text in (cut + 'history = "measured"\n', cut + '[fit]\nhistory = "measured"\n'):
+        e = project(text).problem.experiments[0]
+        assert np.array_equal(e.measured, alone.measured)
+        assert (e.start, alone.past) == (0.5, None)
+        assert e.past[:, 1] == pytest.approx(np.radians(ALPHA[:50]))
+        assert e.past_inputs[:, 0] == pytest.approx(VOLTS[:50])
+    assert project(cut + 'history = "none"\n[fit]\nhistory = "measured"\n').problem.experiments[0].past is None
+    assert project(cut + 'history = "measured"\n[fit]\npreset = "paper"\n').problem.experiments[0].past is None
+
+
 def test_the_papers_constants_are_converted(project):
     p = project("[model.parameters]\nC2 = 5e-3\nC5 = 1e-2\nI2xx = 1e-4\n" + ONE).problem
     assert p.model.parameter("C6").value == pytest.approx(4.9e-3)
@@ -248,6 +261,12 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "release_time = 0.01", "swing: a release_time needs a start at rest.*type initial_state = \"rest\""),
         (ONE + 'release_time = "now"', "release_time = 'now'; expected a number or a table"),
         (ONE + "release_time = { start = 0.1, lower = 0.2, upper = 0.3 }", "release_time of swing: start = 0.1, lower"),
+        (BOTH + 'history = "measured"', 'swing: history = "measured" is what came before from; type from = the time'),
+        (BOTH + 'history = "all"', "history = 'all'; expected 'measured' or 'none'"),
+        (ONE + 'from = 0.5\nhistory = "measured"', "its past does not tell theta, D.lambda theta; a past needs"),
+        (BOTH + 'from = 0.5\nhistory = "measured"\n[fit]\ninitial_state = "rest"',
+         "swing has a past, so it starts in motion, but initial_state is 'rest', a start at rest"),
+        (BOTH + 'from = 0.0\nhistory = "measured"', "holds 0 samples"),
         (ONE + "weight = -1.0", "swing: weight = -1; expected a number above 0.*use = \"validate\""),
         (ONE + 'weight = "big"', "weight = 'big'; expected a number"),
         (ONE + '[fit]\nweights = "noisy"', "unknown weights 'noisy': did you mean noise"),

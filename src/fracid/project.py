@@ -17,7 +17,8 @@
 
 Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand.
 A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
-in ``[fit]`` outputs count by their residual's level.  :mod:`fracid.problem` has the formulas.
+in ``[fit]`` outputs count by their residual's level.  With ``history = "measured"``, there or in a recording, its
+samples before ``from`` enter the memory.  :mod:`fracid.problem` has the formulas.
 
 A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
 same value), and what is left out keeps the rig's value; orders that are left out are
@@ -106,6 +107,9 @@ class _Model(_Table):
     orders: _Values = {}
 
 
+_History = Literal["measured", "none"]
+
+
 class _Recording(_Table):
     """Every other key of the table is a signal."""
 
@@ -122,6 +126,7 @@ class _Recording(_Table):
     """States known at the start [rad], such as the angle of release."""
     weight: float = 1.0
     release_time: float | _Range = 0.0
+    history: _History | None = None
 
 
 class _Fit(_Table):
@@ -130,6 +135,7 @@ class _Fit(_Table):
     outputs: list[str] | None = None
     per_recording: list[str] = []
     initial_state: str = "estimate"
+    history: _History = "none"
     method: str = "pi2"
     memory: str = "compressed"
     tolerance: float = 1e-10
@@ -216,12 +222,16 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     optimiser_from_name(fit.optimiser)
     model, parameters = _model(said.model, path.parent)
     orders = _orders(said.model.orders, model)
-    recordings = tuple(_load(r, model, path.parent) for r in said.recording)
+    pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in said.recording]
+    loaded = [_load(r, model, path.parent, past) for r, past in zip(said.recording, pasts, strict=True)]
+    recordings = tuple(recording for recording, _ in loaded)
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
     experiments = [
-        Experiment.of(r, model, outputs, s.initial, weight=s.weight, release_time=_release_time(r.name, s))
-        for r, s in zip(recordings, said.recording, strict=True)
+        Experiment.of(
+            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s)
+        )
+        for (r, before), s in zip(loaded, said.recording, strict=True)
     ]
     uses = [r.use for r in said.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
@@ -276,8 +286,8 @@ def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model
     }
 
 
-def _load(said: _Recording, model: Model, folder: Path) -> Recording:
-    """Load a recording; the keys that pydantic did not know are its signals."""
+def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Recording, Recording | None]:
+    """Load a recording and, if asked for, what came before; the keys that pydantic did not know are its signals."""
     columns = dict(said.model_extra or {})
     known = (*model.outputs, *model.inputs)
     for name in columns:
@@ -290,10 +300,19 @@ def _load(said: _Recording, model: Model, folder: Path) -> Recording:
             f"[[recording]] {said.name or said.file} names no signal; type for example "
             f'{known[-2] if len(known) > 1 else known[0]} = {{ column = 1, unit = "deg" }}.'
         )
-    return load_recording(
-        folder / said.file, columns, time=said.time, start=said.start, stop=said.stop, resample=said.resample,
-        name=said.name or Path(said.file).stem, variable=said.variable,
+    name = said.name or Path(said.file).stem
+    if past and said.start is None:
+        raise InputError(
+            f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
+        )
+    found = load_recording(
+        folder / said.file, columns, time=said.time, start=None if past else said.start, stop=said.stop,
+        resample=said.resample, name=name, variable=said.variable,
     )  # fmt: skip
+    if not past:
+        return found, None
+    after = found.trim(said.start)
+    return after, found.trim(None, after.time[0] - 0.5 * after.report.clock.step)
 
 
 def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
