@@ -136,6 +136,23 @@ def test_options_replace_what_the_file_says(capsys, project, tmp_path):
     assert (content["optimiser"], content["seed"]) == ("least-squares", 9)
 
 
+def test_many_starts_have_their_line_their_figure_and_their_place_in_the_result(capsys, project, tmp_path):
+    _, out, _ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--multi-start", 3, "--out", tmp_path)
+    assert "starts: 3 of 3 came to the lowest cost; the lowest is that of the start" in out
+    assert (tmp_path / "figures" / "waterfall.png").read_bytes().startswith(b"\x89PNG")
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert len(result["starts"]) == 3
+    assert result["start_that_won"] in {s["origin"] for s in result["starts"]}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_multi_start_replaces_the_files_starts_and_optimiser(capsys, project, tmp_path):
+    path = project(FAST + RECORDING + FIT + 'starts = 4\noptimiser = "genetic"\n')
+    _, out, _ = run(capsys, "fit", path, "--multi-start", 2, "--out", tmp_path, "--json")
+    content = json.loads(out)
+    assert (content["optimiser"], len(content["starts"])) == ("multistart", 2)
+
+
 def test_a_validation_recording_is_drawn_and_listed(capsys, project, tmp_path):
     second = RECORDING.replace("release 20°", "held out") + 'use = "validate"\n'
     _, out, _ = run(capsys, "fit", project(FAST + RECORDING + second + FIT), "--out", tmp_path)
@@ -217,6 +234,11 @@ def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
         (("rig.toml", "--preset", "papr"), "unknown preset 'papr': did you mean paper"),
         (("rig.toml", "--optimiser", "genetik"), "no optimiser 'genetik'"),
         (("rig.toml", "--jobs", "0"), "--jobs"),
+        (("rig.toml", "--multi-start", "0"), "--multi-start"),
+        (
+            ("rig.toml", "--multi-start", "4", "--optimiser", "cma"),
+            "--multi-start is for the optimiser multistart, not",
+        ),
         (("rig.toml", "--seed", "x"), "--seed"),
         ((), "PROJECT"),
     ],

@@ -23,10 +23,11 @@ LAYERS = (
     {"project"},
     {"uncertainty", "regression"},
     {"profiles"},
-    {"bootstrap"},
+    {"bootstrap", "diagnostics"},
     {"search"},
+    {"alternative"},
     {"identify"},
-    {"diagnostics", "runs"},
+    {"runs"},
     {"plots"},
     {"cli"},
 )

@@ -18,9 +18,10 @@ Whatever found the minimum, :func:`identify` then
 2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
    far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
-4. goes on by least squares from the best of a search that is none, and says so where that finds better.
+4. goes on by least squares from the best of a search that is none, and says so where that finds better,
+5. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`).
 
-Ctrl-C keeps the best so far: in the search it skips the four, in one of them what is left of them.
+Ctrl-C keeps the best so far: in the search it skips the five, in one of them what is left of them.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.alternative import Alternative, integer_alternative
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
 from fracid.search import Start, Watch, growing, minimised, refined, search, won
@@ -138,6 +140,8 @@ class Fit:
     """Seconds spent, per stage."""
     starts: tuple[Start, ...] = ()
     """What became of each start of ``multistart``; empty for other optimisers."""
+    alternative: Alternative | None = None
+    """The integer-order rival, where one was tried."""
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the samples, as plain JSON values; angles in radians.
@@ -158,6 +162,7 @@ class Fit:
             "evaluations": self.evaluations,
             "optimiser": self.optimiser,
             "outcome": self.outcome,
+            "alternative": None if self.alternative is None else _alternative_json(self.alternative),
             "starts": [_start_json(s, self.problem.names) for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "interval_method": "sandwich with the prewhitened Newey-West long-run covariance"
@@ -175,7 +180,7 @@ def identify(
     validation: tuple[Experiment, ...] = (),
     seed: int | None = None,
     jobs: int = 1,
-    starts: int = 1,
+    starts: int | None = None,
     log: EvaluationLog | None = None,
     callback: Callable[[Evaluation, int], None] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -194,8 +199,9 @@ def identify(
         Of every random choice; 1 by default.
     jobs : int
         Threads; the result is the same for any number.
-    starts : int
-        Starts of ``multistart``: the given one, the regression's where it applies, Sobol points.
+    starts : int, optional
+        Starts of ``multistart``, 1 by default or as the project says: the given one, the
+        regression's where it applies, Sobol points.
     log : EvaluationLog, optional
         Gets each evaluation as it ends.
     callback : function (best evaluation so far, number of evaluations) -> None
@@ -228,11 +234,11 @@ def identify(
         project = problem
         problem, validation = project.problem, project.validation
         optimiser = optimiser or project.optimiser
-        seed, starts = (project.seed if seed is None else seed), max(starts, project.starts)
+        seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
     refuse_twins([*problem.experiments, *validation])
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
-    result, made = search(problem, name, rng, jobs=jobs, starts=starts, watch=watch, options=dict(options or {}))
+    result, made = search(problem, name, rng, jobs=jobs, starts=starts or 1, watch=watch, options=dict(options or {}))
     clock.lap("search")
     found = _Findings(problem, result, made)
     if not np.isfinite(result.best.cost):
@@ -253,12 +259,13 @@ class _Findings:
     known: Uncertainty | str = "the search was interrupted"
     validated: dict[str, RecordingFit] = field(default_factory=dict)
     check: Discretisation | None = None
+    alternative: Alternative | None = None
     warnings: list[str] = field(default_factory=list)
     interrupted: bool = False
 
 
 def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jobs: int, clock: _Clock) -> None:
-    """The four steps after the search."""
+    """The five steps after the search."""
     problem, x = found.problem, found.result.best.point
     try:
         found.known = uncertainty(problem, x, jobs=jobs)
@@ -274,6 +281,10 @@ def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jo
             polished = _arrived(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
         clock.lap("polish")
+        widths = {problem.unknowns[i].target: _half_width(found.known, x, i) for i in problem.order_indices}
+        found.alternative = integer_alternative(problem, found.result.best, widths, jobs=jobs)
+        found.warnings.append(found.alternative.warning if found.alternative else "")
+        clock.lap("alternative")
     except KeyboardInterrupt:
         found.interrupted = True
 
@@ -285,9 +296,15 @@ def _arrived(result: Result) -> Result:
     return result
 
 
+IMITATION = "may stand in for friction that the model lacks"
+"""The verdict on orders whose integer-order rival is as good."""
+
+
 def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
     problem, best, known = found.problem, found.result.best, found.known
     estimates = _estimates(problem, best.point, known)
+    if found.alternative is not None and found.alternative.warning:
+        estimates |= {n: replace(estimates[n], identifiable=IMITATION) for n in problem.orders if estimates[n].free}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
     return Fit(
@@ -296,6 +313,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | found.validated, starts=found.starts,
+        alternative=found.alternative,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in (*_warnings(problem, known), *_misfits(fitted), *found.warnings) if w),
@@ -332,8 +350,13 @@ def _recording(problem: Problem, x: FloatArray, known: Uncertainty | str, e: Exp
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
-        {n: estimates[f"{n} [{e.name}]"] for n in problem.per_recording}, e.sha256,
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256,
     )  # fmt: skip
+
+
+def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:
+    name = f"release_time [{e.name}]"
+    return {"release_time": estimates[name]} if name in estimates else {}
 
 
 def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
@@ -402,13 +425,14 @@ def _half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
 
 
 def _estimates(problem: Problem, x: FloatArray, known: Uncertainty | str) -> dict[str, Estimate]:
-    """Every order and parameter by name, and every unknown by its own."""
-    fixed = {n: Estimate(float(v)) for n, v in problem.orders.items() if not isinstance(v, Free)}
-    for p in problem.model.parameters:
-        given = problem.parameters.get(p.name, p.value)
-        if not isinstance(given, Free):
-            fixed[p.name] = Estimate(float(given), p.unit)
-    return fixed | {u.name: _estimate(u, x, i, known) for i, u in enumerate(problem.unknowns)}
+    """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
+    units = {p.name: p.unit for p in problem.model.parameters}
+    starts = problem.order_starts | {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
+    given = {**problem.orders, **problem.parameters}
+    fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
+             if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
+    free = {u.name: _estimate(u, x, i, known) for i, u in enumerate(problem.unknowns)}
+    return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 
 
 def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str) -> Estimate:
@@ -509,6 +533,17 @@ def _recording_json(r: RecordingFit) -> dict[str, Any]:
         "initial_state": {n: _estimate_json(e) for n, e in r.initial.items()},
         "parameters": {n: _estimate_json(e) for n, e in r.parameters.items()},
         "data_sha256": r.sha256,
+    }
+
+
+def _alternative_json(a: Alternative) -> dict[str, Any]:
+    return {
+        "structure": a.structure,
+        "cost": _number(a.cost),
+        "parameters": dict(a.parameters),
+        "bic_gain_of_the_fractional_model": _number(a.gain),
+        "effective_samples": _number(a.effective_samples),
+        "warning": a.warning,
     }
 
 

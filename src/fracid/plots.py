@@ -7,6 +7,8 @@ figure                      shows
 :func:`fitted_over_time`    the paper's Figure 2: measured and fitted, close up where it is fast, residual below
 :func:`residual_plots`      the paper's Figure 3: residual over time, over the fitted value, its distribution
 :func:`cost_plane`          the cost over the two orders: a point, or a gorge?
+:func:`profiles`            the cost's rise over each unknown, all others following, and its threshold
+:func:`waterfall`           where each start of a search ended, sorted: is the lowest minimum found again?
 ==========================  ============================================================================
 
 What they keep to: angles in degrees and a unit on every axis; measured pale and broad under fitted dark and
@@ -38,16 +40,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.errors import InputError
+from fracid.profiles import THRESHOLD, THRESHOLD_2
 from fracid.runs import write_whole
+from fracid.uncertainty import NORMAL_95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from fracid.identify import RecordingFit
+    from fracid.profiles import JointProfile, Profile, Profiles
     from fracid.recording import Recording
+    from fracid.search import Start
 
-__all__ = ["cost_plane", "fitted_over_time", "recording_overview", "residual_plots", "save"]
+__all__ = ["cost_plane", "fitted_over_time", "profiles", "recording_overview", "residual_plots", "save", "waterfall"]
 
 FloatArray = NDArray[np.float64]
 
@@ -768,3 +774,180 @@ def _plain(text: str, length: int = 60) -> str:
     glyphs = get_font(findfont("DejaVu Sans")).get_charmap()
     line = "".join(c if ord(c) in glyphs else "□" for c in " ".join(str(text).split()))
     return (line if len(line) <= length else line[: length - 1] + "…").replace("$", r"\$")
+
+
+# --- where the starts ended ------------------------------------------------------------------------
+
+
+def waterfall(starts: Sequence[Start], *, cost_name: str = "cost") -> Figure:
+    """Draw the final cost of each start of a search, sorted: a broad lowest step is a minimum found again and again.
+
+    Parameters
+    ----------
+    starts : sequence of fracid.search.Start
+        A start that was left in another's minimum is drawn hollow, at that one's cost; one that was left for its
+        cost, or whose runs failed, has no place and is counted only.
+    cost_name : str
+        For the axis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is no start.
+
+    Examples
+    --------
+    >>> from fracid.search import Start
+    >>> at = np.zeros(1)
+    >>> figure = waterfall([Start("given", at, 1.0, at, 0.1, "converged", 9),
+    ...                     Start("Sobol 1", at, 2.0, at, None, "left", 5, "given")])
+    >>> figure.axes[0].get_xlabel()
+    'start, sorted by its final cost'
+    """
+    if not starts:
+        raise InputError("There is no start to draw; expected those of a multistart search, Fit.starts.")
+    from matplotlib.ticker import MaxNLocator
+
+    from fracid.search import SAME_COST, final_cost
+
+    costs = [(final_cost(s, starts), s) for s in starts]
+    ended = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
+    figure = _figure(7, 4.6)
+    axes = figure.subplots()
+    kinds = {"given": ("o", BLUE), "regression": ("s", VERMILLION), "Sobol": ("D", GREEN)}
+    for kind, (marker, colour) in kinds.items():
+        for joined in (False, True):
+            mine = [(i + 1, cost) for i, (cost, s) in enumerate(ended)
+                    if s.origin.split()[0] == kind and (s.joined is not None) == joined]  # fmt: skip
+            label = f"{kind}, left in another's minimum" if joined else kind
+            if mine:
+                axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,
+                          mfc="white" if joined else colour, label=label, zorder=3)  # fmt: skip
+    axes.step([i + 1 for i in range(len(ended))], [cost for cost, _ in ended], where="mid", color="0.7", lw=1, zorder=1)
+    if ended and ended[0][0] > 0:
+        axes.set_yscale("log")
+        _few_decades(axes)
+    best = sum(cost <= SAME_COST * ended[0][0] for cost, _ in ended) if ended else 0
+    lost = f"; {len(starts) - len(ended)} left for their cost" if len(ended) < len(starts) else ""
+    _corner(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}")
+    name, unit = _cost_label(cost_name)
+    _label(axes, "", "start, sorted by its final cost", f"final {name} {unit}".rstrip())
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(0.5, len(starts) + 0.5)
+    _finish(figure, "where the starts ended")
+    return figure
+
+
+def _few_decades(axes: Axes) -> None:
+    """Plain numbers at a logarithmic axis that spans less than two decades: no lone power of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    if high < 100 * low:
+        low, high = min(low, high / 1.3), max(high, 1.3 * low)
+        axes.set_ylim(low, high)
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+# --- profiles --------------------------------------------------------------------------------------
+
+CEILING = 12.0
+"""Rises above this are beyond the panel of a profile."""
+
+
+def profiles(found: Profiles) -> Figure:
+    """Draw each profile: the rise of the cost over the value, its threshold, and the parabola of the sandwich.
+
+    Parameters
+    ----------
+    found : fracid.Profiles
+        Its joint profile, where there is one, has a panel of its own, with the limit of its 95 % region.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Where the two curves part, the interval of the sandwich is wrong; where the rise stays below the threshold
+        the data do not know the value.
+
+    Raises
+    ------
+    InputError
+        If there is no profile.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=1e-2, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
+    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> [axes.get_xlabel() for axes in profiles(fracid.profile(problem, points=4)).axes]
+    ['order $\\mu$ [–]']
+    """
+    panels = list(found.profiles.values())
+    count = len(panels) + (found.joint is not None)
+    if not count:
+        raise InputError("There is no profile to draw.")
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    figure = _figure(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    calibrated = found.problem.cost_function.loss is not None
+    for axes, panel in zip(grid, panels, strict=False):
+        _profile(axes, panel, calibrated)
+    if found.joint is not None:
+        _joint_profile(grid[count - 1], found.joint)
+    _finish(figure, f"Profiles of the cost, {_cost_label(found.problem.cost_function.name)[0]}")
+    return figure
+
+
+def _profile(axes: Axes, panel: Profile, calibrated: bool) -> None:
+    label, factor = _unknown_label(panel.name, panel.unit)
+    values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
+    top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
+    axes.plot(values, rise, color=BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
+    shown = axes.get_xlim()
+    if calibrated:
+        axes.axhline(THRESHOLD, color=VERMILLION, lw=1.1, label="95 % threshold, 3.84")
+        ends = [factor * end if end is not None else edge for end, edge in
+                zip(panel.interval95, panel.values[[0, -1]] * factor, strict=True)]  # fmt: skip
+        axes.axvspan(*ends, color=BLUE, alpha=0.10, lw=0, label="95 % interval")
+    if panel.wald95 is not None:
+        se = factor * (panel.wald95[1] - panel.wald95[0]) / (2 * NORMAL_95)
+        v = np.linspace(*shown, 200)
+        parabola = ((v - factor * panel.best) / se) ** 2
+        axes.plot(v, parabola, color="black", lw=1.1, ls=(0, (4, 3)), label="parabola of the sandwich", zorder=2)
+    axes.plot(factor * panel.best, 0.0, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
+    axes.set_xlim(*shown)
+    axes.set_ylim(-0.04 * top, top)
+    _label(axes, panel.verdict, label, "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled")
+
+
+def _joint_profile(axes: Axes, joint: JointProfile) -> None:
+    labels, factors = zip(*(_unknown_label(n, u) for n, u in zip(joint.names, joint.units, strict=True)), strict=True)
+    first, second = factors[0] * joint.first, factors[1] * joint.second
+    rise = np.where(np.isfinite(joint.rise), np.maximum(joint.rise, 0.0), 1e3)
+    axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, THRESHOLD_2], cmap="Blues_r", alpha=0.6)
+    axes.contour(first, second, rise.T, levels=[THRESHOLD_2], colors=[VERMILLION], linewidths=1.4)
+    axes.plot([], [], color=VERMILLION, lw=1.4, label="95 % region, 5.99")
+    axes.plot(
+        factors[0] * joint.best[0], factors[1] * joint.best[1], ls="", label="best", **(MARKS["best"] | {"ms": 11})
+    )
+    _label(axes, f"together; correlation {_number(joint.correlation, 2)}", *labels)
+
+
+def _unknown_label(name: str, unit: str) -> tuple[str, float]:
+    """What stands at the axis of an unknown, and the factor to its unit there."""
+    shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
+    order = "order " if name in ("lambda", "mu") else ""
+    return f"{order}{_symbol(name)} [{_plain(shown)}]", factor

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app
-from fracid.errors import DataError
+from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,6 +34,7 @@ FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
     "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
+    "fracid fit rig.toml --multi-start 16  [dim](sixteen starts, and the figure of where they ended)[/dim]",
     "fracid fit rig.toml --preset paper  [dim](gl-paper, ITAE on alpha, orders alone, genetic algorithm)[/dim]",
     "fracid fit rig.toml --json | jq .orders",
 )
@@ -46,6 +47,10 @@ def fit(
     optimiser: Annotated[
         str | None, typer.Option(help="In place of the file's: multistart, least-squares, genetic, ...")
     ] = None,
+    multi_start: Annotated[
+        int | None,
+        typer.Option("--multi-start", metavar="N", help="Starts: yours, the regression's, Sobol points.", min=1),
+    ] = None,
     out: Out = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
     jobs: Jobs = CORES,
@@ -57,7 +62,8 @@ def fit(
     model reached the end of the recording.
     """
     folder = out or Path("runs") / project.stem
-    ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_)
+    ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
+                  starts=multi_start)  # fmt: skip
     if json_:
         typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
     else:
@@ -85,8 +91,9 @@ class Ran:
 
 
 def run_fit(
-    path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool
-) -> Ran:
+    path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool,
+    starts: int | None = None,
+) -> Ran:  # fmt: skip
     """Load, identify and write everything."""
     began = time.perf_counter()
     from fracid.identify import identify
@@ -95,13 +102,15 @@ def run_fit(
     from fracid.runs import EVALUATIONS, open_folder, write_result
 
     project = load_project(path, preset=preset)
+    optimiser = _optimiser(optimiser, project.optimiser, starts)
     open_folder(folder)
     laps = {"load": time.perf_counter() - began}
     with (
         EvaluationLog(folder / EVALUATIONS) as log,
-        _progress(project, optimiser or project.optimiser, quiet) as callback,
+        _progress(project, optimiser, quiet) as callback,
     ):
-        found = identify(project, optimiser=optimiser, seed=seed, jobs=jobs, log=log, callback=callback)
+        found = identify(project, optimiser=optimiser, seed=seed, jobs=jobs, log=log, callback=callback,
+                         starts=starts)  # fmt: skip
     laps |= found.timing
     drawing = time.perf_counter()
     figures = _draw(found, project, folder, jobs)
@@ -109,6 +118,15 @@ def run_fit(
     laps["total"] = time.perf_counter() - began
     result = write_result(folder, found, project, laps)
     return Ran(project, found, folder, figures, result, Outcome.INTERRUPTED.value in found.outcome, laps["total"])
+
+
+def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
+    """The optimiser: as asked, else as written; many starts belong to one alone."""
+    if starts is None:
+        return asked or written
+    if asked not in (None, "multistart"):
+        raise InputError(f"--multi-start is for the optimiser multistart, not {asked}: leave out one of the two.")
+    return "multistart"
 
 
 @contextmanager
@@ -150,6 +168,10 @@ def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, 
         paths += save(figure, where, f"figure2-{stem}")
         for output in recording.measured if recording.use == "fit" else ():
             paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
+    if len(found.starts) > 1:
+        from fracid.plots import waterfall
+
+        paths += save(waterfall(found.starts, cost_name=found.problem.cost_function.name), where, "waterfall")
     if len(found.problem.order_indices) >= 2 and isfinite(found.cost):
         plane = cost_plane(found.problem, found.x, jobs=jobs)
         best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
@@ -191,9 +213,11 @@ def show_fit(ran: Ran, console: Console) -> None:
     )
     _print_estimates(console, found)
     _print_recordings(console, found)
+    if len(found.starts) > 1:
+        console.print(f"  starts: {escape(_starts(found))}", soft_wrap=True)
     for note in (*ran.project.notes, *found.warnings):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    if found.discretisation is not None and not found.discretisation.warning:
+    if found.discretisation is not None:
         console.print(f"  discretisation: {escape(_discretisation(found))}", soft_wrap=True)
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
     for path in ran.figures:
@@ -248,6 +272,20 @@ def _interval(e: Estimate) -> str:
     if e.interval95 is None:
         return "none"
     return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
+
+
+def _starts(found: Fit) -> str:
+    """How many starts ended where, and which one won."""
+    from fracid.search import SAME_COST, final_cost, won
+
+    best = won(found.starts)
+    if best is None or best.cost is None:
+        return f"none of {len(found.starts)} reached the end"
+    costs = [final_cost(s, found.starts) for s in found.starts]
+    lowest = sum(cost is not None and cost <= SAME_COST * best.cost for cost in costs)
+    lost = sum(cost is None for cost in costs)
+    left = f", {lost} were left for their cost" if lost else ""
+    return f"{lowest} of {len(costs)} came to the lowest cost{left}; the lowest is that of the start {best.origin}"
 
 
 def _discretisation(found: Fit) -> str:

@@ -1,0 +1,166 @@
+r"""Are the orders real, or friction that the model lacks?  The integer-order rival of a fractional fit.
+
+An order below 1 damps like a viscous friction of :math:`\zeta \approx \tfrac{\pi}{2}(1 - \mu)`, so whoever fixes the
+friction at a nominal value, or leaves dry friction out, finds fractional orders in the recording of an integer-order
+rig.  No interval shows it: the orders *are* the best of that model.  Another model has to be tried.
+
+So where a fit finds an order off 1 while some friction of the model is fixed, the same recordings are fitted again
+with every order 1 and with viscous and dry friction free on each joint, solved with ``pi2``, by the same search.  The
+two are compared by Schwarz's criterion [1]_, with the samples that correlated residuals are worth instead of their
+number (a correlation time τ makes n samples n/τ):
+
+.. math::  \mathrm{BIC} = n_{eff} \ln \sum r^2 + k \ln n_{eff}, \quad
+           \text{gain} = \mathrm{BIC}_{integer} - \mathrm{BIC}_{fractional} .
+
+A gain above 10 is strong evidence [2]_ for the fractional model against this one rival; below, the orders are no
+evidence of fractional dynamics, and the fit says so.
+
+References
+----------
+.. [1] G. Schwarz, Annals of Statistics 6 (1978) 461.
+.. [2] R. Kass, A. Raftery, J. American Statistical Association 90 (1995) 773.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.optimise import Evaluation
+from fracid.problem import Free, Problem
+from fracid.search import Watch, growing
+from fracid.uncertainty import sokal_bandwidth
+
+__all__ = ["Alternative", "integer_alternative"]
+
+FloatArray = NDArray[np.float64]
+
+STRONG = 10.0
+"""A gain above this is strong evidence [2]_."""
+
+OFF = 1e-3
+"""Orders nearer to 1 than this are 1."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The integer-order model with free friction, beside the fractional one that was asked for."""
+
+    structure: str
+    """In words."""
+    cost: float
+    """Its cost, beside :attr:`fracid.identify.Fit.cost`."""
+    parameters: Mapping[str, float]
+    """The friction that it finds [SI]."""
+    gain: float
+    """BIC of this one minus that of the fractional fit; above 10 the fractional one has it."""
+    effective_samples: float
+    """What the correlated residuals are worth."""
+    warning: str = ""
+    """A sentence, where the fractional model does not win."""
+
+
+def integer_alternative(
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1
+) -> Alternative | None:
+    """Fit the integer-order rival of a fractional fit, where there is one to be tried.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Evaluation
+        Its minimum.
+    widths : mapping
+        Half the 95 % interval of each free order.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Alternative or None
+        None where every order is 1 within its interval, all friction of the model is free already, or the model
+        has none by the names ``b_…`` and ``coulomb_…``.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, parameters={"coulomb_alpha": 2e-3},
+    ...                       initial={"alpha": 0.5}, step=4e-3, end=4.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(0.97, 0.5, 1.2)}, initial_state="held")
+    >>> rival = integer_alternative(problem, problem.evaluate(problem.start), {"mu": 0.001})
+    >>> round(rival.parameters["coulomb_alpha"], 5), rival.gain < 0
+    (0.002, True)
+    """
+    found = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
+    off = {n: v for n, v in found.items() if abs(v - 1) > max(OFF, widths.get(n, 0.0))}
+    freed = _friction(problem)
+    if not off or not freed or best.residuals is None:
+        return None
+    rival = replace(
+        problem, parameters={**problem.parameters, **freed}, method="pi2",
+        orders={n: v if isinstance(v, float | int) else 1.0 for n, v in problem.orders.items()},
+    )  # fmt: skip
+    kept = dict(zip(problem.names, best.point.tolist(), strict=True))
+    as_found = np.array([kept.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
+    result = growing(rival, rival.start, jobs, Watch(), also=(as_found,))
+    if result.interrupted:
+        raise KeyboardInterrupt
+    if result.best.residuals is None:
+        return None
+    values = dict(zip(rival.names, result.best.point.tolist(), strict=True))
+    n, gain = _gain(problem, best, rival, result.best)
+    return Alternative(
+        f"every order 1; {', '.join(freed)} free", result.best.cost, {name: values[name] for name in freed}, gain, n,
+        _warning(off, {name: values[name] for name in freed}, best.cost, result.best.cost, gain),
+    )  # fmt: skip
+
+
+def _friction(problem: Problem) -> dict[str, Free]:
+    """Viscous and dry friction that the problem fixes, freed: up to half of gravity's torque, from where it is."""
+    own = {p.name: problem.parameters.get(p.name, p.value) for p in problem.model.parameters}
+    torques = {p.name: p.value for p in problem.model.parameters if p.unit == "N m"} | problem.parameter_starts
+    reach = 0.5 * max((abs(torques[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
+    freed = {}
+    for name, value in own.items():
+        if not name.startswith(("b_", "coulomb_")) or not isinstance(value, float | int):
+            continue
+        start = max(float(value), 2e-3 * reach) if name.startswith("coulomb_") else float(value)
+        freed[name] = Free(start, min(0.0, start), max(reach, 2 * start))
+    return freed
+
+
+def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Evaluation) -> tuple[float, float]:
+    """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion."""
+    better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival, integer.point)
+    errors = better.errors(x)
+    assert not isinstance(errors, str)
+    together = np.concatenate(errors)
+    spread = np.std(together, axis=0)
+    time = max(1.0, sokal_bandwidth(together / np.where(spread > 0, spread, 1.0)) / 5)  # five correlation times
+    n = max(2.0, together.size / time)
+
+    def criterion(e: Evaluation, unknowns: int) -> float:
+        assert e.residuals is not None
+        return n * math.log(max(float(e.residuals @ e.residuals), 1e-300)) + unknowns * math.log(n)
+
+    return n, criterion(integer, len(rival.names)) - criterion(fractional, len(problem.names))
+
+
+def _warning(off: Mapping[str, float], friction: Mapping[str, float], cost: float, rival: float, gain: float) -> str:
+    if gain > STRONG:
+        return ""
+    orders = " and ".join(f"{n} = {v:.4g}" for n, v in off.items())
+    with_what = ", ".join(f"{n} = {v:.3g}" for n, v in friction.items())
+    told = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
+    return (
+        f"{orders}: no evidence of fractional dynamics. The integer-order model with friction free ({with_what}) "
+        f"{told}: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders stand in "
+        f"for friction that the model lacks or fixes; free {', '.join(friction)}."
+    )

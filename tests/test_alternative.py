@@ -1,0 +1,110 @@
+"""The integer-order rival: orders that stand in for friction are told from orders that are there."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.alternative import integer_alternative
+from fracid.costs import COSTS
+from fracid.identify import identify
+from fracid.problem import Experiment, Free, Problem, Tied
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+BOTH = {"lambda": Free(1.0, 0.3, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+COUNT = 2 * np.pi / 4096
+DRY = {"coulomb_theta": 2e-3, "coulomb_alpha": 3e-4}
+
+
+def release(orders=(1.0, 1.0), parameters=None, *, counts=True, alpha=0.5, end=8.0, outputs=(0, 2)):
+    """A release of a rig of those orders and friction, read by an encoder."""
+    run = fracid.simulate(RIG, orders=dict(zip(BOTH, orders, strict=True)), parameters=parameters or {},
+                          initial={"alpha": alpha}, step=2e-3, end=end)  # fmt: skip
+    y = run.states[:, list(outputs)]
+    y = COUNT * np.round(y / COUNT) if counts else y
+    return Experiment("twin", 2e-3, y, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+
+
+def nominal(twin, **options):
+    return Problem(RIG, (twin,), **{"orders": BOTH, "initial_state": "held"} | options)
+
+
+@pytest.mark.parametrize("counts", [False, True])
+@pytest.mark.parametrize("friction", [DRY, {"coulomb_alpha": 1e-3}, DRY | {"b_theta": 0.02, "b_alpha": 1e-4}])
+def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_called_fractional(friction, counts):
+    fit = identify(nominal(release(parameters=friction, counts=counts)))
+    assert any(abs(order.value - 1) > 2e-3 for order in fit.orders.values())  # what the nominal model finds
+    assert fit.alternative.gain < -100
+    assert any(
+        "no evidence of fractional dynamics" in w and "explains the recordings better" in w for w in fit.warnings
+    )
+    assert {order.identifiable for order in fit.orders.values()} == {"may stand in for friction that the model lacks"}
+    for name, true in friction.items():
+        assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
+
+
+@pytest.mark.parametrize("orders", [(0.8623, 0.9146), (0.95, 0.97)])
+def test_fractional_data_keep_their_orders(orders):
+    fit = identify(nominal(release(orders)))
+    assert fit.alternative.gain > 10  # tried, and beaten
+    assert fit.alternative.warning == ""
+    assert fit.warnings == ()
+    assert [order.value for order in fit.orders.values()] == pytest.approx(orders, abs=2e-3)
+    assert all(order.identifiable == "identifiable" for order in fit.orders.values())
+
+
+def test_fractional_data_with_dry_friction_in_the_model_are_called_fractional():
+    free = {n: Free(0.5 * v, 0.0, 10 * v) for n, v in DRY.items()}
+    fit = identify(nominal(release((0.9, 0.95), DRY), parameters=free))
+    assert fit.alternative.gain > 10  # the rival frees the viscous friction as well
+    assert fit.warnings == ()
+
+
+def test_a_cost_on_alpha_alone_is_compared_by_itself():
+    twin = release(parameters={"coulomb_alpha": 3e-4}, outputs=(2,), alpha=0.1745)
+    fit = identify(nominal(twin, outputs=("alpha",), cost_function=COSTS["itae"]))
+    assert fit.alternative.cost < 0.2 * fit.cost
+    assert any("no evidence of fractional dynamics" in w for w in fit.warnings)
+
+
+ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha")}
+
+
+@pytest.mark.parametrize(
+    ("at", "widths", "options"),
+    [
+        ((1.0, 1.0), {}, {}),  # integer orders
+        ((0.98, 1.0), {"lambda": 0.03}, {}),  # off 1 by less than the interval
+        ((0.9, 0.9), {}, {"parameters": ALL}),  # all friction is free already
+    ],
+)
+def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
+    problem = nominal(release(end=1.0), **options)
+    x = np.concatenate([at, problem.start[2:]])
+    assert integer_alternative(problem, problem.evaluate(x), widths) is None
+
+
+def test_orders_that_are_tied_have_their_rival_too():
+    problem = nominal(release(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    fit = identify(problem)
+    assert fit.orders["mu"] == fit.orders["lambda"]
+    assert fit.alternative.gain < 0
+
+
+def test_the_rival_of_the_papers_scheme_is_solved_by_the_second_order_method():
+    problem = nominal(release(end=3.0), method="gl-paper")
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    exact = replace(
+        problem, method="pi2", orders={"lambda": 1.0, "mu": 1.0}, parameters={"b_theta": Free(2.4e-3, 0, 1)}
+    )
+    assert rival.cost == pytest.approx(exact.cost(exact.start), rel=0.05)
+
+
+def test_the_result_file_holds_the_rival():
+    fit = identify(nominal(release(parameters=DRY, end=3.0)))
+    content = json.loads(json.dumps(fit.to_json(), allow_nan=False))["alternative"]
+    assert content["structure"] == "every order 1; b_theta, b_alpha, coulomb_theta, coulomb_alpha free"
+    assert content["bic_gain_of_the_fractional_model"] < 0 < content["effective_samples"]
+    assert content["warning"] in fit.warnings
