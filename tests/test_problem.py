@@ -325,6 +325,41 @@ def test_a_past_has_its_inputs():
     )
 
 
+# --- free and driven recordings together ---------------------------------------------------------------
+
+
+def test_a_release_and_a_voltage_pulse_tell_together_what_neither_tells_alone():
+    """A release knows the constants up to a factor, a pulse each of them less well; a chirp is predicted."""
+    names = ("C1", "C3", "C6", "J_theta", "C4", "b_theta", "b_alpha")
+    value = {n: SMOOTH.parameter(n).value for n in names}
+    time = np.arange(501) * STEP
+    pulse = np.select([time < 0.2, time < 0.4, time < 0.6], [0.0, 4.0, -4.0], 0.0)[:, None]
+    chirp = 2 * np.sin(2 * np.pi * (0.5 + 0.7 * time) * time)[:, None]
+
+    def recording(name, volts, alpha=0.0):
+        run = fracid.simulate(SMOOTH, orders=TRUE, initial={"alpha": alpha}, step=STEP, end=2.0, inputs=volts)
+        e = Experiment(name, STEP, run.states[:, [0, 2]], volts, initial={"theta": 0.0, "alpha": alpha})
+        return noisy(e, 5e-4, seed=len(name))
+
+    still = np.zeros((501, 1))
+    release = replace(recording("release", still, alpha=1.2), inputs=np.zeros((1, 1)))
+    free = {n: Free(1.2 * v, 0.2 * v, 5 * v) for n, v in value.items()}
+
+    def fit(*experiments, **options):
+        p = Problem(SMOOTH, experiments, FREE, free, initial_state="held")
+        return fracid.identify(p, optimiser="least-squares", **options)
+
+    alone = {e.name: fit(e) for e in (release, recording("pulse", pulse))}
+    both = fit(release, recording("pulse", pulse), validation=(recording("chirp", chirp),))
+    assert all(alone["release"].parameters[n].standard_error is None for n in names)
+    for n in names:
+        error = both.parameters[n].standard_error
+        assert abs(both.parameters[n].value / value[n] - 1) < 0.02
+        assert abs(both.parameters[n].value - value[n]) < 4 * error < 4 * alone["pulse"].parameters[n].standard_error
+    assert both.parameters["b_alpha"].standard_error < 0.8 * alone["pulse"].parameters["b_alpha"].standard_error
+    assert max(both.recordings["chirp"].rmse.values()) < 1.2 * 5e-4
+
+
 # --- the cost ---------------------------------------------------------------------------------------
 
 

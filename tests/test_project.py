@@ -104,6 +104,13 @@ def test_what_came_before_from_is_the_past_where_it_is_asked_for(project):
     assert project(cut + 'history = "measured"\n[fit]\npreset = "paper"\n').problem.experiments[0].past is None
 
 
+def test_recordings_with_and_without_a_voltage_stand_side_by_side(project):
+    p = project(BOTH + BOTH + 'name = "pulse"\nvoltage = { column = "volts", unit = "V" }\n').problem
+    assert [e.inputs.shape for e in p.experiments] == [(1, 1), (200, 1)]
+    assert p.experiments[1].inputs[:, 0] == pytest.approx(VOLTS)
+    assert not p.experiments[0].inputs.any()
+
+
 def test_the_papers_constants_are_converted(project):
     p = project("[model.parameters]\nC2 = 5e-3\nC5 = 1e-2\nI2xx = 1e-4\n" + ONE).problem
     assert p.model.parameter("C6").value == pytest.approx(4.9e-3)

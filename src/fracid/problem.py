@@ -59,12 +59,12 @@ past the memory begins at the start, as if the rig had stood still in that postu
 0.9, 0.95, 4096 counts and 10⁻³ rad of noise, cut 1.3 s after the release, 6.7 s fitted, found λ − 0.9, μ − 0.95:
 
 ============================ =============== =============== =============== ===============
-twin                         ``estimate``    with past       ``measured``    cut at plateau
+twin                         ``estimate``    with its past   ``measured``    from plateau
 ============================ =============== =============== =============== ===============
 60°, viscous friction        +.044, +.0006   +.001, −.0001   −.003, −.0002   +.000, −.0000
 60°, dry friction too        −.005, −.0005   −.000, +.0000   +.000, +.0000   +.001, +.0000
-20°, dry friction too        −.065, −.0005   +.005, −.0000   +.006, +.0001
-60°, dry, 10⁻² rad of noise  +.007, −.0005   +.017, +.0001   −.017, −.0001
+20°, dry friction too        −.065, −.0005   +.005, −.0000   +.006, +.0001   +.003, −.0000
+60°, dry, 10⁻² rad of noise  +.007, −.0005   +.017, +.0001   −.017, −.0001   +.005, +.0000
 ============================ =============== =============== =============== ===============
 
 Intervals do not know of the past's noise: ``measured`` promises up to five times too much, and where the noise is as
@@ -137,7 +137,11 @@ class Prior:
 
 @dataclass(frozen=True)
 class Free:
-    """A value to be found: where the search starts and between which bounds."""
+    """A value to be found: where the search starts and between which bounds.
+
+    They are its scale too: least squares takes the start, or a hundredth of the range where that is more, for its
+    typical size, and searches without a start take the range.
+    """
 
     start: float
     lower: float
