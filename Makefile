@@ -4,7 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := .venv-bench/.ready
 
-.PHONY: setup demo test test-slow lint bench bench-peers scaling fuzz
+.PHONY: setup demo test test-slow lint bench orders bench-peers scaling fuzz clean-cache
 
 setup: $(READY)
 
@@ -33,6 +33,10 @@ bench: $(READY)
 	$(BIN)/python benchmarks/solver.py
 	$(BIN)/python benchmarks/evidence.py
 
+# Measured orders and limits of the solver.  Writes the tables and pictures of docs/solver.md.
+orders: $(READY)
+	$(BIN)/python benchmarks/orders.py --write
+
 # Error against time, fracid and its peers; they live in a venv of their own.  Writes docs/work-precision.md.
 bench-peers: $(PEERS)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-bench/bin/python -O benchmarks/work_precision.py
@@ -49,3 +53,7 @@ scaling: $(READY)
 # The property tests with fresh random examples, ten times over.
 fuzz: $(READY)
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
+
+# Numba's cache of compiled loops does not notice a change in a module that they call.
+clean-cache:
+	rm -f src/fracid/__pycache__/*.nb? src/fracid/*/__pycache__/*.nb?
