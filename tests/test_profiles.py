@@ -281,3 +281,39 @@ def test_nothing_free_and_nothing_that_runs_is_told():
         profile(pendulum(orders={"lambda": 0.9, "mu": 0.95}))
     with pytest.raises(InputError, match=r"nothing to profile: no run from the start reached its end: .*det M = 0"):
         profile(pendulum(end=0.5, parameters={"C3": 0.1}))
+
+
+# --- the figure ------------------------------------------------------------------------------------------
+
+
+def test_the_figure_has_a_panel_for_each_profile_and_one_for_the_two_together():
+    from fracid.plots import profiles
+
+    figure = profiles(profile(line(), points=5, joint=("a", "b")))
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:2] == ["two-sided", "two-sided"]
+    assert titles[2].startswith("together; correlation −0.9")
+    assert figure.axes[0].get_xlabel() == "a [°/s]"
+    shown = {line.get_label() for line in figure.axes[0].get_lines()}
+    assert {"profile", "95 % threshold, 3.84", "parabola of the sandwich", "best"} <= shown
+
+
+def test_a_flat_profile_is_drawn_without_a_parabola_and_a_users_cost_without_a_threshold():
+    from fracid.plots import profiles
+
+    flat = pendulum(fracid.rotary_pendulum("stepper-freeswing"), orders={"lambda": ORDERS["lambda"], "mu": 0.95})
+    own = Cost("worst", function=lambda time, residual: float(np.max(np.abs(residual))))
+    shown = [
+        {line.get_label() for line in profiles(profile(p, p.start, points=4)).axes[0].get_lines()}
+        for p in (flat, replace(line(), cost_function=own))
+    ]
+    assert "95 % threshold, 3.84" in shown[0]
+    assert "95 % threshold, 3.84" not in shown[1]
+    assert "parabola of the sandwich" not in shown[1]
+
+
+def test_no_profile_is_no_figure():
+    from fracid.plots import profiles
+
+    with pytest.raises(InputError, match="no profile to draw"):
+        profiles(replace(profile(line(), points=4), profiles={}))

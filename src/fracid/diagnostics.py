@@ -140,9 +140,9 @@ class _Look:
         """Half the sandwich's interval."""
         return NORMAL_95 * float(self.known.standard_error[i])
 
-    def too_wide(self, i: int) -> bool:
-        kind = self.problem.unknowns[i].kind
-        return self.half(i) > WIDE_ORDER if kind == "order" else kind == "parameter" and self.half(i) > abs(self.x[i])
+    def too_wide(self, i: int, half: float | None = None) -> bool:
+        kind, half = self.problem.unknowns[i].kind, self.half(i) if half is None else half
+        return half > WIDE_ORDER if kind == "order" else kind == "parameter" and half > abs(float(self.x[i]))
 
     def bound(self, i: int) -> float:
         """The nearer one."""
@@ -188,9 +188,16 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
 
 def _by_its_profile(look: _Look, i: int) -> Iterator[Verdict]:
     name, found = look.names[i], look.profiles.get(look.names[i])
-    if found is None or found.verdict not in ("flat", "one-sided", "hits a bound"):
+    if found is None or found.verdict == "no threshold":
         return
     low, high = found.interval95
+    if found.two_sided is not None:
+        narrow = not look.too_wide(i, (found.two_sided[1] - found.two_sided[0]) / 2)
+        if narrow and look.known.at_bound[i]:  # the walk found it off the bound
+            yield from _identifiable(look, i)
+        elif look.known.at_bound[i]:
+            yield Verdict(name, "practically not", f"the data say {low:.4g} … {high:.4g}{_because(look, i)}")
+        return
     side = f"above {low:.4g}" if low is not None else f"below {high:.4g}" if high is not None else ""
     if found.verdict == "flat":
         said = f"its profile is flat from {found.values[0]:.4g} to {found.values[-1]:.4g}"

@@ -930,7 +930,9 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool) -> None:
     axes.plot(factor * panel.best, 0.0, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
     axes.set_xlim(*shown)
     axes.set_ylim(-0.04 * top, top)
+    axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
     _label(axes, panel.verdict, label, "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled")
+    axes.locator_params(axis="x", nbins=4)
 
 
 def _joint_profile(axes: Axes, joint: JointProfile) -> None:
@@ -943,7 +945,9 @@ def _joint_profile(axes: Axes, joint: JointProfile) -> None:
     axes.plot(
         factors[0] * joint.best[0], factors[1] * joint.best[1], ls="", label="best", **(MARKS["best"] | {"ms": 11})
     )
+    axes.ticklabel_format(useOffset=False)
     _label(axes, f"together; correlation {_number(joint.correlation, 2)}", *labels)
+    axes.locator_params(axis="x", nbins=4)
 
 
 def _unknown_label(name: str, unit: str) -> tuple[str, float]:

@@ -1,0 +1,257 @@
+"""``fracid profile RUN|PROJECT``: how far each unknown can go before the data object, and what they can tell of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from math import floor, isfinite, log10
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, app
+from fracid.errors import DataError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fracid.bootstrap import Bootstrap
+    from fracid.diagnostics import Verdict
+    from fracid.optimise.base import FloatArray
+    from fracid.problem import Problem
+    from fracid.profiles import Profiles
+    from fracid.project import Project
+    from fracid.uncertainty import Uncertainty
+
+__all__ = ["profile"]
+
+PROFILES = "profiles.json"
+
+PROFILE_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid profile runs/rig  [dim](the orders; into the folder of that run)[/dim]",
+    "fracid profile runs/rig --parameter mu --parameter b_alpha --joint mu,b_alpha",
+    "fracid profile rig.toml --points 20 --out profiled  [dim](fits first)[/dim]",
+    "fracid profile runs/rig --json | jq .profiles.mu.interval95",
+)
+
+
+@app.command(epilog="\n\n".join(PROFILE_EXAMPLE))
+def profile(
+    source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="An unknown; may be given again. The free orders if left out."),
+    ] = None,
+    joint: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Two unknowns, together too.")] = None,
+    points: Annotated[int, typer.Option(metavar="N", help="Between the ends of an interval, about.")] = 12,
+    out: Out = None,
+    seed: Seed = 1,
+    jobs: Jobs = CORES,
+    json_: Json = False,
+) -> None:
+    """Profile unknowns: hold each at a row of values, fit all others, and see where the data object.
+
+    Shows the 95 % interval of the profile beside those of the sandwich and of the bootstrap, and in words what the
+    data can tell of each unknown.  Writes profiles.json and a figure.  Exit code 0 if it is done, 3 if no run of the
+    model reached the end of the recording.
+    """
+    found = _profiled(source, parameter, _pair(joint), points, seed, jobs)
+    folder = out or (source if source.is_dir() else Path("runs") / f"{source.stem}-profile")
+    figure = _write(found, folder)
+    if json_:
+        typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
+
+        _show(found, folder, figure, Console(highlight=False))
+
+
+@dataclass(frozen=True)
+class _Profiled:
+    """Profiles with what stands beside them."""
+
+    profiles: Profiles
+    known: Uncertainty | str
+    bootstrap: Bootstrap | str
+    verdicts: dict[str, Verdict]
+    record: dict[str, Any]
+    """The content of profiles.json."""
+
+
+def _pair(joint: str | None) -> tuple[str, str] | None:
+    if joint is None:
+        return None
+    names = [name.strip() for name in joint.split(",")]
+    if len(names) != 2:
+        raise InputError(f"--joint {joint!r} is not possible; expected two names, e.g. --joint mu,b_alpha.")
+    return names[0], names[1]
+
+
+def _profiled(
+    source: Path, names: list[str] | None, joint: tuple[str, str] | None, points: int, seed: int, jobs: int
+) -> _Profiled:
+    """Load or fit, profile, and look at it in every other way."""
+    from fracid.bootstrap import bootstrap, spread
+    from fracid.diagnostics import identifiability
+    from fracid.profiles import profile as library_profile
+    from fracid.uncertainty import uncertainty
+
+    problem, x = _of_run(source) if source.is_dir() else _of_project(source, seed, jobs)
+    found = library_profile(problem, x, parameters=names, joint=joint, points=points, jobs=jobs)
+    known = uncertainty(problem, found.x, jobs=jobs)
+    drawn = known if isinstance(known, str) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
+    verdicts = identifiability(problem, found.x, known, found.profiles, jobs=jobs)
+    several = len(problem.experiments) > 1 and not isinstance(known, str)
+    record = found.to_json() | {
+        "intervals": _intervals(found, known, drawn),
+        "identifiability": {n: {"verdict": v.kind, "sentence": v.sentence} for n, v in verdicts.items()},
+        "bootstrap": drawn if isinstance(drawn, str) else drawn.to_json(),
+        "spread": spread(problem, found.x, jobs=jobs).to_json() if several else None,
+        "seed": seed,
+    }
+    return _Profiled(found, known, drawn, verdicts, record)
+
+
+def _of_project(path: Path, seed: int, jobs: int) -> tuple[Problem, FloatArray]:
+    from fracid.identify import identify
+    from fracid.project import load_project
+
+    fit = identify(load_project(path), seed=seed, jobs=jobs)
+    if not isfinite(fit.cost):
+        raise DataError(f"{path}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
+    return fit.problem, fit.x
+
+
+# ------------------------------------------------------------------ a run folder
+
+
+def _of_run(folder: Path) -> tuple[Problem, FloatArray]:
+    """The problem of a run and where it ended; its recordings are read again, and must be the same."""
+    import numpy as np
+
+    result = _read(folder / "result.json")
+    project = _project(folder, result.get("preset"))
+    for r in project.recordings:
+        if result["data_sha256"].get(r.name) != r.sha256:
+            raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
+    ended, problem = _values(result), project.problem
+    return problem, np.array([ended.get(u.name, u.range.start) for u in problem.unknowns])
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return {} if not isinstance(content, dict) else content
+    except (OSError, ValueError):
+        raise InputError(
+            f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote, "
+            "or a project file."
+        ) from None
+
+
+def _project(folder: Path, preset: str | None) -> Project:
+    """The project that a run used, from where its recordings' paths still hold."""
+    from fracid.project import load_project
+
+    used = folder / "project.toml"
+    text = used.read_text(encoding="utf-8") if used.exists() else None
+    said = _read(folder / "environment.json").get("command", [])
+    places = [Path(), *folder.resolve().parents]
+    for path in (place / word for word in said if str(word).endswith(".toml") for place in places):
+        if path.is_file() and path.read_text(encoding="utf-8") == text:
+            return load_project(path, preset=preset)
+    try:
+        return load_project(used, preset=preset)
+    except InputError as error:
+        raise InputError(
+            f"The project file of {folder} is not where it was, or has changed since, and its copy there does not "
+            f"find the recordings ({error}) Type fracid profile PROJECT, which fits again."
+        ) from None
+
+
+def _values(result: dict[str, Any]) -> dict[str, float]:
+    """Name of each unknown → its value in result.json."""
+    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result.get(block, {}).items()}
+    for name, r in result.get("recordings", {}).items():
+        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
+        shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
+    return {n: float(v) for n, v in shared.items() if v is not None}
+
+
+# ------------------------------------------------------------------ from results to files and text
+
+
+def _intervals(found: Profiles, known: Uncertainty | str, drawn: Bootstrap | str) -> dict[str, Any]:
+    """Every unknown's intervals by every method that gave one."""
+    from fracid.uncertainty import METHODS
+
+    rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
+    for i, name in enumerate(rows):
+        if not isinstance(known, str):
+            rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
+            rows[name]["effective_samples"] = _finite(float(known.effective_samples[i]))
+        if not isinstance(drawn, str) and rows[name]["sandwich"] is not None:
+            rows[name]["bootstrap"] = drawn.interval(i)
+        if name in found.profiles:
+            rows[name]["profile"] = found.profiles[name].interval95
+    return {"methods": METHODS, "unknowns": rows}
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def _write(found: _Profiled, folder: Path) -> Path:
+    from fracid.plots import profiles, save
+    from fracid.runs import FIGURES, write_text
+
+    text = json.dumps(found.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / PROFILES, text)
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+    return next(path for path in save(profiles(found.profiles), folder / FIGURES, "profiles") if path.suffix == ".png")
+
+
+def _show(found: _Profiled, folder: Path, figure: Path, console: Console) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in ("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile"):
+        table.add_column(heading, overflow="fold")
+    intervals = found.record["intervals"]["unknowns"]
+    for name, p in found.profiles.profiles.items():
+        row = intervals[name]
+        others = [_half(row.get(method)) for method in ("sandwich", "bootstrap")]
+        shown = (name, f"{p.best:.6g}", _interval(p.interval95, p.best), *others, p.unit, p.verdict)
+        table.add_row(*map(escape, shown))
+    console.print(table)
+    spread = found.record["spread"]
+    for note in (*found.profiles.notes, *(spread["sentences"] if spread else ())):
+        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    for name, verdict in found.verdicts.items():
+        if verdict.sentence != "identifiable":
+            console.print(f"[yellow]![/yellow] {escape(name)}: {escape(verdict.sentence)}", soft_wrap=True)
+    console.print(f"result   {escape(str(folder / PROFILES))}", soft_wrap=True)
+    console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+
+
+def _half(ends: tuple[float, float] | None) -> str:
+    return "none" if ends is None else f"± {(ends[1] - ends[0]) / 2:.2g}"
+
+
+def _interval(ends: tuple[float | None, float | None], best: float) -> str:
+    """Both ends, or the one that there is, in as many digits as tell them apart."""
+    low, high = ends
+    if low is None and high is None:
+        return "none"
+    width = max(abs(end - best) for end in (low, high) if end is not None)
+    size = max(abs(end) for end in (low, high) if end is not None)
+    digits = 2 + max(0, floor(log10(size)) - floor(log10(width))) if width > 0 and size > 0 else 6
+    if low is None:
+        return f"< {high:.{digits}g}"
+    return f"> {low:.{digits}g}" if high is None else f"{low:.{digits}g} … {high:.{digits}g}"

@@ -1,0 +1,190 @@
+"""``fracid profile``: of a run folder and of a project, as a table, JSON and a figure; exit codes, no traceback."""
+
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.cli import main
+
+PROJECT = """
+[model.parameters]
+b_alpha = { start = 2e-4, lower = 0.0, upper = 1e-2 }
+[[recording]]
+name = "release 20°"
+file = "swing.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+[fit]
+initial_state = "held"
+"""
+
+
+def write_twin(file, seed=1):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
+    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
+    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
+    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A project with a twin of 2 s, and its run."""
+    folder = tmp_path_factory.mktemp("profile")
+    write_twin(folder / "swing.csv")
+    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
+        patch.chdir(folder)
+        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+        with pytest.raises(SystemExit):
+            main(["fit", "rig.toml", "--out", "run", "--json"])
+    return folder
+
+
+def run(capsys, *arguments):
+    """Return exit code, standard output and standard error of the program."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return stop.value.code or 0, out, err
+
+
+# --- what it gives ----------------------------------------------------------------------------------------
+
+
+def test_a_run_is_profiled_into_its_own_folder_with_a_table_and_a_figure(capsys, folder):
+    code, out, err = run(capsys, "profile", folder / "run")
+    assert (code, err) == (0, "")
+    assert "95 % by profile" in out
+    for line in ("lambda", "mu"):
+        (row,) = [text for text in out.splitlines() if text.startswith(line + " ")]
+        assert "two-sided" in row
+        assert row.count("±") == 2
+    assert "profiles.json" in out
+    record = json.loads((folder / "run" / "profiles.json").read_text(encoding="utf-8"))
+    assert list(record["profiles"]) == ["lambda", "mu"]
+    fitted = json.loads((folder / "run" / "result.json").read_text(encoding="utf-8"))
+    for name, p in record["profiles"].items():
+        assert p["value"] == pytest.approx(fitted["orders"][name]["value"], abs=1e-6)
+        assert p["interval95"] == pytest.approx(fitted["orders"][name]["interval95"], abs=2e-5)
+    assert (folder / "run" / "figures" / "profiles.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_interval_says_its_method_and_every_unknown_its_verdict(capsys, folder, tmp_path):
+    code, out, err = run(capsys, "profile", folder / "run", "--parameter", "mu", "--json", "--out", tmp_path)
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    assert record == json.loads((tmp_path / "profiles.json").read_text(encoding="utf-8"))
+    assert record["profiles"]["mu"]["method"].startswith("profile likelihood")
+    rows = record["intervals"]["unknowns"]
+    assert set(rows["mu"]) == {"sandwich", "white", "bootstrap", "profile", "effective_samples"}
+    assert set(rows["b_alpha"]) == {"sandwich", "white", "bootstrap", "effective_samples"}
+    widths = [np.ptp(rows["mu"][method]) for method in ("sandwich", "white", "bootstrap", "profile")]
+    assert max(widths) < 2 * min(widths)
+    assert set(record["intervals"]["methods"]) == {"sandwich", "white", "bootstrap", "profile"}
+    assert {v["sentence"] for v in record["identifiability"].values()} == {"identifiable"}
+    assert record["spread"] is None
+    assert record["bootstrap"]["method"].endswith("one-step")
+
+
+def test_a_project_is_fitted_first_and_two_unknowns_are_profiled_together(capsys, folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    options = ["--parameter", "mu", "--parameter", "b_alpha", "--joint", "mu, b_alpha", "--points", 5]
+    code, out, _ = run(capsys, "profile", folder / "rig.toml", *options)
+    assert code == 0
+    assert "b_alpha" in out
+    record = json.loads((tmp_path / "runs" / "rig-profile" / "profiles.json").read_text(encoding="utf-8"))
+    assert record["joint"]["names"] == ["mu", "b_alpha"]
+    assert np.shape(record["joint"]["rise"]) == (5, 5)
+
+
+def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(capsys, folder, tmp_path):
+    write_twin(tmp_path / "swing.csv")
+    table = np.loadtxt(tmp_path / "swing.csv", delimiter=",", skiprows=1)
+    table[:, 0] *= 1.02  # a clock that is 2 % slow
+    np.savetxt(tmp_path / "slow.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    head, recording, fit = (
+        PROJECT.partition("[[recording]]")[0],
+        PROJECT.split("[[recording]]")[1].split("[fit]")[0],
+        "[fit]\n",
+    )
+    second = recording.replace("release 20°", "slow").replace("swing.csv", "slow.csv")
+    text = head + "[[recording]]" + recording + "[[recording]]" + second + fit + 'initial_state = "held"\n'
+    (tmp_path / "two.toml").write_text(text, encoding="utf-8")
+    code, out, _ = run(capsys, "profile", tmp_path / "two.toml", "--parameter", "mu", "--points", 5, "--out", tmp_path)
+    assert code == 0
+    assert "mu differs from recording to recording by" in out
+    record = json.loads((tmp_path / "profiles.json").read_text(encoding="utf-8"))
+    assert record["spread"]["recordings"] == ["release 20°", "slow"]
+
+
+def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
+    write_twin(tmp_path / "swing.csv")
+    (tmp_path / "arm.toml").write_text('[model]\nrig = "stepper-freeswing"\n' + PROJECT, encoding="utf-8")
+    code, out, _ = run(
+        capsys, "profile", tmp_path / "arm.toml", "--parameter", "lambda", "--points", 4, "--out", tmp_path
+    )
+    assert code == 0
+    assert "theta hardly moves" in out
+    assert "flat" in out
+
+
+def test_profiles_json_is_the_same_for_any_jobs(capsys, folder, tmp_path):
+    found = []
+    for jobs in (1, 3):
+        run(capsys, "profile", folder / "run", "--points", 4, "--jobs", jobs, "--out", tmp_path / str(jobs))
+        found.append((tmp_path / str(jobs) / "profiles.json").read_bytes())
+    assert found[0] == found[1]
+
+
+# --- what it refuses ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    (["--parameter", "b_alpa"], "unknown name 'b_alpa': did you mean b_alpha"),
+    (["--parameter", "b_theta"], "b_theta is not free, so it has no profile"),
+    (["--joint", "mu"], "--joint 'mu' is not possible; expected two names, e.g. --joint mu,b_alpha"),
+    (["--points", "2"], "points = 2; expected a whole number, 4 or more"),
+])  # fmt: skip
+def test_a_callers_mistake_is_told_and_ends_with_2(capsys, folder, options, words):
+    code, out, err = run(capsys, "profile", folder / "run", *options)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+def test_a_folder_that_is_no_run_is_told(capsys, tmp_path):
+    code, _, err = run(capsys, "profile", tmp_path)
+    assert code == 2
+    assert "is no run folder: it has no result.json" in err
+
+
+def test_a_run_whose_recording_has_changed_is_told(capsys, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "all")
+    write_twin(tmp_path / "all" / "swing.csv", seed=2)
+    code, _, err = run(capsys, "profile", tmp_path / "all" / "run")
+    assert code == 2
+    assert "The recording 'release 20°' is not the one that" in err
+
+
+def test_a_run_whose_project_is_gone_is_told_what_to_type(capsys, folder, tmp_path):
+    shutil.copytree(folder / "run", tmp_path / "run")
+    code, _, err = run(capsys, "profile", tmp_path / "run")
+    assert code == 2
+    assert "is not where it was, or has changed since" in err
+    assert "Type fracid profile PROJECT" in err
+
+
+def test_a_model_that_never_reaches_the_end_ends_with_3(capsys, folder, tmp_path):
+    write_twin(tmp_path / "swing.csv")
+    (tmp_path / "bad.toml").write_text(
+        PROJECT.replace("[model.parameters]", "[model.parameters]\nC3 = 0.1"), encoding="utf-8"
+    )
+    code, _, err = run(capsys, "profile", tmp_path / "bad.toml", "--out", tmp_path)
+    assert code == 3
+    assert "det M = 0" in err
