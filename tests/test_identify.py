@@ -275,6 +275,19 @@ def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so
     assert fit.discretisation.orders["lambda"] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("method", ["gl", "gl-paper"])
+def test_a_first_order_fit_of_a_twin_carries_its_check_into_the_result(method):
+    twin_of_order_one = twin(noise=1e-3, **INTEGER | {"end": 10.0})
+    p = problem(twin_of_order_one, method=method, orders={"lambda": 1.0, "mu": WIDE["mu"]})
+    check = identify(p).to_json()["discretisation"]
+    assert check["cost_second_order"] != check["cost_half_step"] != check["cost"]
+    assert check["shift"]["mu"] == pytest.approx(check["orders"]["mu"] - identify(p).orders["mu"].value)
+    assert check["orders"]["mu"] == pytest.approx(1.0, abs=1e-3)  # what the equations say
+    assert abs(check["shift"]["mu"]) > 1e-3  # what the scheme made of it
+    assert check["warning"].startswith("mu moves by +0.00")
+    assert check["warning"].endswith(f"artefact of the step of {method}.")
+
+
 def test_the_second_order_method_finds_integer_orders_and_the_check_is_silent():
     fit = identify(problem(twin(noise=1e-3, seed=2, **INTEGER)))
     for order in fit.orders.values():

@@ -42,6 +42,9 @@ FloatArray = NDArray[np.float64]
 STRONG = 10.0
 """A gain above this is strong evidence [2]_."""
 
+UNSEEN = 1e-2
+"""A friction that changes the residuals by less than this part is not seen."""
+
 OFF = 1e-3
 """Orders nearer to 1 than this are 1."""
 
@@ -52,6 +55,8 @@ class Alternative:
 
     structure: str
     """In words."""
+    orders: tuple[str, ...]
+    """The orders that were found off 1, and those tied to them."""
     cost: float
     """Its cost, beside :attr:`fracid.identify.Fit.cost`."""
     parameters: Mapping[str, float]
@@ -82,8 +87,8 @@ def integer_alternative(
     Returns
     -------
     Alternative or None
-        None where every order is 1 within its interval, all friction of the model is free already, or the model
-        has none by the names ``b_…`` and ``coulomb_…``.
+        None where every order is 1 within its interval, all friction that the recordings see is free already, or
+        the model has none by the names ``b_…`` and ``coulomb_…``.
 
     Examples
     --------
@@ -100,8 +105,8 @@ def integer_alternative(
     """
     found = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
     off = {n: v for n, v in found.items() if abs(v - 1) > max(OFF, widths.get(n, 0.0))}
-    freed = _friction(problem)
-    if not off or not freed or best.residuals is None:
+    freed = _seen(problem, best, _friction(problem)) if off else {}
+    if not freed or best.residuals is None:
         return None
     rival = replace(
         problem, parameters={**problem.parameters, **freed}, method="pi2",
@@ -116,9 +121,10 @@ def integer_alternative(
         return None
     values = dict(zip(rival.names, result.best.point.tolist(), strict=True))
     n, gain = _gain(problem, best, rival, result.best)
+    friction = {name: values[name] for name in freed}
     return Alternative(
-        f"every order 1; {', '.join(freed)} free", result.best.cost, {name: values[name] for name in freed}, gain, n,
-        _warning(off, {name: values[name] for name in freed}, best.cost, result.best.cost, gain),
+        f"every order 1; {', '.join(freed)} free", (*off, *(n for n, to in problem.ties.items() if to in off)),
+        result.best.cost, friction, gain, n, _warning(off, friction, best.cost, result.best.cost, gain),
     )  # fmt: skip
 
 
@@ -134,6 +140,24 @@ def _friction(problem: Problem) -> dict[str, Free]:
         start = max(float(value), 2e-3 * reach) if name.startswith("coulomb_") else float(value)
         freed[name] = Free(start, min(0.0, start), max(reach, 2 * start))
     return freed
+
+
+def _seen(problem: Problem, best: Evaluation, freed: Mapping[str, Free]) -> dict[str, Free]:
+    """Those that change the residuals when a hundredth of their reach is added: not the arm's if it is clamped."""
+    errors = problem.errors(best.point)
+    if isinstance(errors, str):
+        return {}
+    here, seen = np.concatenate([e.ravel() for e in errors]), {}
+    for name, value in freed.items():
+        more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
+        errors = more.errors(best.point)
+        if isinstance(errors, str):  # it even ends the run
+            seen[name] = value
+            continue
+        change = np.concatenate([e.ravel() for e in errors]) - here
+        if np.linalg.norm(change) > UNSEEN * np.linalg.norm(here):
+            seen[name] = value
+    return seen
 
 
 def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Evaluation) -> tuple[float, float]:

@@ -304,7 +304,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
     problem, best, known = found.problem, found.result.best, found.known
     estimates = _estimates(problem, best.point, known)
     if found.alternative is not None and found.alternative.warning:
-        estimates |= {n: replace(estimates[n], identifiable=IMITATION) for n in problem.orders if estimates[n].free}
+        estimates |= {n: replace(estimates[n], identifiable=IMITATION) for n in found.alternative.orders}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
     return Fit(
