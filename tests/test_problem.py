@@ -290,6 +290,9 @@ def test_the_past_begins_with_its_release_and_holds_the_states():
     assert abs(e.release_in_past() - 100) <= 1
     assert from_mid_swing(plateau=0.0, cut=1.5).release_in_past() == 0
     assert abs(from_mid_swing(noise=2e-3).release_in_past() - 100) <= 2
+    long = from_mid_swing(plateau=15.0)  # a filter that took the plateau for a slow swing would wipe out the motion
+    assert long.release_in_past() == pytest.approx(3750, abs=1)
+    assert long.smooth_past()[0][-1] == pytest.approx(e.smooth_past()[0][-1], abs=2e-3)
     p = Problem(SMOOTH, (e,), TRUE, initial_state="measured")
     x0 = p.unpack(p.start, e)[2]
     run = fracid.simulate(SMOOTH, orders=TRUE, initial={"alpha": 1.0}, step=STEP / 4, end=1.1)

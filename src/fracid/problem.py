@@ -313,24 +313,29 @@ class Experiment:
         slope, offset = np.polyfit(falling, np.sqrt(rise[falling]), 1)
         return int(np.clip(round(-offset / slope), 0, len(self.past) - 1)) if slope > 0 else near
 
-    def smooth_past(self, substeps: int = 1) -> FloatArray:
-        """The low-passed past and the start [rad], `substeps` rows a sample, shape (n_past · substeps + 1, n_outputs).
+    def smooth_past(self, substeps: int = 1) -> tuple[FloatArray, int]:
+        """The low-passed past and the start [rad], `substeps` rows a sample, and the row of the release.
 
-        The samples after the start take part, so that no border of the filter is near it.
+        The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
+        reaches is kept.
         """
         assert self.past is not None
-        whole, n = np.vstack([self.past, self.measured]), len(self.past)
+        whole, n, release = np.vstack([self.past, self.measured]), len(self.past), self.release_in_past()
         cutoff = CUTOFF * _swing_frequency(whole, self.step)
+        reach = math.ceil(2 / (cutoff * self.step))
         if cutoff < 0.4 / self.step:
             from scipy.signal import butter, sosfiltfilt
 
             low_pass = butter(4, cutoff, fs=1 / self.step, output="sos")
-            whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, round(2 / (cutoff * self.step))))
-        if substeps == 1:
-            return np.asarray(whole[: n + 1])
-        from scipy.interpolate import CubicSpline
+            whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
+        first = max(0, release - reach)
+        smooth, release = whole[first : n + 1], (release - first) * substeps
+        if substeps > 1:
+            from scipy.interpolate import CubicSpline
 
-        return np.asarray(CubicSpline(np.arange(len(whole)), whole)(np.arange(n * substeps + 1) / substeps))
+            line = CubicSpline(np.arange(len(whole)), whole)
+            smooth = line(first + np.arange((n - first) * substeps + 1) / substeps)
+        return np.asarray(smooth), release
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
@@ -341,10 +346,13 @@ class Experiment:
 
 
 def _swing_frequency(signals: FloatArray, step: float) -> float:
-    """Where the spectrum of the signal that varies most has its peak [Hz]; three periods a record at least."""
-    swing = signals[:, np.argmax(np.std(signals, axis=0))]
-    spectrum = np.abs(np.fft.rfft(swing - np.mean(swing)))
-    return max(3, int(np.argmax(spectrum))) / (len(swing) * step)
+    """Where the spectrum of the fastest signal's speed has its peak [Hz]; three periods a record at least.
+
+    The speed knows nothing of a plateau, whose long offset would be the slowest swing of all.
+    """
+    speed = np.diff(signals[:, np.argmax(np.std(signals, axis=0))])
+    spectrum = np.abs(np.fft.rfft(speed - np.mean(speed)))
+    return max(3, int(np.argmax(spectrum))) / (len(speed) * step)
 
 
 def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -523,19 +531,19 @@ class Problem:
 
     @cached_property
     def _past_of(self) -> Callable[[str, tuple[float, ...], float], FloatArray]:
-        outputs = {e.name: e.smooth_past(self.substeps) for e in self.experiments if e.past is not None}
-        first = {e.name: e.release_in_past() * self.substeps for e in self.experiments if e.past is not None}
+        pasts = {e.name: e.smooth_past(self.substeps) for e in self.experiments if e.past is not None}
         steps = {e.name: e.step / self.substeps for e in self.experiments}
 
         @lru_cache(maxsize=32)  # the orders stay while a search tries the constants
         def states(name: str, orders: tuple[float, ...], unit: float) -> FloatArray:
-            past = np.zeros((len(outputs[name]), len(orders)))
-            for o, signal in zip(self.outputs, outputs[name].T, strict=True):
+            angles, release = pasts[name]
+            past = np.zeros((len(angles), len(orders)))
+            for o, signal in zip(self.outputs, angles.T, strict=True):
                 i = self.model.outputs[o]
                 past[:, i] = signal
                 rise = derivative(signal - signal[0], orders[i], steps[name], kind="rl")  # at rest before
                 past[1:, self._rates[i]] = unit ** (orders[i] - 1) * rise[1:]
-            return past[first[name] :]
+            return past[release:]
 
         return states
 
