@@ -61,14 +61,14 @@ past the memory begins at the start, as if the rig had stood still in that postu
 ============================ =============== =============== =============== ===============
 twin                         ``estimate``    with its past   ``measured``    from plateau
 ============================ =============== =============== =============== ===============
-60°, viscous friction        +.044, +.0006   +.001, −.0001   −.003, −.0002   +.000, −.0000
-60°, dry friction too        −.005, −.0005   −.000, +.0000   +.000, +.0000   +.001, +.0000
-20°, dry friction too        −.065, −.0005   +.005, −.0000   +.006, +.0001   +.003, −.0000
-60°, dry, 10⁻² rad of noise  +.007, −.0005   +.017, +.0001   −.017, −.0001   +.005, +.0000
+60°, viscous friction        +.044, +.0006   +.000, −.0000   −.006, +.0001   +.000, −.0000
+60°, dry friction too        −.005, −.0005   −.000, +.0000   +.001, +.0000   +.001, +.0000
+20°, dry friction too        −.065, −.0005   +.005, −.0000   +.009, +.0001   +.003, −.0000
+60°, dry, 10⁻² rad of noise  +.007, −.0005   +.016, +.0001   −.026, −.0003   +.005, +.0000
 ============================ =============== =============== =============== ===============
 
-Intervals do not know of the past's noise: ``measured`` promises up to five times too much, and where the noise is as
-strong as in the last row the past mends μ alone.  Best is a start cut at the plateau.
+``measured`` takes the noise of the start for truth, and its intervals promise many times too much; where the noise is
+as strong as in the last row the past mends μ alone.  Best is a start cut at the plateau.
 
 A trajectory is stepped on the recording's own grid, or `substeps` times finer.  Residuals are measured
 minus simulated [rad].  A run that diverges has an infinite cost and its reason, never a NaN.
