@@ -78,7 +78,10 @@ THRESHOLD_2 = -2 * math.log(0.05)
 """95 % of χ² with two."""
 
 TOLERANCE = 1e-7
-"""Of each refit: its error in V is some 10⁻³ of the threshold at 20,000 samples."""
+"""Of the refit that finds the minimum, relative to V."""
+
+FINE = 0.01
+"""A refit on the way ends where a step gains less than this in W: the last one gained far less yet."""
 
 BUDGET = 30
 """Trial steps of each refit at most."""
@@ -222,7 +225,7 @@ def profile(
     parameters : sequence of str, optional
         Names of unknowns: the free orders if left out, or all that the recordings share where no order is free.
     joint : two names, optional
-        To be profiled together too, on a grid of `points` by `points`.
+        To be profiled together too, on a grid of `points` by `points`, nine by nine at most.
     points : int
         Between the two ends of an interval, about.
     jobs : int
@@ -435,6 +438,11 @@ class _Surface:
     def rise(self, e: Evaluation, i: int) -> float:
         return 2 * (self.value(e) - self.value(self.top)) / self.kappa(i)
 
+    def tolerance(self, *held: int) -> float:
+        """Of a refit on the way, relative to V, so that it ends within FINE."""
+        kappa = min(self.kappa(i) for i in held)
+        return float(np.clip(0.5 * FINE * kappa / max(self.value(self.top), 1e-300), 1e-9, 1e-3))
+
     def standard_error(self, i: int) -> float:
         """By the sandwich; NaN where the data do not see it, infinite precision and a user's own cost."""
         if not self.calibrated:
@@ -485,7 +493,7 @@ def _walk(surface: _Surface, i: int, side: int, points: int) -> _Walked:
     path, heights, wall = [surface.top], [0.0], math.inf  # how far from the minimum runs fail
     best, bound = surface.top.point[i], float((surface.space.upper if side > 0 else surface.space.lower)[i])
     slope, aim = surface.slope([i])[:, 0], 2 * NORMAL_95 / (points - 1)  # so that the last is past it
-    step, retries = _first_step(surface, i, aim), 0
+    step, retries, tolerance = _first_step(surface, i, aim), 0, surface.tolerance(i)
     for _ in range(4 * points):
         if heights[-1] >= NORMAL_95 or len(path) == 2 * points:
             break
@@ -499,7 +507,7 @@ def _walk(surface: _Surface, i: int, side: int, points: int) -> _Walked:
         step = room if room - step < 1e-3 * step else step
         ahead = here + side * step * slope
         ahead[i] = bound if step == room else here[i] + side * step
-        e = refit(surface.problem, ahead, [i])
+        e = refit(surface.problem, ahead, [i], tolerance=tolerance)
         height = math.sqrt(max(0.0, surface.rise(e, i)))
         if not math.isfinite(height):
             wall = abs(ahead[i] - best)
@@ -568,6 +576,9 @@ def _crossing(values: FloatArray, rise: FloatArray) -> float | None:
 
 # --- two together --------------------------------------------------------------------------------------
 
+GRID = 9
+"""Points along each side of a joint profile at most: each of the grid's is a refit."""
+
 REACH = 3.2
 """Standard errors to each side of a joint profile; its 95 % region reaches 2.45."""
 
@@ -576,9 +587,9 @@ def _joint(surface: _Surface, pair: tuple[int, int], found: dict[str, Profile], 
     """W over a grid; each point starts from where the parabola would have it."""
     if not surface.calibrated:
         raise InputError(f"The cost {surface.problem.cost_function.name} is a user's own: no joint profile of it.")
-    axes = [_axis(surface, i, found.get(surface.problem.names[i]), points) for i in pair]
+    axes = [_axis(surface, i, found.get(surface.problem.names[i]), min(points, GRID)) for i in pair]
     shape, slope, top = surface.sandwich(*pair), surface.slope(pair), surface.top.point
-    at = np.searchsorted(shape.free, pair)
+    at, tolerance = np.searchsorted(shape.free, pair), surface.tolerance(*pair)
     bread, filled = (np.linalg.pinv(c[np.ix_(at, at)]) for c in (shape.inverse, shape.covariance))
 
     def rise(point: FloatArray) -> float:
@@ -587,7 +598,7 @@ def _joint(surface: _Surface, pair: tuple[int, int], found: dict[str, Profile], 
             return 0.0
         ahead = top + slope @ delta
         ahead[list(pair)] = point
-        value = surface.value(refit(surface.problem, ahead, pair)) - surface.value(surface.top)
+        value = surface.value(refit(surface.problem, ahead, pair, tolerance=tolerance)) - surface.value(surface.top)
         return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
 
     grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]
