@@ -358,7 +358,9 @@ def test_a_recording_gives_its_residual_and_its_percent_of_fit():
 def test_a_model_that_explains_nothing_is_told():
     other = problem(parameters={"C4": 0.05}, orders={"lambda": 0.9, "mu": Free(1.0, 0.95, 1.05)})
     fit = identify(other)
-    assert any("swing: the model is no better than a constant for alpha, fit -" in w for w in fit.warnings)
+    (said,) = (w for w in fit.warnings if "swing: the model is no better than a constant for alpha, fit -" in w)
+    assert said.endswith("another start may do better, type --multi-start 16.")
+    assert not any("--multi-start" in w for w in identify(other, starts=2).warnings)
 
 
 def test_a_step_too_coarse_for_steep_friction_is_told():

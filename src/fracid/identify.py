@@ -307,6 +307,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         estimates |= {n: replace(estimates[n], identifiable=IMITATION) for n in found.alternative.orders}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
+    said = (*_warnings(problem, known), *_misfits(fitted, len(found.starts)), *found.warnings)
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
@@ -316,7 +317,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         alternative=found.alternative,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
-        warnings=tuple(w for w in (*_warnings(problem, known), *_misfits(fitted), *found.warnings) if w),
+        warnings=tuple(w for w in said if w),
     )  # fmt: skip
 
 
@@ -487,12 +488,14 @@ POOR = 20.0
 """A fit of less than this [%] is called poor."""
 
 
-def _misfits(recordings: Mapping[str, RecordingFit]) -> Iterator[str]:
+def _misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[str]:
+    again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
     for r in recordings.values():
         for output, percent in r.fit_percent.items():
             if percent < POOR:
                 worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
-                yield f"{r.name}: the model is {worse} for {output}, fit {percent:.1f} %; no value of it means much."
+                means = f"fit {percent:.1f} %; no value of it means much{again}."
+                yield f"{r.name}: the model is {worse} for {output}, {means}"
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:

@@ -21,6 +21,7 @@ from fracid.errors import DataError, InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from fracid.alternative import Alternative
     from fracid.identify import Estimate, Fit
     from fracid.optimise import Evaluation
     from fracid.project import Project
@@ -219,6 +220,8 @@ def show_fit(ran: Ran, console: Console) -> None:
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
     if found.discretisation is not None:
         console.print(f"  discretisation: {escape(_discretisation(found))}", soft_wrap=True)
+    if found.alternative is not None and not found.alternative.warning:
+        console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
     for path in ran.figures:
         if path.suffix == ".png":
@@ -286,6 +289,10 @@ def _starts(found: Fit) -> str:
     lost = sum(cost is None for cost in costs)
     left = f", {lost} were left for their cost" if lost else ""
     return f"{lowest} of {len(costs)} came to the lowest cost{left}; the lowest is that of the start {best.origin}"
+
+
+def _rival(rival: Alternative) -> str:
+    return f"with {rival.structure} the cost is {rival.cost:.6g}, BIC {rival.gain:.3g} worse: the orders explain more"
 
 
 def _discretisation(found: Fit) -> str:
