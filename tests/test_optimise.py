@@ -354,7 +354,7 @@ def test_bounds_that_hold_no_start_are_told(lower, upper, start, message):
         Space(("mu",), np.array(lower), np.array(upper), np.array(start))
 
 
-@pytest.mark.parametrize("name", ["genetic", "differential-evolution"])
+@pytest.mark.parametrize("name", ["genetic", "differential-evolution", "cma"])
 def test_a_global_search_refuses_an_infinite_bound(name):
     space = Space(("C4", "mu"), np.array([0.0, 0.5]), np.array([np.inf, 1.2]), np.array([1.0, 1.0]))
     with pytest.raises(InputError, match="C4 has an infinite bound; a global search needs"):
@@ -380,6 +380,10 @@ def test_a_local_search_does_without_bounds(name):
         ("least-squares", {"budget": 0}, "budget = 0; expected"),
         ("nelder-mead", {"budget": 0}, "budget = 0; expected"),
         ("multistart", {"starts": 0}, "starts = 0; expected"),
+        ("cma", {"population": 2}, "population = 2; expected a whole number, 3 or more"),
+        ("cma", {"generations": 0}, "generations = 0; expected"),
+        ("cma", {"width": 0.0}, "width = 0.0; expected a part of the bounds"),
+        ("cma", {"tolerance": 2.0}, "tolerance = 2.0; expected a part of the bounds"),
     ],
 )
 def test_an_option_that_makes_no_sense_is_told(name, options, message):
@@ -546,7 +550,20 @@ def test_a_cost_without_residuals_is_told_what_to_type(name):
         search(name, valley)
 
 
-@pytest.mark.parametrize("name", ["nelder-mead", "differential-evolution"])
+@pytest.mark.parametrize("evaluate", [valley, narrow])
+def test_cma_comes_down_a_narrow_valley_in_fewer_runs_than_differential_evolution(evaluate):
+    runs = {name: [search(name, evaluate, seed=seed) for seed in (1, 2)] for name in ("cma", "differential-evolution")}
+    assert max(distances([r.best.point for r in runs["cma"]])) < 1e-5
+    counts = {name: sum(r.evaluations for r in results) for name, results in runs.items()}
+    assert counts["cma"] < 0.7 * counts["differential-evolution"]
+
+
+def test_cma_ends_after_the_generations_that_it_was_given():
+    result = search("cma", valley, generations=3, population=7)
+    assert (result.outcome, result.evaluations) == (Outcome.GENERATIONS_DONE, 21)
+
+
+@pytest.mark.parametrize("name", ["nelder-mead", "differential-evolution", "cma"])
 def test_a_cost_without_residuals_has_its_optimisers(name):
     assert distances([search(name, valley).best.point])[0] < 1e-3
 
