@@ -1,7 +1,11 @@
 """The project file: every key does what it says, and what cannot be is told with its place."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from fracid.errors import DataError, FracidError, InputError
 from fracid.problem import Free, Prior
@@ -356,3 +360,21 @@ def test_no_value_of_any_kind_gives_a_foreign_error(project):
         except FracidError:
             told += 1
     assert told > 0.6 * len(texts)
+
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
+def test_the_examples_lack_nothing_but_their_recordings(path, tmp_path):
+    """Each says what can be: with recordings of the columns that it names it is a problem with unknowns."""
+    time = np.arange(0, 60, 0.002)
+    swing = np.pi - 1.5 * np.where(time < 8, 1.0, np.exp(-0.1 * (time - 8)) * np.cos(7 * (time - 8)))
+    rows = np.vstack([time, 0.1 * np.sin(7 * time), swing, np.zeros_like(time)])
+    text = path.read_text(encoding="utf-8")
+    for name in set(re.findall(r'file *= "(.*?)"', text)):
+        savemat(tmp_path / name, {"data": rows})
+    (tmp_path / path.name).write_text(text, encoding="utf-8")
+    found = load_project(tmp_path / path.name)
+    assert found.problem.names
+    assert np.isfinite(found.problem.cost(found.problem.start))
