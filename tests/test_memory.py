@@ -233,3 +233,31 @@ def test_a_memory_keeps_its_name(name):
 def test_a_wrong_memory_is_told(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])
+def test_the_third_order_weights_follow_from_the_trapezoidal_ones_within_the_tolerance(order, steps):
+    lags = lags_up_to(steps)
+    trapezoidal, exact, kernel = (
+        memory.kernel(family, order, steps + 1)
+        for memory, family in ((full(), "pi"), (full(), "pi3"), (compressed(1e-10), "pi3"))
+    )
+    far = lags[(lags >= 3) & (lags < steps)]
+    b = trapezoidal.at
+    np.testing.assert_allclose(exact.at(far), b(far) - (b(far + 1) - 2 * b(far) + b(far - 1)) / 12, rtol=1e-12)
+    np.testing.assert_allclose(kernel.at(lags), exact.at(lags), rtol=1.4e-10)
+
+
+@pytest.mark.parametrize("order", [0.01, 0.5, 0.9, 1.0, 1.1, 1.7, 1.99])
+def test_the_third_order_weights_and_the_starts_integrate_a_constant_exactly(order):
+    kernel, n = full().kernel("pi3", order, 300), np.arange(1, 301)
+    start = kernel.start[1:] if order != 1.0 else np.r_[kernel.start[1:], np.full(297, 0.5)]
+    total = np.cumsum(kernel.at(np.arange(300))) + start
+    np.testing.assert_allclose(total, n**order / float(mpmath.gamma(order + 1)), rtol=1e-12)
+
+
+def test_at_order_one_the_third_order_weights_are_those_of_adams_and_moulton():
+    summed = compressed().kernel("pi3", 1.0, 5000).at([0, 1, 2, 3, 4, 4999])
+    np.testing.assert_allclose(np.diff(summed[:5], prepend=0.0), np.array([9, 19, -5, 1, 0]) / 24, atol=1e-15)
+    assert summed[-1] == 1.0

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from fracid.fractional import mittag_leffler
+from fracid.memory import full
 from fracid.simulate import solve_fde
 from fracid.starting import errors_of_powers, exponents, knots_up_to
 
@@ -31,6 +32,37 @@ def test_the_errors_of_powers_are_those_of_the_definition(q, sigma):
     found = errors_of_powers(q, np.array([sigma]), knots)[0]
     want = np.array([0.0] + [error_by_definition(q, sigma, int(n)) for n in knots[1:]])
     np.testing.assert_allclose(found, want, rtol=2e-7, atol=1e-13)
+
+
+@pytest.mark.parametrize("q", [0.05, 0.3, 0.8623, 0.99, 1.0, 1.3, 1.9])
+@pytest.mark.parametrize("sigma", [0.1, 0.5, 0.8623, 1.5, 1.8])
+def test_the_errors_of_powers_are_those_of_the_sum_for_the_third_order_too(q, sigma):
+    knots = np.array([0, 1, 2, 3, 4, 20, 63, 64, 65, 66, 90, 130, 200, 400])
+    n = np.arange(401)
+    kernel, trapezoidal = (full().kernel(family, q, 400) for family in ("pi3", "pi"))
+    if q == 1.0:  # kept as a sum with three weights of its own
+        weights = kernel.at(n)
+        b, a = np.r_[0.5, np.ones(400)], np.r_[0.0, np.full(400, 0.5)]
+    else:
+        weights, b, a = kernel.weights, trapezoidal.weights, trapezoidal.start
+    summed = np.convolve(weights, n**sigma)[:401] - (a * (2**sigma - 2) - b) / 12
+    exact = np.array([float(mpmath.gamma(sigma + 1) / mpmath.gamma(sigma + q + 1) * mpmath.mpf(int(k)) ** (sigma + q))
+                      for k in n])  # fmt: skip
+    found = errors_of_powers(q, np.array([sigma]), knots, True)[0]
+    np.testing.assert_allclose(found[3:], (exact - summed)[knots[3:]], rtol=3e-4, atol=5e-9 * (1 + 400 ** (q - 1)))
+
+
+@pytest.mark.parametrize("q", [0.3, 0.8, 1.0, 1.4])
+def test_the_third_order_start_integrates_parabolas_exactly(q):
+    def parabola(t, x, u, p, out):
+        out[0] = 1 + 2 * t - 3 * t * t
+
+    run = solve_fde(parabola, q, [0.0] if q <= 1 else [(0.0, 0.0)], step=0.05, end=3.0, method="pi3", corrected=False)
+    exact = sum(
+        c * float(mpmath.gamma(k + 1) / mpmath.gamma(k + 1 + q)) * run.time ** (k + q) for k, c in enumerate((1, 2, -3))
+    )
+    np.testing.assert_allclose(run.states[1:3, 0], exact[1:3], rtol=1e-12)
+    np.testing.assert_allclose(run.states[:, 0], exact, atol=2e-6)
 
 
 def test_a_straight_line_has_no_error():
@@ -61,6 +93,7 @@ def test_knots_ascend_are_odd_in_number_and_reach_the_end(steps):
         ([0.3, 0.5], [0.0], [0.3, 0.5, 0.6, 0.8, 0.9]),
         ([0.1], [0.0], [0.1, 0.2, 0.3, 0.4, 0.5, 1.0]),  # no more than five, and the line
         ([0.9], [1.0], [0.9]),  # f = t is no power of its own
+        ([0.06], [0.0], [0.06, 0.18, 0.3, 0.42, 0.54, 1.0]),  # the first may be as near to 0 as it likes
     ],
 )
 def test_a_system_begins_with_the_sums_of_its_orders_and_the_power_of_time(orders, powers, want):

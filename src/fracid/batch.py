@@ -165,7 +165,8 @@ def sensitivities(
     for (kind, i), near in zip(np.repeat(np.array(points, object), len(STENCIL), 0), neighbours, strict=True):
         if len(near.time) < len(run.time):
             raise InputError(f"Beside this run, with another value of {kind}[{i}], one ends early: "
-                             f"{near.outcome.value}. It has no derivative; end it before t = {near.time[-1]:g}.")  # fmt: skip
+                             f"{near.outcome.value}. It has no derivative; "
+                             f"end it before t = {near.time[-1]:g}.")  # fmt: skip
     slopes: dict[str, list[FloatArray]] = {"orders": [], "parameters": [], "initial": []}
     for k, (kind, i) in enumerate(points):
         beside = neighbours[k * len(STENCIL) : (k + 1) * len(STENCIL)]

@@ -89,7 +89,7 @@ def stack(kernels: list[Kernel]) -> Kernels:
     own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
     stacked = Kernels(_zeros(len(rows), 2 * (L + 16) + 18 * M), L, M, of, sizes, own)
     for r, k in enumerate(rows):
-        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, stacked)
+        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, k.start_shift, stacked)
     return stacked
 
 
@@ -117,8 +117,8 @@ _vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.in
 KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
 
 
-@nb.njit(types.void(types.int64, *[_vector] * 5, types.float64, KERNELS), cache=True, nogil=True)
-def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, stacked):
+@nb.njit(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS), cache=True, nogil=True)
+def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
     """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
 
     A linear part of the weights is one sum more, :math:`Y_0 = \\sum_s (n-L-1-s) v_s`; the constant's is Y_1 then.
@@ -139,10 +139,10 @@ def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, stacked):
             row[collect + j * M + m0 + m] = np.exp((BLOCK - 1 - j) * s)
             row[foresee + BLOCK * (m0 + m) + j] = amplitude[m] * np.exp((more + j) * s)
     if ramp != 0.0:
-        row[enter] = -1 / 6  # the first sample's panel is half a hat, whose centre is a third of a step later
+        row[enter] = -shift  # the first sample's panel is half a hat, whose centre is later
         for j in range(more + BLOCK - 1):
             row[known + j] += ramp * j
-            row[start + known + j] += ramp * (j / 2 - 1 / 6)
+            row[start + known + j] += ramp * (j / 2 - shift)
         for j in range(BLOCK):
             row[collect + j * M] = BLOCK - 1 - j
             row[foresee + j] = ramp

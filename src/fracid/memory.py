@@ -5,12 +5,15 @@ the whole past,
 
 .. math::  H_n = \sum_{k=1}^{n} w_k\, v_{n-k},
 
-with the weights of one of two kernels, both in units of the step:
+with the weights of one of three kernels, all in units of the step:
 
 ``gl``   the Grünwald–Letnikov weights (18)–(19) of the derivative, :math:`v = x - x(0)`
 ``pi``   the product-trapezoidal weights of the integral, :math:`v = f(t, x)`:
          :math:`b_k = \big((k+1)^{q+1} - 2k^{q+1} + (k-1)^{q+1}\big)/\Gamma(q+2)`, and
          :math:`a_n = \big((n-1)^{q+1} - (n-1-q)\,n^q\big)/\Gamma(q+2)` for the sample at the start
+``pi3``  the same for :math:`f - δ^2 f/12` and an end correction (:mod:`fracid.starting`):
+         :math:`w_k = b_k - (b_{k+1} - 2 b_k + b_{k-1})/12` from k = 3 on; built from ``pi``, within 4/3 of its
+         bound
 
 A :class:`Kernel` keeps the first L weights exactly and the rest as a sum of decaying exponentials,
 :math:`w_k \approx \sum_m c_m z_m^k` for :math:`k > L`.  The three memories are three fillings of it:
@@ -120,6 +123,8 @@ class Kernel:
     """The start's amplitude over that of any other sample, per exponential, shape (n_modes,)."""
     ramp: float = 0.0
     """Slope of a linear part of the weights, ramp · (k − L − 1), beside the constant mode (the first)."""
+    start_shift: float = 1 / 6
+    """The start weighs a linear part by half of it less this: the centre of its half panel."""
 
     @property
     def lags(self) -> int:
@@ -207,7 +212,7 @@ class Memory:
 
         Parameters
         ----------
-        family : ``"gl"`` or ``"pi"``
+        family : ``"gl"``, ``"pi"`` or ``"pi3"``
         order : float
             Strictly between 0 and 2.
         steps : int
@@ -372,6 +377,8 @@ def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:
 
 
 def _exact(family: str, order: float, steps: int) -> Kernel:
+    if family == "pi3":
+        return _exact_third(order, steps)
     if order == 1.0 and family == "pi":  # a running sum: the trapezoidal rule, no memory
         return Kernel(np.array([0.5, 1.0]), np.array([0.0, 0.5]), np.zeros(1), np.ones(1), np.full(1, 0.5))
     if order == 1.0:  # a backward difference
@@ -380,6 +387,13 @@ def _exact(family: str, order: float, steps: int) -> Kernel:
         w = gl_weights(order, steps + 1)
         return Kernel(w, w, *np.empty((3, 0)))
     return Kernel(*_trapezoidal_weights(order, steps), *np.empty((3, 0)))
+
+
+def _exact_third(q: float, steps: int) -> Kernel:
+    if q == 1.0:  # Adams and Moulton's fourth-order weights, summed; the running sum after three lags
+        w, start = np.array([9, 28, 23, 24]) / 24, np.array([0, 15, 11, 12]) / 24
+        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+    return Kernel(*_third_weights(q, steps), *np.empty((3, 0)))
 
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
@@ -410,6 +424,39 @@ def _trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     return b / math.gamma(q + 2), a / math.gamma(q + 2)
 
 
+@_helper
+def zeta(s: float) -> float:
+    """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on."""
+    N = 12.0
+    total: float = N ** (1 - s) / (s - 1) + N**-s / 2
+    for k in range(1, 12):
+        total += float(k) ** -s
+    term = s * N ** (-s - 1) / 2
+    for j, bernoulli in enumerate((1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66)):
+        total += bernoulli * term
+        term *= (s + 2 * j + 1) * (s + 2 * j + 2) / (N * N * (2 * j + 3) * (2 * j + 4))
+    return total
+
+
+@nb.njit(types.UniTuple(_row, 2)(_real, _whole), **_compile)
+def _third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    r"""The weights of ``pi3``: those of f − δ²f/12 under ``pi``, less κ δ²f at the last step; and of the start.
+
+    Up to k = 2 the second difference is the last step's, backward.  The start counts f_{-1} as f_0.
+    """
+    b, a = _trapezoidal_weights(q, steps + 3)
+    w, start = np.zeros(steps + 1), np.zeros(steps + 1)
+    kappa = zeta(-q - 1) / math.gamma(q + 2)
+    for k in range(steps + 1):
+        w[k] = b[k] - (b[k + 1] - 2 * b[k] + (b[k - 1] if k > 0 else 0.0)) / 12
+        start[k] = a[k] + (b[k] - b[k - 1]) / 12 if k > 0 else 0.0
+    for k in range(min(3, steps + 1)):
+        last = (1.0, -2.0, 1.0)[k]
+        w[k] -= last * kappa + (3.0, -3.0, 1.0)[k] * b[0] / 12
+        start[k] = k**q / math.gamma(q + 1) - w[:k].sum() if k > 0 else 0.0  # constants are integrated exactly
+    return w, start
+
+
 # --- exponentials ----------------------------------------------------------------------------------
 
 
@@ -419,7 +466,20 @@ def _compressed(family: str, q: float, steps: int, tolerance: float, lags: int) 
         return _exact(family, q, steps)
     if family == "gl":
         return Kernel(*_derivative_kernel(q, -_sine(q), lags, steps, tolerance))
+    if family == "pi3":
+        return _third_kernel(q, lags, steps, tolerance)
     return Kernel(*_integral_kernel(q, _sine(1 - q), lags, steps, tolerance))
+
+
+def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
+    """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
+    pi = Kernel(*_integral_kernel(q, _sine(1 - q), L - 1, steps + 1, tolerance))
+    rise = -np.expm1(-np.log1p(pi.decay))  # 1 − 1/z
+    share = 1 - (pi.decay - rise) / 12
+    amplitude = pi.amplitude * (1 + pi.decay) * share
+    amplitude[0] += pi.ramp
+    w, start = _third_weights(q, L)
+    return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
 
 
 def _sine(a: float) -> float:

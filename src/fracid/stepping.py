@@ -15,9 +15,12 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    predictor from extrapolated f, then corrector sweeps.
                    A step at which the sweeps contract slowly is solved by Newton's method: dry friction,
                    tanh(v/v_s), is steep, and fixed sweeps would diverge beyond h·|∂f/∂x| = 2
-``pi2-implicit``   the same equation, every step by Newton's method, whose matrix is kept while it serves: stiff systems
+``pi3``            the same with weights of order 3 (:mod:`fracid.starting`) and a parabola for predictor; for
+                   smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
+``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
+                   for stiff systems
 
-The first three are of convergence order 1, the last two of order 2 where f(t, x) is smooth.
+The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
 
 **What is known before.**  `past` holds the states that are given: its last row is the state at the `start` of
 the run, the rows before it the samples of the history, one a step, the first of which is the x⁰ of the formulas.
@@ -214,13 +217,13 @@ def _add_parabola(n, count, first, knots, k, parabolas, ahead):
 
 
 @nb.njit(nogil=True, error_model="numpy")
-def _go_on_from(measured, stepped, rhs, t, x, u, p, f, known, newest, x0):
+def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
     """Shift x⁰ so that the run goes on from the last known state, which the model may not explain.
 
     Where it does, the shift is zero to rounding: what the sweeps of that step left open is left open again.
     """
     for i in range(len(x)):
-        x0[i] -= x[i] - newest[i] * f[i] if stepped else known[i]
+        x0[i] -= x[i] - newest[i] * f[i]
         x[i] = measured[i]
     rhs(t, x, u, p, f)
     for i in range(len(x)):
@@ -259,7 +262,7 @@ def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
             x[i] += change
             moved = max(moved, abs(change) / (SMALL + abs(x[i])))
         rhs(t, x, u, p, f)
-        if not moved > 1e-10:
+        if not moved > 1e-12:
             return np.isfinite(moved)
         kept = moved < 0.1 * moved_before
         moved_before = moved
@@ -282,29 +285,31 @@ def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
 
 
 @nb.njit(nogil=True, error_model="numpy")
-def _rare(newton, joins, stepped, measured, rhs, t, x, u, p, f, known, newest, W, kept, trial, x0):
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, trial, x0):
     """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
     if newton:
         kept = _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial)
     if joins:
-        _go_on_from(measured, stepped, rhs, t, x, u, p, f, known, newest, x0)
+        _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
     return kept
 
 
-@nb.njit(_ENDED(*_RUN, types.int64, types.boolean, _matrix), cache=True, nogil=True, error_model="numpy")
+@nb.njit(_ENDED(*_RUN, types.boolean, types.int64, types.boolean, _matrix), cache=True, nogil=True, error_model="numpy")
 def step_pi2(
-    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, corrections, corrected, out
-):
-    """``pi2``: extrapolate f, then `corrections` sweeps, Newton where they are slow; none: Newton at once."""
+    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections, corrected,
+    out,
+):  # fmt: skip
+    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
     m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
     t0, end = start - m * h, m + steps
-    begun, together, knots, parabolas = start_together(
-        rhs, orders, past, slope, gain, u, p, t0, h, end, limit, corrected
+    begun, x0, together, knots, parabolas = start_together(
+        rhs, orders, past, slope, gain, u, p, t0, h, end, limit, corrected, third
     )
     given = max(m, together + 1)  # the first step whose state is not known before
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
-    x0, x, f, before, now = past[0].copy(), past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
+    x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
     last_x, known, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
+    earlier, curve = np.zeros(states), 1.0 if third else 0.0
     W, trial, kept = np.zeros((states, 2 * states)), np.zeros(states), False  # Newton's
     mode = flush_denormals()
     rhs(t0, x, now, p, f)
@@ -324,10 +329,11 @@ def step_pi2(
             for i in range(states):
                 scale[i] = 1 / (SMALL + abs(x[i]))
         _read(u, n, now)
-        for i in range(states):  # predict: f goes on in a straight line
+        for i in range(states):  # predict: f goes on in a straight line, or in a parabola
             known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
-            x[i] = known[i] + newest[i] * (2 * f[i] - before[i]) if n >= given else begun[n, i]
-            before[i] = f[i]
+            bend = curve * (f[i] - 2 * before[i] + earlier[i])
+            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= given else begun[n, i]
+            earlier[i], before[i] = before[i], f[i]
         sweeps = 0 if n < given else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
@@ -341,9 +347,9 @@ def step_pi2(
             break
         rhs(t, x, now, p, f)
         newton = n >= given and (corrections == 0 or _slow(x, last_x, f, known, newest, scale))
-        if newton or n == m:
-            joins, stepped = n == m, n >= given
-            kept = _rare(newton, joins, stepped, past[m], rhs, t, x, now, p, f, known, newest, W, kept, trial, x0)
+        joins = n == m > together
+        if newton or joins:
+            kept = _rare(newton, joins, past[m], rhs, t, x, now, p, f, known, newest, W, kept, trial, x0)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

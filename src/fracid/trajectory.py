@@ -54,8 +54,8 @@ class Trajectory:
         """Give the states at any times between the first and the last (dense output), shape (n_times, n_states).
 
         Through the four nearest samples goes a cubic; within the first eight, where a solution begins like t^q,
-        the function of the same form with 1, t, t^q and t^(1+q).  With every sample stored its error is far below
-        that of the run.
+        the function of the same form with 1, t, t^q and t^(1+q).  With every sample stored its error is below that of
+        the run, but for the first few steps of low orders, where x rises steeply between two samples.
 
         Raises
         ------

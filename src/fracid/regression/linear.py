@@ -503,13 +503,14 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     searched = [n for n, u in shared.items() if u.kind == "order"]
     if not free:
         raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(TERMS)}.")
-    start = {n: v.start if isinstance(v, Free) else float(v) for n, v in problem.parameters.items()}
+    start = problem.parameter_starts
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
     free_response = all(s.drive is None for s in swings) and set(LUMPED) <= set(free)
     known = {"C4": model.parameter("C4").value} if free_response else {}
     late = any(s.in_motion for s in swings)
-    orders = {n: v.start if isinstance(v, Free) and late else v for n, v in problem.orders.items()}
+    at = problem.order_starts  # what is tied too; it is not searched
+    orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}
     found = _regress(swings, model, orders, known, free, estimator, None)
     best = {n: c.value for n, c in found.parameters.items() if c.identified} | {
         n: found.orders[n] for n in searched if not found.search or np.ptp(found.search.interval95[n]) < WIDE
