@@ -116,7 +116,7 @@ def test_the_record_says_its_method_its_block_and_too_few_blocks():
     record = bootstrap(p, x, draws=20).to_json()
     assert record["method"] == "moving-block bootstrap of the residuals, one-step"
     assert record["block"] > 50
-    assert "intervals are too narrow" in record["warning"]
+    assert "the bootstrap's intervals are too narrow" in record["warning"]
     assert list(record["unknowns"]) == ["lambda", "mu"]
     assert bootstrap(p, x, draws=20, block=10).warning == ""
 

@@ -231,7 +231,8 @@ def _show(found: _Profiled, folder: Path, figure: Path, console: Console) -> Non
         table.add_row(*map(escape, shown))
     console.print(table)
     spread = found.record["spread"]
-    for note in (*found.profiles.notes, *(spread["sentences"] if spread else ())):
+    few = () if isinstance(found.bootstrap, str) or not found.bootstrap.warning else (found.bootstrap.warning,)
+    for note in (*found.profiles.notes, *few, *(spread["sentences"] if spread else ())):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
     for name, verdict in found.verdicts.items():
         if verdict.sentence != "identifiable":
