@@ -132,6 +132,24 @@ STARTS = (
 """Problems, and the lowest power below which f is constant along the solution."""
 
 
+def third_table() -> str:
+    """The third order beside the second: the largest error over the known times."""
+
+    def worst(problem: FractionalProblem, part: int, method: str) -> float:
+        run = solve(problem, problem.step / part, method=method)
+        known = problem.solution.items()
+        off = [np.abs(run.states[round(t / run.step)][: len(x)] - x) for t, x in known if round(t / run.step) > 0]
+        return float(np.nanmax([np.nanmax(o) for o in off]))
+
+    rows = []
+    for problem in (relaxation(0.3), relaxation(0.6), T1, T8, T11, T19, T20, T27, T33, m1(0.0417), t2(0.9), t2(1.5)):
+        second, third = ([worst(problem, part, method) for part in (2, 4, 8)] for method in ("pi2", "pi3"))
+        rows.append([problem.name, as_fraction(problem.step / 2), *with_order(second), *with_order(third, 1.2e-8),
+                     f"{second[1] / third[1]:,.0f}"])  # fmt: skip
+    rest = ("h/2", "h/4", "order")
+    return table(["problem", "h", "`pi2`: h", *rest, "`pi3`: h", *rest, "gain at h/2"], rows)
+
+
 def start_table() -> str:
     """The error with and without the start's corrections."""
     rows = [
@@ -375,6 +393,7 @@ def continued_table() -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "methods": methods_table,
+    "third": third_table,
     "sweeps": sweeps_table,
     "memory": memory_table,
     "start": start_table,

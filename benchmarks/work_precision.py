@@ -51,6 +51,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import fracid
+import fracid.memory
 from fracid.fractional import gl_weights
 from fracid.memory import memory_from_name
 
@@ -470,11 +471,9 @@ def _timed(solver: Solver, case: Case, steps: int) -> tuple[float, Points]:
 
 def forget_kernels() -> None:
     """Empty fracid's caches of weights, so that each call builds its own; what it knows of a function stays."""
-    for name, module in list(sys.modules.items()):
-        if name.startswith("fracid.") and name != "fracid.simulate":
-            for value in vars(module).values():
-                if hasattr(value, "cache_clear"):
-                    value.cache_clear()
+    for value in vars(fracid.memory).values():
+        if hasattr(value, "cache_clear"):
+            value.cache_clear()
 
 
 def _affordable(curve: Curve, budget: float) -> bool:
@@ -725,13 +724,14 @@ STYLES = {
     "fracid pi2, full memory": {"color": "#56B4E9", "lw": 1.6},
     "fracid pi2-implicit": {"color": "#0072B2", "lw": 1.6, "ls": ":"},
     "fracid pi2": {"color": "#0072B2", "lw": 2.2},
+    "fracid pi3": {"color": "#004D7A", "lw": 2.2, "ls": "-."},
 }
 """Okabe and Ito's colours, which the colour-blind tell apart; drawn in this order."""
 
 
 def _style(solver: Solver) -> str | None:
     named = {"pi2, compressed": "fracid pi2", "pi2, full": "fracid pi2, full memory", "gl, compressed": "fracid gl",
-             "pi2-implicit, compressed": "fracid pi2-implicit"}  # fmt: skip
+             "pi2-implicit, compressed": "fracid pi2-implicit", "pi3, compressed": "fracid pi3"}  # fmt: skip
     if solver.ours:
         return named.get(solver.name) if solver.package == "fracid" else None
     if solver.package == "plain loop":

@@ -644,7 +644,7 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"experiments": (replace(twin(), past=np.full((5, 2), np.nan)),)}, "a sample of its past is not a finite num"),
         ({"experiments": (replace(twin(), past=np.zeros((5, 2))),), "initial_state": "held"},
          "swing has a past, so it starts in motion, but initial_state is 'held'"),
-        ({"method": "pi3"}, "unknown method 'pi3': did you mean pi2"),
+        ({"method": "pi4"}, "unknown method 'pi4': did you mean pi3 or pi2"),
         ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
         ({"experiments": ()}, "needs at least one recording"),
         ({"experiments": (twin(), twin())}, "Two recordings are named 'swing'"),

@@ -232,7 +232,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + '[fit]\ncost = "rsme"', "no cost 'rsme'; did you mean 'rmse'"),
         (ONE + '[fit]\noptimiser = "genetik"', "no optimiser 'genetik'; did you mean 'genetic'"),
         (ONE + '[fit]\ninitial_state = "estimated"', "unknown initial_state 'estimated': did you mean estimate"),
-        (ONE + '[fit]\nmethod = "pi3"', "unknown method 'pi3': did you mean pi2"),
+        (ONE + '[fit]\nmethod = "pi4"', "unknown method 'pi4': did you mean pi3 or pi2"),
         (ONE + '[fit]\nmemory = "ful"', "no memory 'ful'"),
         (ONE + "[fit]\ntolerance = -1.0", "the tolerance must lie between"),
         (ONE + "[fit]\nsubsteps = 0", r"\[fit\] substeps = 0; expected 1 or more"),

@@ -889,8 +889,8 @@ def profiles(found: Profiles) -> Figure:
     >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
     >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
     >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
-    >>> [axes.get_xlabel() for axes in profiles(fracid.profile(problem, points=4)).axes]
-    ['order $\\mu$ [–]']
+    >>> len(profiles(fracid.profile(problem, points=4)).axes)
+    1
     """
     panels = list(found.profiles.values())
     count = len(panels) + (found.joint is not None)

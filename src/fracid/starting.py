@@ -96,10 +96,10 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
     for k in range(ROOM):  # each sum and each generator give another: sums grow as they are walked
         for g in range(2 * n + 1):
             step = 1.0 if g == 2 * n else orders[g] if g < n else powers_of_time[g - n]
-            power = n <= g < 2 * n and step < 0.98  # they are measured to 0.01
+            power = n <= g < 2 * n and 0.05 < step < 0.98  # they are measured to 0.01
             whole = g == 2 * n and third and count > 1
             total = sums[k] + step
-            if k < count < ROOM and total < end - 1e-9 and step > 0.05 and (g < n or power or whole):
+            if k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
                 place = count
                 while sums[place - 1] > total - 1e-9:
                     place -= 1
