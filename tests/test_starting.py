@@ -155,3 +155,16 @@ def test_corrections_vanish_as_the_order_goes_to_one():
 
     near, at = (solve_fde(oscillator, q, [1.0, 0.0], step=1e-2, end=3.0).states for q in (1 - 1e-9, 1.0))
     np.testing.assert_allclose(near, at, atol=1e-7)
+
+
+@pytest.mark.parametrize("method", ["pi2", "pi3"])
+def test_the_order_of_a_state_that_stands_still_does_not_show_in_the_others(method):
+    def clamped(t, x, u, p, out):
+        out[0], out[1] = x[1], 0.0 * x[2]  # an arm held fast
+        out[2], out[3] = x[3], -40 * np.sin(x[2]) - 0.3 * x[3] + x[0]
+
+    one, other = (
+        solve_fde(clamped, (q, q, 0.9, 0.9), [0.0, 0.0, 0.5, 0.0], step=1e-2, end=2.0, method=method).states
+        for q in (0.5, 0.8)
+    )
+    np.testing.assert_array_equal(one, other)

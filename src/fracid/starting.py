@@ -32,7 +32,8 @@ backward second difference.  That is again a sum over f with weights of its own 
 ``pi3``); what it leaves is :math:`O(h^3)`, and :math:`O(h^4)` at order 1, where it is Adams's and Moulton's rule.  At
 the start δ²f_0 is taken as f_2 − 2f_1 + f_0, so that parabolas are integrated exactly, and the exponents go up to 2.
 
-**Which exponents.**  Sums of the orders of all states, and the power with which f depends on t itself,
+**Which exponents.**  Sums of the orders of all states that move from the start on, and the power with which f
+depends on t itself,
 measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a fractional derivative, which makes
 :math:`D^q x` begin like :math:`t^{1-q}`); of these the :data:`MOST` smallest below 1 that are :data:`APART`,
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
@@ -92,12 +93,12 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
     """
     end, count = (2.0 if third else 1.0), 1
     sums = np.zeros(ROOM)  # in ascending order, the first `count` of them, beginning with the empty one
-    n = len(orders)
+    n, powers = len(orders), len(powers_of_time)
     for k in range(ROOM):  # each sum and each generator give another: sums grow as they are walked
-        for g in range(2 * n + 1):
-            step = 1.0 if g == 2 * n else orders[g] if g < n else powers_of_time[g - n]
-            power = n <= g < 2 * n and 0.05 < step < 0.98  # they are measured to 0.01
-            whole = g == 2 * n and third and count > 1
+        for g in range(n + powers + 1):
+            step = 1.0 if g == n + powers else orders[g] if g < n else powers_of_time[g - n]
+            power = n <= g < n + powers and 0.05 < step < 0.98  # they are measured to 0.01
+            whole = g == n + powers and third and count > 1
             total = sums[k] + step
             if k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
                 place = count
@@ -246,7 +247,8 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
     if not (corrected or third):
         return plain
     powers = _powers_of_time(rhs, past[0], slope, u, p, t0, h) if corrected else np.zeros(states)
-    sigma = exponents(orders, powers, third) if corrected else np.zeros(0)
+    moving = _orders_that_move(rhs, orders, past[0], gain, u, p, t0, powers)
+    sigma = exponents(moving, powers, third) if corrected else np.zeros(0)
     s = max(len(sigma), 2) if third else len(sigma)
     if s == 0 or (steps < s and len(u) > 1):  # no inputs are known beyond the end
         return plain
@@ -307,6 +309,27 @@ def _powers_of_time(rhs, x0, slope, u, p, t0, h):
         if once > 1e-11 * abs(f[0, i]) and twice > once:
             powers[i] = math.log2(twice / once)
     return powers
+
+
+@_helper
+def _orders_that_move(rhs, orders, x0, gain, u, p, t0, powers):
+    """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
+    states, f, later, A = len(orders), np.zeros(len(orders)), np.zeros(len(orders)), _jacobian(rhs, x0, gain, u, p, t0)
+    rhs(t0, x0.copy(), u[0].copy(), p, f)
+    rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), p, later)
+    moves = np.zeros(states, np.bool_)
+    for i in range(states):
+        moves[i] = f[i] != 0.0 or later[i] != 0.0 or powers[i] > 0.0
+    for _ in range(states):
+        for i in range(states):
+            for c in range(states):
+                moves[i] = moves[i] or (moves[c] and A[i, c] != 0.0)
+    moving, count = np.zeros(states), 0
+    for i in range(states):
+        if moves[i]:
+            moving[count] = orders[i]
+            count += 1
+    return moving[:count].copy()
 
 
 @_helper
