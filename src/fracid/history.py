@@ -229,19 +229,6 @@ def _add(_, total, x, y):
     return _eight(_eight, _eight, _eight), emit
 
 
-@intrinsic
-def unlikely(_, condition):
-    """The condition, and word to the compiler that it rarely holds: what follows must not cost the rest registers."""
-
-    def emit(context, builder, signature, args):
-        bit = ir.IntType(1)
-        kind = ir.FunctionType(bit, [bit, bit])
-        expect = builder.module.globals.get("llvm.expect.i1") or ir.Function(builder.module, kind, "llvm.expect.i1")
-        return builder.call(expect, [args[0], ir.Constant(bit, 0)])
-
-    return types.boolean(types.boolean), emit
-
-
 # --- denormal numbers ------------------------------------------------------------------------------
 
 _X86 = platform.machine().lower() in ("x86_64", "amd64")

@@ -180,12 +180,11 @@ def solve_fde(
     >>> bool(abs(on.states - run.states[500:]).max() < 1e-14)
     True
     """
-    task = _task(
+    return _solve(
         rhs, orders, initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters, method=method,
         memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected, history=history, every=every,
         times=times, bounds=bounds, limit=limit,
     )  # fmt: skip
-    return task()
 
 
 def simulate(
@@ -233,7 +232,7 @@ def simulate(
     values = model.parameter_vector(parameters)
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
-    task = _task(
+    return _solve(
         model.rhs,
         model.state_orders(orders) if isinstance(orders, Mapping) else orders,
         _named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
@@ -241,7 +240,6 @@ def simulate(
         bounds=_named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
         size=(len(model.states), len(model.inputs)), **options,
     )  # fmt: skip
-    return task()
 
 
 def _named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
@@ -258,7 +256,7 @@ def time_scale(model: Model, values: FloatArray) -> float:
     return float(values[names.index("time_scale")]) if "time_scale" in names else 1.0
 
 
-def _task(
+def _solve(
     rhs: RightHandSide,
     orders: ArrayLike,
     initial: ArrayLike,
@@ -280,8 +278,8 @@ def _task(
     limit: float = 1e100,
     time_scale: float = 1.0,
     size: tuple[int, int] | None = None,
-) -> Callable[[], Trajectory]:
-    """Check everything, and give the run that is ready to go: it needs no lock and raises only what `rhs` raises."""
+) -> Trajectory:
+    """Check everything, then run."""
     states, n_inputs = size or (None, None)
     x0, slope, q = _initial_and_orders(initial, orders, states)
     past = _history(history, x0)
@@ -297,20 +295,15 @@ def _task(
     if method == "gl-paper" and np.any(x0 != 0):
         warnings.warn("gl-paper sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and the "
                       "result does not converge. Type method='pi2' for the Caputo solution.",
-                      PaperSchemeWarning, stacklevel=4)  # fmt: skip
-    compiled = compile_rhs(rhs)
-
-    def run() -> Trajectory:
-        trajectory = integrate(
-            compiled, q, x0, slope, u, p, h, steps, chosen, kept, corrections=corrections, corrected=corrected,
-            limit=limit, name=method, start=start, history=past, every=every, bounds=box, time_scale=time_scale,
-        )  # fmt: skip
-        if wanted is None:
-            return trajectory
-        within = wanted[wanted <= trajectory.time[-1] + 1e-9 * h]
-        return replace(trajectory, time=within, states=trajectory.at(within))
-
-    return run
+                      PaperSchemeWarning, stacklevel=3)  # fmt: skip
+    trajectory = integrate(
+        compile_rhs(rhs), q, x0, slope, u, p, h, steps, chosen, kept, corrections=corrections, corrected=corrected,
+        limit=limit, name=method, start=start, history=past, every=every, bounds=box, time_scale=time_scale,
+    )  # fmt: skip
+    if wanted is None:
+        return trajectory
+    within = wanted[wanted <= trajectory.time[-1] + 1e-9 * h]
+    return replace(trajectory, time=within, states=trajectory.at(within))
 
 
 def integrate(
@@ -409,7 +402,7 @@ def _steps(step: float, start: float, end: float, exact: bool) -> tuple[float, i
     steps = math.ceil(duration / step)
     shortened = duration / steps
     warnings.warn(f"end = {end:g} is not a whole number of steps of {step:g}; the step is shortened to "
-                  f"{shortened:.12g}.", StepWarning, stacklevel=5)  # fmt: skip
+                  f"{shortened:.12g}.", StepWarning, stacklevel=4)  # fmt: skip
     return shortened, steps
 
 

@@ -246,9 +246,10 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
     plain = past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3))
     if not (corrected or third):
         return plain
-    powers = _powers_of_time(rhs, past[0], slope, u, p, t0, h) if corrected else np.zeros(states)
-    moving = _orders_that_move(rhs, orders, past[0], gain, u, p, t0, powers)
-    sigma = exponents(moving, powers, third) if corrected else np.zeros(0)
+    sigma, A = np.zeros(0), _jacobian(rhs, past[0], gain, u, p, t0)
+    if corrected:
+        powers = _powers_of_time(rhs, past[0], slope, u, p, t0, h)
+        sigma = exponents(_orders_that_move(rhs, orders, past[0], A, u, p, t0, powers), powers, third)
     s = max(len(sigma), 2) if third else len(sigma)
     if s == 0 or (steps < s and len(u) > 1):  # no inputs are known beyond the end
         return plain
@@ -268,7 +269,7 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
     x, f = np.zeros((max(m, s) + 1, states)), np.zeros((s + 1, states))
     x[: m + 1], x[m + 1 :] = past, past[m]
     base = past[0].copy()
-    if not _solve_together(rhs, x, f, M, m, base, slope, gain, u, p, t0, h, limit):
+    if not _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
         return plain
     C = np.zeros((states, len(knots)))
     for i in range(states):
@@ -312,9 +313,9 @@ def _powers_of_time(rhs, x0, slope, u, p, t0, h):
 
 
 @_helper
-def _orders_that_move(rhs, orders, x0, gain, u, p, t0, powers):
+def _orders_that_move(rhs, orders, x0, A, u, p, t0, powers):
     """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
-    states, f, later, A = len(orders), np.zeros(len(orders)), np.zeros(len(orders)), _jacobian(rhs, x0, gain, u, p, t0)
+    states, f, later = len(orders), np.zeros(len(orders)), np.zeros(len(orders))
     rhs(t0, x0.copy(), u[0].copy(), p, f)
     rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), p, later)
     moves = np.zeros(states, np.bool_)
@@ -376,10 +377,10 @@ def _starting_weights(q, E, fit, third):
 
 
 @_helper
-def _solve_together(rhs, x, f, M, m, base, slope, gain, u, p, t0, h, limit):
+def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
     """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles."""
     s, states = len(f) - 1, len(slope)
-    now, A = u[0].copy(), _jacobian(rhs, x[0].copy(), gain, u, p, t0)
+    now = u[0].copy()
     if not _spectral_radius(A) <= 1.0:
         return False
     size = s * states
