@@ -18,6 +18,7 @@ from statistics import median
 
 import numba as nb
 import numpy as np
+import plain
 
 import fracid
 from fracid.costs import COSTS
@@ -55,7 +56,8 @@ class Run:
 
     def plain(self, orders: np.ndarray, loop: Callable) -> np.ndarray:
         weights = np.array([gl_weights(q, STEPS + 1) for q in orders])
-        return loop(self.rhs, START, STEP**orders, weights[:, ::-1].copy(), self.u[0], self.p, STEPS)
+        reversed_weights, slope = weights[:, ::-1].copy(), np.zeros(len(START))
+        return loop(self.rhs, START, slope, STEP**orders, reversed_weights, self.u[0], self.p, STEP, STEPS)
 
 
 @nb.njit(nogil=True, error_model="numpy")
@@ -80,26 +82,6 @@ def euler(rhs, x0, u, p, out):
         for i in range(len(x)):
             x[i] += STEP * f[i]
 
-
-def plain_gl(rhs, x0, gain, reversed_weights, u, p, steps):
-    """The GL scheme with all its history, as one writes it: two loops and a dot product."""
-    v, out = np.zeros((len(x0), steps + 1)), np.zeros((steps + 1, len(x0)))
-    x, f = x0.copy(), np.zeros(len(x0))
-    out[0] = x0
-    for n in range(1, steps + 1):
-        rhs((n - 1) * STEP, x, u, p, f)
-        for i in range(len(x0)):
-            w, past = reversed_weights[i, steps - n : steps], v[i, :n]
-            total = 0.0
-            for k in range(n):
-                total += w[k] * past[k]
-            v[i, n] = gain[i] * f[i] - total
-            x[i] = out[n, i] = x0[i] + v[i, n]
-    return out
-
-
-plain_gl_in_order = nb.njit(nogil=True, error_model="numpy")(plain_gl)
-plain_gl = nb.njit(nogil=True, error_model="numpy", fastmath=True)(plain_gl)  # several sums at once
 
 # --- measuring -------------------------------------------------------------------------------------
 
@@ -160,13 +142,16 @@ def against_the_right_hand_side(name: str, run: Run) -> None:
 
 def against_full_memory(name: str, run: Run) -> None:
     print(f"\nCompressed against full memory, {name}")
-    short, in_order, plain = times_of(
-        lambda: run("gl"), lambda: run.plain(ORDERS, plain_gl_in_order), lambda: run.plain(ORDERS, plain_gl), repeat=5
-    )
+    loops = [lambda loop=loop: run.plain(ORDERS, loop) for loop in (plain.in_order, plain.reordered)]
+    short, in_order, reordered = times_of(lambda: run("gl"), *loops, repeat=5)
     row("gl: plain compiled loop over all the past / compressed", f"{in_order / short:.0f} x", ">= 100 x",
         in_order >= 100 * short)  # fmt: skip
-    row("gl: the same, its sums reordered for vector registers / compressed", f"{plain / short:.0f} x")
-    check("gl: difference of the trajectories", difference(run.plain(ORDERS, plain_gl), run("gl", orders=ORDERS)), 1e-9)
+    row("gl: the same, its sums reordered for vector registers / compressed", f"{reordered / short:.0f} x")
+    check(
+        "gl: difference of the trajectories",
+        difference(run.plain(ORDERS, plain.reordered), run("gl", orders=ORDERS)),
+        1e-9,
+    )
     for method in EVALUATIONS:
         kept, whole = times_of(lambda m=method: run(m), lambda m=method: run(m, full()), repeat=5)
         row(f"{method}: fracid's own full memory, 8 steps at a time / compressed", f"{whole / kept:.0f} x")

@@ -48,6 +48,7 @@ from statistics import median
 
 import numba as nb
 import numpy as np
+import plain
 from scipy.interpolate import CubicSpline
 
 import fracid
@@ -267,29 +268,11 @@ def _whole(run: fracid.Trajectory, steps: int) -> Points:
     return (run.time, run.states) if len(run.time) == steps + 1 else (np.linspace(0, 1, 2), np.full((2, 99), np.nan))
 
 
-@nb.njit(nogil=True, error_model="numpy", fastmath=True)
-def plain_loop(rhs, x0, slope, gain, reversed_weights, p, h, steps):
-    """The GL scheme with all its history, as one writes it: two loops and a dot product."""
-    v, out = np.zeros((len(x0), steps + 1)), np.zeros((steps + 1, len(x0)))
-    x, f, u = x0.copy(), np.zeros(len(x0)), np.zeros(0)
-    out[0] = x0
-    for n in range(1, steps + 1):
-        rhs((n - 1) * h, x, u, p, f)
-        for i in range(len(x0)):
-            w, past = reversed_weights[i, steps - n : steps], v[i, :n]
-            total = 0.0
-            for k in range(n):
-                total += w[k] * past[k]
-            v[i, n] = gain[i] * f[i] - total
-            x[i] = out[n, i] = x0[i] + slope[i] * n * h + v[i, n]
-    return out
-
-
 def plain_gl(case: Case, steps: int) -> Points:
     h = case.end / steps
     of = {q: gl_weights(q, steps + 1)[::-1] for q in set(case.orders.tolist())}
     weights = np.array([of[q] for q in case.orders.tolist()])
-    out = plain_loop(case.compiled, case.x0, case.slope, h**case.orders, weights, case.p, h, steps)
+    out = plain.reordered(case.compiled, case.x0, case.slope, h**case.orders, weights, np.zeros(0), case.p, h, steps)
     return np.arange(steps + 1) * h, out
 
 
