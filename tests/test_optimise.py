@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from fracid.optimise import (
 )
 from fracid.optimise.base import at_least
 from fracid.optimise.genetic import _all_but_the_best_die
+from fracid.optimise.least_squares import sizes
 
 SPACE = Space(("lambda", "mu"), np.full(2, 0.5), np.full(2, 1.2), np.full(2, 1.0))
 TRUTH = np.array([0.8623, 0.9146])
@@ -573,3 +575,11 @@ def test_multistart_begins_at_the_start_and_makes_as_many_as_asked(starts):
     trail, _ = recorded("multistart", squares(lambda x: None), starts=starts)
     assert trail[0].point.tolist() == SPACE.start.tolist()
     assert len({tuple(e.point) for e in trail}) == starts
+
+
+def test_a_scale_takes_the_place_of_what_start_and_bounds_tell():
+    space = Space(("a", "b"), np.zeros(2), np.ones(2), np.array([0.0, 0.5]))
+    assert sizes(space).tolist() == [0.01, 0.5]
+    assert sizes(replace(space, scale=np.array([1e-4, np.nan]))).tolist() == [1e-4, 0.5]
+    with pytest.raises(InputError, match=r"A space of 2 unknowns got an array of shape \(1,\)"):
+        replace(space, scale=np.ones(1))

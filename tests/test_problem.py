@@ -495,6 +495,16 @@ def test_a_prior_holds_what_the_data_do_not_see():
     assert found.x == pytest.approx([1.1 * value[n] for n in found.problem.names], rel=0.02)
 
 
+def test_a_scale_is_handed_to_the_search():
+    p = problem(orders={"lambda": 0.9, "mu": Free(1.0, 0.5, 1.2)},
+                parameters={"coulomb_theta": Free(0.0, 0.0, 1.0, scale=1e-4)})  # fmt: skip
+    assert problem().space.scale is None
+    assert np.isnan(p.space.scale[0])
+    assert p.space.scale[1] == 1e-4
+    with pytest.raises(InputError, match="scale = 0; expected the value's typical size, a number above 0"):
+        Free(0.0, 0.0, 1.0, scale=0.0)
+
+
 def test_a_start_that_the_prior_excludes_is_refused():
     with pytest.raises(InputError, match=r"start = 1 lies 10 standard deviations .* type start = 0\.9"):
         Free(1.0, 0.5, 1.2, Prior(0.9, 0.01))

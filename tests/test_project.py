@@ -79,10 +79,11 @@ def test_a_name_or_a_tie_ties(project, tie):
 
 def test_priors_and_weights(project):
     p = project(
-        "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 4.2e-3, sd = 1e-4 } }\n"
+        "[model.parameters]\nC1 = { start = 4e-3, lower = 1e-3, upper = 1e-2, prior = { mean = 4.2e-3, sd = 1e-4 }, "
+        "scale = 2e-3 }\n"
         + BOTH + 'weight = 2.5\n[fit]\nweights = "noise"\n'
     ).problem  # fmt: skip
-    assert p.parameters["C1"] == Free(4e-3, 1e-3, 1e-2, Prior(4.2e-3, 1e-4))
+    assert p.parameters["C1"] == Free(4e-3, 1e-3, 1e-2, Prior(4.2e-3, 1e-4), 2e-3)
     assert p.experiments[0].weight == 2.5
     assert p.weights == "noise"
 

@@ -139,8 +139,8 @@ class Prior:
 class Free:
     """A value to be found: where the search starts and between which bounds.
 
-    They are its scale too: least squares takes the start, or a hundredth of the range where that is more, for its
-    typical size, and searches without a start take the range.
+    Where no scale is given, they tell it: least squares takes the start, or a hundredth of the range where that is
+    more, for its typical size.
     """
 
     start: float
@@ -148,6 +148,8 @@ class Free:
     upper: float
     prior: Prior | None = None
     """None: every value between the bounds is as likely as any other."""
+    scale: float | None = None
+    """Its typical size, by which a search measures steps; None: see above."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""
@@ -156,6 +158,8 @@ class Free:
                 f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
                 "expected lower <= start <= upper and lower < upper."
             )
+        if self.scale is not None and not 0 < self.scale < math.inf:
+            raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
             raise InputError(
                 f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "
@@ -566,7 +570,8 @@ class Problem:
     def space(self) -> Space:
         """The unknowns with their bounds, for an optimiser."""
         lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
-        return Space(self.names, lower, upper, self.start)
+        scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
+        return Space(self.names, lower, upper, self.start, None if np.all(np.isnan(scale)) else scale)
 
     # --- from x to trajectories --------------------------------------------------------------------
 

@@ -15,7 +15,8 @@
                lower = 0.6, upper = 1.2 }        cost  = "rmse"
     mu = 1.0                                     initial_state = "estimate"
 
-Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand.
+Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
+and ``scale``, its typical size.
 A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
 in ``[fit]`` outputs count by their residual's level.  With ``history = "measured"``, there or in a recording, its
 samples before ``from`` enter the memory.  :mod:`fracid.problem` has the formulas.
@@ -85,6 +86,7 @@ class _Range(_Table):
     lower: float
     upper: float
     prior: _Prior | None = None
+    scale: float | None = None
 
 
 def _untied(said: Any) -> Any:
@@ -350,7 +352,7 @@ def _value(name: str, said: float | _Range | str | Free) -> Value:
         return said
     try:
         prior = None if said.prior is None else Prior(said.prior.mean, said.prior.sd)
-        return Free(said.start, said.lower, said.upper, prior)
+        return Free(said.start, said.lower, said.upper, prior, said.scale)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 

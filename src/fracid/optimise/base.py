@@ -83,10 +83,12 @@ class Space:
     """Shape (n,); inf where there is no bound."""
     start: FloatArray
     """Shape (n,)."""
+    scale: FloatArray | None = None
+    """Typical sizes, shape (n,), NaN where the start and the bounds are to tell; None for all."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that are none or do not hold the start."""
-        for side in (self.lower, self.upper, self.start):
+        for side in (self.lower, self.upper, self.start, *([] if self.scale is None else [self.scale])):
             if np.shape(side) != (len(self.names),):
                 raise InputError(f"A space of {len(self.names)} unknowns got an array of shape {np.shape(side)}.")
         for name, low, x, high in zip(self.names, self.lower, self.start, self.upper, strict=True):

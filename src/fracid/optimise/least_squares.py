@@ -110,10 +110,11 @@ def least_squares(
 
 
 def sizes(space: Space) -> FloatArray:
-    """Give the size of each unknown: of its start, but a hundredth of its range at least and all of it at most."""
+    """Give the size of each unknown: its scale; else its start, a hundredth of its range at least and all at most."""
     width = space.upper - space.lower
     floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
-    return np.minimum(np.maximum(np.abs(space.start), floor), width)
+    found = np.minimum(np.maximum(np.abs(space.start), floor), width)
+    return found if space.scale is None else np.where(np.isnan(space.scale), found, space.scale)
 
 
 def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
