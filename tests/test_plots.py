@@ -18,17 +18,10 @@ from scipy import stats
 
 from fracid.errors import InputError
 from fracid.identify import RecordingFit
-from fracid.plots import (
-    BINS,
-    _fast_part,
-    _normal_quantiles,
-    _outline,
-    cost_plane,
-    fitted_over_time,
-    recording_overview,
-    residual_plots,
-    save,
-)
+from fracid.plots import cost_plane, fitted_over_time, recording_overview, residual_plots, save
+from fracid.plots.fitted import _fast_part
+from fracid.plots.look import BINS, outline
+from fracid.plots.residuals import _normal_quantiles
 from fracid.recording import Recording
 
 ENCODER = 2 * np.pi / 4096
@@ -239,7 +232,7 @@ def test_an_unknown_output_is_refused_with_those_there_are():
 
 @given(hnp.arrays(float, st.integers(1, 12_000), elements=st.floats(-1e3, 1e3), fill=st.floats(-1, 1)))
 def test_an_outline_keeps_ends_and_extremes_in_order(y):
-    shown = _outline(y)
+    shown = outline(y)
     assert shown[0] == 0
     assert shown[-1] == y.size - 1
     assert np.all(np.diff(shown) > 0)
@@ -250,7 +243,7 @@ def test_an_outline_keeps_ends_and_extremes_in_order(y):
 def test_an_outline_keeps_gaps_and_the_values_beside_them():
     y = np.sin(np.arange(20_000) / 100)
     y[8000:12_000] = np.nan
-    shown = _outline(y)
+    shown = outline(y)
     assert np.isnan(y[shown]).any()
     known = shown[np.isfinite(y[shown])]
     assert not np.any((known >= 8000) & (known < 12_000))

@@ -1,0 +1,131 @@
+"""The paper's Figure 2: measured and fitted, close up where it is fast, the residual below."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.plots import look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.identify import RecordingFit
+
+__all__ = ["fitted_over_time"]
+
+FloatArray = NDArray[np.float64]
+
+SWINGS = 6
+"""That a close-up shows."""
+
+
+def fitted_over_time(
+    recording: RecordingFit, *, zero: str = "hanging", resolution: Mapping[str, float | None] | None = None
+) -> Figure:
+    """Draw the paper's Figure 2: measured and fitted over time, the residual in a strip below.
+
+    Parameters
+    ----------
+    recording : RecordingFit
+        One of ``fit.recordings``; values that are not finite are shown as missing.
+    zero : str
+        Where the pendulum angle is zero: the model's ``zero``; "" where that has no meaning.
+    resolution : mapping, optional
+        Output → step of its encoder [rad], None where unknown; drawn as a band one step high.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel and a strip per output; where the whole shows no single swing, beside them the
+        six swings with the fastest motion.
+
+    Examples
+    --------
+    >>> from fracid.identify import RecordingFit
+    >>> t = np.arange(0, 20, 1e-3)
+    >>> swing = np.exp(-0.2 * t) * np.cos(7 * t)
+    >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing}, {"alpha": 0.98 * swing}, 0.01, {}, {})
+    >>> [axes.get_title(loc="left") for axes in fitted_over_time(twin).axes][0]
+    '$\\\\alpha$: fit 98.0 %, RMSE 0.287°'
+    """
+    outputs, time = tuple(recording.measured), recording.time
+    steps = {n: look.encoder_step(resolution, n) for n in outputs}
+    spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
+    figure = look.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs))
+    shape = {"height_ratios": [3, 1] * len(outputs), "width_ratios": (2, 1.3)[: len(spans)]}
+    grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col", gridspec_kw=shape)
+    for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
+        for panel, strip, span in zip(panels, strips, spans, strict=True):
+            _measured_and_fitted(panel, recording, name, span)
+            _residual_strip(strip, recording, name, span, steps[name])
+        look.title(panels[0], f"{look.symbol(name)}: {look.goodness(recording, name, steps[name])}", loc="left")
+        panels[0].set_ylabel(
+            f"{look.symbol(name)} [°]" + (f"\n0 = {look.plain(zero)}" if name == "alpha" and zero else "")
+        )
+        strips[0].set_ylabel("residual\n[°]")
+        if len(spans) > 1:
+            first, last = time[spans[1]][[0, -1]]
+            panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
+            look.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    look.finish(figure, f"{look.plain(recording.name)}, {_role(recording)}")
+    return figure
+
+
+def _role(recording: RecordingFit) -> str:
+    if recording.use == "validate":
+        return "validation: not fitted; at most its initial state and its own parameters were found again"
+    return "measured and fitted"
+
+
+def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
+    time = recording.time[span]
+    measured, fitted = np.degrees(recording.measured[name][span]), np.degrees(recording.fitted[name][span])
+    look.line(axes, time, measured, label="measured", **look.MEASURED)
+    look.line(axes, time, fitted, label="fitted", **look.FITTED)
+    if not np.isfinite(fitted).any():
+        look.note(axes, "the simulation failed: no fitted values", 0.85)
+        return
+    # A simulation that runs away would press the measurement into a straight line.
+    low, high = look.extent(measured)
+    reach = 1.5 * (high - low)
+    least, greatest = look.extent(fitted)
+    if reach > 0 and (least < low - 2 * reach or greatest > high + 2 * reach):
+        axes.set_ylim(low - reach, high + reach)
+        look.note(axes, f"fitted leaves the picture: {least:.3g}° to {greatest:.3g}°".replace("-", "−"), 0.93)
+
+
+def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
+    residual = np.degrees(recording.residual(name)[span])
+    if not np.isfinite(residual).any():
+        look.note(axes, "no residual")
+        axes.set_yticks([])
+        return
+    axes.axhline(0, color="0.6", lw=0.8)
+    look.encoder_band(axes, step)
+    look.line(axes, recording.time[span], residual, label="residual (measured − fitted)", **look.RESIDUAL)
+
+
+def _fast_part(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[slice, ...]:
+    """Return the span of some swings where the motion is fastest; none where the whole shows it as well."""
+    x = np.array([y - y.mean() for y in signals.values()])
+    moving = x[np.ptp(x, axis=1) > 0.1 * np.ptp(x, axis=1).max()]  # what only jitters has no swings
+    if time.size < 100 or not moving.size or not np.isfinite(x).all():
+        return ()
+    swings = int(np.abs(np.fft.rfft(moving, axis=1))[:, 1:].argmax(axis=1).max()) + 1
+    length = max(SWINGS * time.size // swings, 50)
+    if 2 * length > time.size:
+        return ()
+    # Speed over a tenth of a swing: an encoder's single counts are faster than any motion.
+    lag = max(length // (10 * SWINGS), 1)
+    speed2 = ((moving[:, lag:] - moving[:, :-lag]) ** 2).sum(axis=0)
+    total = np.concatenate([[0.0], np.cumsum(speed2)])
+    windows = total[length - lag :] - total[: total.size - length + lag]
+    start = int(np.argmax(windows >= (1 - 1e-9) * windows.max()))  # the first, whatever the rounding
+    return (slice(start, start + length),)

@@ -1,0 +1,207 @@
+"""What all figures share: colours, sizes, axes, units, the band of an encoder's step.
+
+References
+----------
+.. [Okabe2008] Color Universal Design, https://jfly.uni-koeln.de/color/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.identify import RecordingFit
+
+FloatArray = NDArray[np.float64]
+
+BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
+INK = "0.25"
+
+MEASURED: dict[str, Any] = {"color": "0.68", "lw": 2.6, "solid_capstyle": "round"}
+FITTED: dict[str, Any] = {"color": BLUE, "lw": 0.9}
+RESIDUAL: dict[str, Any] = {"color": "0.4", "lw": 0.6}
+
+SMALL, MEDIUM, LARGE = 8, 9.5, 11
+"""Sizes of text [pt]: ticks and legends, labels and titles, the figure's title."""
+
+BINS = 900
+"""Bins of a line; each shows two samples."""
+
+CLOUD = 1500
+"""Points from which on a scatter is rasterised."""
+
+SHOWN_UNITS = {"rad": ("°", 180 / np.pi), "rad/s": ("°/s", 180 / np.pi)}
+"""Unit of a signal: how it is shown, and the factor to it."""
+
+COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
+"""Of :data:`fracid.costs.COSTS`; a user's own cost has none that we know."""
+
+MARKS: dict[str, dict[str, Any]] = {
+    "best": {
+        "marker": "*",
+        "ms": 15,
+        "mfc": VERMILLION,
+        "mec": "black",
+        "mew": 0.8,
+        "zorder": 5,
+        "clip_on": False,
+    },
+    "true": {"marker": "+", "ms": 20, "mec": "black", "mew": 1.5, "zorder": 6, "clip_on": False},
+    "tried": {"marker": "o", "ms": 2.5, "mfc": "white", "mec": "black", "mew": 0.4, "zorder": 3},
+}
+"""Told apart by shape as well as by colour."""
+
+SYMBOLS = {"theta": r"$\theta$", "alpha": r"$\alpha$", "lambda": r"$\lambda$", "mu": r"$\mu$"}
+
+
+def new(width: float, height: float) -> Figure:
+    """An empty figure of that size [inch]."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def finish(figure: Figure, title: str, *, grid: bool = True) -> None:
+    """Give all panels one look, and the figure its title and one legend for all."""
+    legend: dict[str, Any] = {}
+    for axes in figure.axes:
+        if axes.get_label() != "<colorbar>":
+            _dress(axes, grid)
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                legend.setdefault(label, handle)
+    if legend:
+        widths = [0.6 + 0.07 * len(label.replace("$", "")) for label in legend]  # [inch], about
+        row = figure.get_figwidth()
+        columns = len(legend) if sum(widths) < row else max(1, int(row / max(widths)))
+        figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns,
+                      fontsize=SMALL, frameon=False)  # fmt: skip
+    figure.suptitle(title, fontsize=LARGE, wrap=True)
+
+
+def _dress(axes: Axes, grid: bool) -> None:
+    axes.spines[["top", "right"]].set_visible(not grid)
+    axes.tick_params(labelsize=SMALL)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set_fontsize(MEDIUM)
+    if grid:
+        axes.grid(alpha=0.25, lw=0.6)
+        axes.set_axisbelow(True)
+        if axes.get_autoscalex_on():
+            axes.margins(x=0.02)
+
+
+def title(axes: Axes, text: str, loc: Literal["left", "center"] = "center") -> None:
+    """Write above a panel."""
+    axes.set_title(text, fontsize=MEDIUM, loc=loc)
+
+
+def label(axes: Axes, heading: str, x: str, y: str) -> None:
+    """Title a panel and its two axes."""
+    title(axes, heading)
+    axes.locator_params(axis="x", nbins=6)
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
+    """Draw samples as a line; few as dots too."""
+    dots: dict[str, Any] = {"marker": "o", "ms": 3} if y.size <= 100 else {}
+    shown = outline(y)
+    axes.plot(time[shown], y[shown], **dots, **style)
+
+
+def outline(y: FloatArray) -> NDArray[np.intp]:
+    """Return indices of the samples that draw the same line: least and greatest of each bin, first and last."""
+    size = -(-y.size // BINS)
+    if size <= 2:
+        return np.arange(y.size)
+    padded = np.append(y, np.full(-y.size % size, np.nan)).reshape(-1, size)
+    known = np.isfinite(padded)  # a bin without any keeps its first: a gap in the line
+    extremes = (np.where(known, padded, np.inf).argmin(axis=1), np.where(known, padded, -np.inf).argmax(axis=1))
+    offset = size * np.arange(len(padded))
+    return np.unique(np.concatenate([[0, y.size - 1], *(offset + at for at in extremes)]))
+
+
+def encoder_band(axes: Axes, step: float | None, *, upright: bool = False) -> None:
+    """Shade where an error of the encoder alone would lie; its edges lie over the residual, which would hide them."""
+    if step:
+        half = np.degrees(step) / 2
+        span, line = (axes.axvspan, axes.axvline) if upright else (axes.axhspan, axes.axhline)
+        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=f"one encoder step, {2 * half:.3g}°")
+        for edge in (-half, half):
+            line(edge, color=ORANGE, lw=0.8, zorder=3)
+
+
+def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
+    """The step of a signal's encoder, None where it has none or none is known."""
+    step = (resolution or {}).get(name)
+    return step if step is not None and 0 < step < np.inf else None
+
+
+def note(axes: Axes, text: str, height: float = 0.5) -> None:
+    """Write across a panel."""
+    axes.text(0.5, height, text, transform=axes.transAxes, ha="center", va="center", fontsize=MEDIUM,
+              bbox={"fc": "white", "ec": "0.7", "boxstyle": "round"})  # fmt: skip
+
+
+def corner(axes: Axes, text: str) -> None:
+    """Write small into the upper right corner."""
+    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
+
+
+def extent(x: FloatArray) -> tuple[float, float]:
+    """Least and greatest of the finite values; two zeros where there are none."""
+    known = x[np.isfinite(x)]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+
+
+def degrees(angle: float) -> str:
+    """An angle as a text."""
+    return f"{np.degrees(angle):.3g}°"
+
+
+def number(value: float, digits: int) -> str:
+    """A number with a true minus."""
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def symbol(name: str) -> str:
+    """The letter of a signal or an order."""
+    return SYMBOLS.get(name, plain(name))
+
+
+def plain(text: str, length: int = 60) -> str:
+    """Return a user's words as matplotlib can show them: on one line, no formulas, only glyphs of the font."""
+    from matplotlib.font_manager import findfont, get_font
+
+    glyphs = get_font(findfont("DejaVu Sans")).get_charmap()
+    line = "".join(c if ord(c) in glyphs else "□" for c in " ".join(str(text).split()))
+    return (line if len(line) <= length else line[: length - 1] + "…").replace("$", r"\$")
+
+
+def cost_label(name: str) -> tuple[str, str]:
+    """Name and unit of a cost, as shown; no unit for one that is not ours."""
+    return (name.upper(), f"[{COST_UNITS[name]}]") if name in COST_UNITS else (plain(name), "")
+
+
+def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
+    """Fit and RMSE in words, or why there are none."""
+    missing = np.count_nonzero(~np.isfinite(recording.residual(name)))
+    if missing:
+        return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
+    rmse, percent = recording.rmse[name], recording.fit_percent[name]
+    if np.ptp(recording.measured[name]) == 0:
+        fit = "fit undefined (constant signal)"
+    else:
+        fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
+    counts = rmse / step if step else np.inf
+    return f"{fit}, RMSE {degrees(rmse)}" + (
+        f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
+    )

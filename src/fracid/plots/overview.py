@@ -1,0 +1,84 @@
+"""A recording: each signal whole, and close up about its release."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.plots import look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.recording import Recording
+
+__all__ = ["recording_overview"]
+
+FloatArray = NDArray[np.float64]
+
+
+def recording_overview(recording: Recording) -> Figure:
+    """Draw a recording: each signal whole (left) and about its release, or its start (right).
+
+    Parameters
+    ----------
+    recording : Recording
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Angles in degrees; gaps and missing samples shaded, the release and the rest value as lines.
+
+    Examples
+    --------
+    >>> from fracid.recording import Recording
+    >>> t = np.linspace(0, 10, 501)
+    >>> twin = Recording.of("twin", t, {"theta": 0 * t, "alpha": np.cos(6 * t)})
+    >>> len(recording_overview(twin).axes)
+    4
+    """
+    count = len(recording.signals)
+    figure = look.new(11, 1.2 + 2.0 * count)
+    grid = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2, 1))
+    near = _about_release(recording)
+    inside = (recording.time >= near[0]) & (recording.time <= near[1])
+    for (whole, close), name in zip(grid, recording.signals, strict=True):
+        unit = look.SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
+        _signal(whole, recording, name, np.full(inside.shape, True))
+        _signal(close, recording, name, inside)
+        whole.set_ylabel(f"{look.symbol(name)} [{look.plain(unit)}]")
+    release = recording.report.release
+    look.title(grid[0][0], "whole recording")
+    look.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    grid[0][1].set_xlim(*near)
+    look.finish(figure, f"{look.plain(recording.name)}: {look.plain(recording.report.verdict, 200)}")
+    return figure
+
+
+def _about_release(recording: Recording) -> tuple[float, float]:
+    """Return the span shown close up: about the release, else a tenth of the recording from its start."""
+    time, release = recording.time, recording.report.release
+    if not time.size:
+        return 0.0, 1.0
+    if release is None:
+        return float(time[0]), float(time[0] + max(0.1 * np.ptp(time), 1e-9))
+    return max(float(time[0]), release - 0.5), min(float(time[-1]), release + 1.5)
+
+
+def _signal(axes: Axes, recording: Recording, name: str, part: NDArray[np.bool_]) -> None:
+    _, factor = look.SHOWN_UNITS.get(recording.units[name], ("", 1.0))
+    report = next(s for s in recording.report.signals if s.name == name)
+    look.line(axes, recording.time[part], factor * recording.signals[name][part], **look.FITTED)
+    for start, length in recording.report.clock.gaps:
+        axes.axvspan(start, start + length, color=look.VERMILLION, alpha=0.3, lw=0.5, label="gap")
+    for moment in report.missing[:200]:  # a thousand lines are a block of colour, and slow
+        axes.axvline(moment, color=look.VERMILLION, alpha=0.3, lw=0.5, label="missing")
+    if recording.report.release is not None:
+        axes.axvline(recording.report.release, color=look.GREEN, lw=1.2, label="release")
+    if report.at_rest:
+        axes.axhline(factor * report.rest, color="0.6", lw=0.8, ls="--", label="rest")

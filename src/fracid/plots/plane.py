@@ -1,0 +1,168 @@
+"""The cost over the two orders: a point, or a gorge?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fracid.errors import InputError
+from fracid.plots import look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+__all__ = ["cost_plane"]
+
+FloatArray = NDArray[np.float64]
+
+MULTIPLES = (1.2, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
+"""Of the least cost, where lines are drawn."""
+
+
+def cost_plane(
+    lambda_values: ArrayLike,
+    mu_values: ArrayLike,
+    cost: ArrayLike,
+    *,
+    best: tuple[float, float] | None = None,
+    evaluations: ArrayLike | None = None,
+    cost_name: str = "cost",
+    true: tuple[float, float] | None = None,
+    names: tuple[str, str] = ("lambda", "mu"),
+) -> Figure:
+    """Draw the cost over the plane of two orders: filled by its logarithm, lines at multiples of the least.
+
+    Parameters
+    ----------
+    lambda_values, mu_values : array_like, shapes (n_lambda,), (n_mu,)
+        Increasing; at least two each.
+    cost : array_like, shape (n_lambda, n_mu)
+        Infinite or NaN where the simulation diverges: hatched, and said to be.
+    best, true : (lambda, mu), optional
+        What was found; and, for a twin, what it was made with.
+    evaluations : array_like, shape (k, 2), optional
+        Where the search has been.
+    cost_name : str
+        For the colour bar.
+    names : (str, str)
+        Of the two orders.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        For shapes that do not fit together, or values that do not increase.
+
+    Examples
+    --------
+    >>> orders = np.linspace(0.8, 1.0, 9)
+    >>> valley = 1e-3 + (orders[:, None] - 0.86) ** 2 + 9 * (orders - 0.91) ** 2
+    >>> figure = cost_plane(orders, orders, valley, best=(0.86, 0.91), cost_name="itae")
+    >>> [axes.get_ylabel() for axes in figure.axes]
+    ['order $\\\\mu$ [–]', 'ITAE [rad s²]']
+    """
+    first, second, values = _checked_plane(lambda_values, mu_values, cost)
+    figure = look.new(7, 5.8)
+    axes = figure.subplots()
+    if not np.isfinite(values).all():
+        grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}
+        axes.fill(first[[0, -1, -1, 0]], second[[0, 0, -1, -1]], label="diverges", **grey)
+    if np.isfinite(values).any():
+        _filled(figure, axes, (first, second, values), cost_name)
+    else:
+        look.note(axes, "every simulation diverges", 0.93)
+    _search(axes, evaluations, (first[[0, -1]], second[[0, -1]]))
+    marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
+    for what, point in marks.items():
+        where = ", ".join(f"{look.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
+        axes.plot(*point, ls="", label=f"{what}: {where}", **look.MARKS[what])
+    axes.set_xlim(look.extent(np.append(first, [point[0] for point in marks.values()])))
+    axes.set_ylim(look.extent(np.append(second, [point[1] for point in marks.values()])))
+    look.label(axes, "", f"order {look.symbol(names[0])} [–]", f"order {look.symbol(names[1])} [–]")
+    look.finish(figure, f"{look.cost_label(cost_name)[0]} over the orders", grid=False)
+    return figure
+
+
+def _checked_plane(
+    lambda_values: ArrayLike, mu_values: ArrayLike, cost: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    first, second, values = (np.asarray(x, float) for x in (lambda_values, mu_values, cost))
+    for name, x in (("lambda_values", first), ("mu_values", second)):
+        if x.ndim != 1 or x.size < 2 or not np.all(np.diff(x) > 0):
+            raise InputError(f"{name} has shape {x.shape}; expected at least two values that increase, in one row.")
+    if values.shape != (first.size, second.size):
+        raise InputError(f"cost has shape {values.shape}; expected (n_lambda, n_mu) = {(first.size, second.size)}.")
+    return first, second, values
+
+
+def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, FloatArray], cost_name: str) -> None:
+    """Colours by log10 of the cost, lines at multiples of its least; by the cost itself where it has no logarithm."""
+    import matplotlib as mpl
+
+    first, second, values = plane
+    logarithmic = not (values <= 0).any()
+    depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
+    least, (low, high) = float(depth.min()), _depths(depth.compressed(), logarithmic)
+    shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light enough for black lines
+    colours = axes.contourf(first, second, depth, levels=np.linspace(low, high, 25), colors=shades, extend="both")
+    beyond = (0.03 * (low > least), 0.03 * (high < depth.max()))  # arrows, where the colours end before the costs do
+    bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
+    ticks = {f"{10**v if logarithmic else v:.3g}": v for v in reversed(_ticks(low, high, logarithmic))}
+    bar.set_ticks(list(ticks.values()), labels=list(ticks))
+    bar.ax.tick_params(labelsize=look.SMALL)
+    bar.set_label(" ".join(look.cost_label(cost_name)), fontsize=look.MEDIUM)
+    texts, legend = {v: text for text, v in ticks.items()}, "lines of equal cost"
+    if logarithmic and low == least:
+        texts, legend = {least + float(np.log10(m)): f"×{m:g}" for m in MULTIPLES}, "multiples of the least cost"
+    _lines(axes, (first, second, depth), {v: text for v, text in texts.items() if low < v < high}, legend)
+
+
+def _depths(depth: FloatArray, logarithmic: bool) -> tuple[float, float]:
+    """Return where the colours begin and end: neither an exact twin's bottomless minimum nor runs that nearly
+    diverge may take them from the valley."""
+    low, high = float(depth.min()), float(depth.max())
+    if logarithmic:
+        median = float(np.median(depth))
+        low = max(low, median - 3)
+        high = min(high, max(low + 2, median + 0.5))
+    return low, max(high, low + 1e-3 * max(1, abs(low)))  # a flat plane has one colour
+
+
+def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping[float, str], legend: str) -> None:
+    """Draw lines of equal depth with their texts: at most seven of those that lie on the plane."""
+    inside = [v for v in sorted(texts) if plane[2].min() < v < plane[2].max()]
+    if inside:
+        some = {v: texts[v] for v in inside[:: -(-len(inside) // 7)]}
+        lines = axes.contour(*plane, levels=list(some), colors=look.INK, linewidths=0.7, linestyles="solid")
+        axes.clabel(lines, fmt=some, fontsize=7, zorder=3.5)
+        axes.plot([], [], color=look.INK, lw=0.7, label=legend)
+
+
+def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
+    """Logarithms of 1, 2, 5, 10 ... between the two; evenly spaced values where these are few."""
+    from matplotlib.ticker import LogLocator
+
+    even = np.linspace(low, high, 5)
+    if not logarithmic:
+        return list(map(float, even))
+    ticks = np.log10(LogLocator(subs=(1, 2, 5), numticks=8).tick_values(10**low, 10**high))
+    ticks = ticks[(ticks >= low) & (ticks <= high)]
+    return list(map(float, ticks if ticks.size > 2 else even))
+
+
+def _search(axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray, FloatArray]) -> None:
+    """Draw where the search has been; what lies outside the plane is counted only."""
+    tried = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
+    corners = np.transpose(window)
+    inside = ((tried >= corners[0]) & (tried <= corners[1])).all(axis=1)
+    if tried.size:
+        label = f"evaluations ({np.count_nonzero(inside)} of {len(tried)} in this window)"
+        axes.plot(*tried[inside].T, ls="", rasterized=bool(len(tried) > look.CLOUD), label=label, **look.MARKS["tried"])

@@ -1,0 +1,98 @@
+"""Where each start of a search ended, sorted: is the lowest minimum found again?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.plots import look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.search import Start
+
+__all__ = ["waterfall"]
+
+FloatArray = NDArray[np.float64]
+
+
+def waterfall(starts: Sequence[Start], *, cost_name: str = "cost") -> Figure:
+    """Draw the final cost of each start of a search, sorted: a broad lowest step is a minimum found again and again.
+
+    Parameters
+    ----------
+    starts : sequence of fracid.search.Start
+        A start that was left in another's minimum is drawn hollow, at that one's cost; one that was left for its
+        cost, or whose runs failed, has no place and is counted only.
+    cost_name : str
+        For the axis.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If there is no start.
+
+    Examples
+    --------
+    >>> from fracid.search import Start
+    >>> at = np.zeros(1)
+    >>> figure = waterfall([Start("given", at, 1.0, at, 0.1, "converged", 9),
+    ...                     Start("Sobol 1", at, 2.0, at, None, "left", 5, "given")])
+    >>> figure.axes[0].get_xlabel()
+    'start, sorted by its final cost'
+    """
+    if not starts:
+        raise InputError("There is no start to draw; expected those of a multistart search, Fit.starts.")
+    from matplotlib.ticker import MaxNLocator
+
+    from fracid.search import SAME_COST, final_cost
+
+    costs = [(final_cost(s, starts), s) for s in starts]
+    ended = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
+    figure = look.new(7, 4.6)
+    axes = figure.subplots()
+    kinds = {"given": ("o", look.BLUE), "regression": ("s", look.VERMILLION), "Sobol": ("D", look.GREEN)}
+    for kind, (marker, colour) in kinds.items():
+        for joined in (False, True):
+            mine = [(i + 1, cost) for i, (cost, s) in enumerate(ended)
+                    if s.origin.split()[0] == kind and (s.joined is not None) == joined]  # fmt: skip
+            label = f"{kind}, left in another's minimum" if joined else kind
+            if mine:
+                axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,
+                          mfc="white" if joined else colour, label=label, zorder=3)  # fmt: skip
+    axes.step([i + 1 for i in range(len(ended))], [cost for cost, _ in ended], where="mid", color="0.7", lw=1, zorder=1)
+    if ended and ended[0][0] > 0:
+        axes.set_yscale("log")
+        _few_decades(axes)
+    best = sum(cost <= SAME_COST * ended[0][0] for cost, _ in ended) if ended else 0
+    lost = f"; {len(starts) - len(ended)} left for their cost" if len(ended) < len(starts) else ""
+    look.corner(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}")
+    name, unit = look.cost_label(cost_name)
+    look.label(axes, "", "start, sorted by its final cost", f"final {name} {unit}".rstrip())
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(0.5, len(starts) + 0.5)
+    look.finish(figure, "where the starts ended")
+    return figure
+
+
+def _few_decades(axes: Axes) -> None:
+    """Plain numbers at a logarithmic axis that spans less than two decades: no lone power of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    if high < 100 * low:
+        low, high = min(low, high / 1.3), max(high, 1.3 * low)
+        axes.set_ylim(low, high)
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())

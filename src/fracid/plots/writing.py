@@ -1,0 +1,98 @@
+"""Figures to files: whole or not at all, and the same bytes for the same figure."""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.runs import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = ["save"]
+
+FloatArray = NDArray[np.float64]
+
+_salting = threading.Lock()
+
+
+def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] = ("svg", "png")) -> tuple[Path, ...]:
+    """Write a figure in each format, whole or not at all, and empty it.
+
+    The same figure gives the same bytes: an SVG has no date and its identifiers are not random.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Is cleared, to give its memory back.
+    folder : path
+        Made if it is not there.
+    stem : str
+        File name without its ending.
+    formats : sequence of str
+        Of ``svg``, ``png``, ``pdf`` and whatever else matplotlib knows.
+
+    Returns
+    -------
+    tuple of Path
+        ``folder/stem.svg``, ...
+
+    Raises
+    ------
+    InputError
+        For an unknown format, a stem that is no file name, or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from fracid.plots import cost_plane
+    >>> flat = cost_plane([0.8, 1.0], [0.8, 1.0], [[1.0, 2.0], [3.0, 4.0]])
+    >>> [path.name for path in save(flat, tempfile.mkdtemp(), "plane")]
+    ['plane.svg', 'plane.png']
+    """
+    known = figure.canvas.get_supported_filetypes()
+    for ending in formats:
+        if ending not in known:
+            raise InputError(f"Figures cannot be written as {ending!r}; expected some of {', '.join(sorted(known))}.")
+    if not stem or Path(stem).name != stem:
+        raise InputError(f"{stem!r} is no name for a file; expected one without a folder and an ending: 'figure2'.")
+    contents = {Path(folder) / f"{stem}.{ending}": _rendered(figure, ending) for ending in formats}
+    figure.clear()
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        for path, content in contents.items():
+            write_whole(path, content)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written: {error.strerror or error}. Give another folder.") from None
+    return tuple(contents)
+
+
+def _rendered(figure: Figure, ending: str) -> bytes:
+    with io.BytesIO() as content, _fixed_salt():
+        figure.savefig(content, format=ending, dpi=150, metadata={"Date": None} if ending == "svg" else None)
+        figure.set_layout_engine("none")  # laid out once, all formats alike; it takes as long as the drawing
+        return content.getvalue()
+
+
+@contextmanager
+def _fixed_salt() -> Iterator[None]:
+    """Matplotlib takes the salt of an SVG's identifiers from its global settings alone; one thread at a time."""
+    import matplotlib as mpl
+
+    with _salting:
+        before = mpl.rcParams["svg.hashsalt"]
+        mpl.rcParams["svg.hashsalt"] = "fracid"
+        try:
+            yield
+        finally:
+            mpl.rcParams["svg.hashsalt"] = before
