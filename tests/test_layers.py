@@ -27,7 +27,7 @@ LAYERS = (
     {"search"},
     {"alternative"},
     {"identify"},
-    {"runs"},
+    {"runs", "saved"},
     {"plots"},
     {"cli"},
 )

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.regression import Regression, regress
+    from fracid.saved import SavedRun, load_run
     from fracid.simulate import simulate, solve_fde
     from fracid.trajectory import Outcome, Trajectory
 
@@ -51,6 +52,7 @@ _HOME = {
     "Project": "project",
     "Recording": "recording",
     "Regression": "regression",
+    "SavedRun": "saved",
     "Sensitivities": "batch",
     "Spread": "bootstrap",
     "System": "reduction",
@@ -64,6 +66,7 @@ _HOME = {
     "linear_system": "reduction",
     "load_project": "project",
     "load_recording": "recording",
+    "load_run": "saved",
     "multi_term": "reduction",
     "profile": "profiles",
     "regress": "regression",
@@ -78,9 +81,9 @@ _HOME = {
 
 __all__ = ["Bootstrap", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
            "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
-           "Regression", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
+           "Regression", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
            "bootstrap", "derivative", "identifiability", "identify", "linear_multi_term",
-           "linear_system", "load_project", "load_recording", "multi_term", "profile", "regress",
+           "linear_system", "load_project", "load_recording", "load_run", "multi_term", "profile", "regress",
            "rotary_pendulum", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
 
 

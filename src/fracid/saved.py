@@ -1,0 +1,196 @@
+"""A run folder read back: the problem, the values that were found, and each recording beside its simulation.
+
+::
+
+    runs/NAME/result.json   ──  the values of all unknowns           ┐
+    runs/NAME/project.toml  ──  model, recordings, what was free     ┴→  SavedRun: problem, x, recordings
+
+A run folder has no samples.  :func:`load_run` reads the project and its recordings again, refuses recordings whose hash
+is not that of the run's, and simulates with the values of ``result.json``, validation recordings with their own.  A
+float goes through JSON unchanged, so the same versions give the same trajectories to the last bit; where the rmse
+does differ from the saved one a note says so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import InputError
+from fracid.identify import Estimate, RecordingFit
+from fracid.problem import Experiment, Problem
+from fracid.project import Project, load_project
+
+__all__ = ["SavedRun", "load_run"]
+
+FloatArray = NDArray[np.float64]
+
+DIFFERENT = 1e-6
+"""Relative difference of an rmse from the saved one that is told."""
+
+
+@dataclass(frozen=True)
+class SavedRun:
+    """What :func:`load_run` gives."""
+
+    folder: Path
+    result: Mapping[str, Any]
+    """The content of ``result.json``."""
+    project: Project
+    values: Mapping[str, float]
+    """Name of each unknown → its value, those of validation recordings too."""
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that was fitted."""
+        return self.project.problem
+
+    @property
+    def x(self) -> FloatArray:
+        """Where it ended, shape (n_unknowns,)."""
+        return _vector(self.problem, self.values)
+
+    @cached_property
+    def recordings(self) -> dict[str, RecordingFit]:
+        """Each recording beside its simulation, as in :attr:`fracid.Fit.recordings`; NaN where the run fails."""
+        validating = [(self.problem.with_shared(self.x, (e,)), e, "validate") for e in self.project.validation]
+        return {
+            e.name: self._recording(problem, e, use)
+            for problem, e, use in [*((self.problem, e, "fit") for e in self.problem.experiments), *validating]
+        }
+
+    @property
+    def resolutions(self) -> dict[str, dict[str, float | None]]:
+        """Recording → signal → the step of its encoder [rad]; None where none is seen."""
+        return {r.name: {s.name: s.resolution for s in r.report.signals} for r in self.project.recordings}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What differs from the run as it was: simulates all recordings."""
+        return tuple(self._differences())
+
+    def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
+        run = problem.fitted(_vector(problem, self.values), e)
+        fitted = np.full(e.measured.shape, np.nan) if isinstance(run, str) else run
+        cost = np.inf if isinstance(run, str) else problem.cost_function.value(e.time, e.measured - fitted)
+        said = self.result.get("recordings", {}).get(e.name, {})
+        initial, own = (
+            {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")
+        )
+        measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
+        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256)
+
+    def _differences(self) -> Iterator[str]:
+        for name, r in self.recordings.items():
+            saved = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
+            for output, now in r.rmse.items():
+                before = saved.get(output)
+                if before is not None and not abs(now - before) <= DIFFERENT * before:
+                    yield (
+                        f"{name}: simulated again with the saved values, the rmse of {output} is {now:.6g} rad; the "
+                        f"run found {before:.6g}. Another version of fracid wrote it, or a model's file has changed."
+                    )
+
+
+def load_run(folder: str | Path) -> SavedRun:
+    """Read the folder of a run of ``fracid fit``.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With ``result.json`` and ``project.toml``; the recordings are looked for where the run found them.
+
+    Returns
+    -------
+    SavedRun
+
+    Raises
+    ------
+    InputError
+        If it is no run folder, the project or its recordings are not where they were, or a recording has changed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> load_run(tempfile.mkdtemp())
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
+    wrote.
+    """
+    folder = Path(folder)
+    result = _read(folder / "result.json")
+    project = _project(folder, result)
+    hashes = result.get("data_sha256", {})
+    for r in project.recordings:
+        if hashes.get(r.name) != r.sha256:
+            raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
+    return SavedRun(folder, result, project, _values(result))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(content, dict):
+            return content
+    except (OSError, ValueError):
+        pass
+    raise InputError(
+        f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote."
+    )
+
+
+def _project(folder: Path, result: Mapping[str, Any]) -> Project:
+    """The project that a run used, from where its recordings' paths still hold."""
+    used, preset = folder / "project.toml", result.get("preset")
+    try:
+        text = used.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
+    for path in _places(folder):
+        if path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text:
+            return load_project(path, preset=preset)
+    try:
+        return load_project(used, preset=preset)
+    except InputError as error:
+        raise InputError(
+            f"The project file of {folder} is not where it was, or has changed since, and its copy there does not "
+            f"find the recordings ({error}) Put it back, or fit again: fracid fit PROJECT."
+        ) from None
+
+
+def _places(folder: Path) -> Iterator[Path]:
+    """Where the project file may lie: as the command line named it, from here or above the run; or in fracid itself."""
+    said = _read(folder / "environment.json").get("command", [])
+    for word in (str(word) for word in said if str(word).endswith(".toml")):
+        yield from (place / word for place in (Path(), *folder.resolve().parents))
+    yield from (Path(__file__).parent / "twins").glob("*.toml")  # the demo's
+
+
+def _values(result: Mapping[str, Any]) -> dict[str, float]:
+    """Name of each unknown → its value in result.json."""
+    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result.get(block, {}).items()}
+    for name, r in result.get("recordings", {}).items():
+        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
+        shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
+    return {n: float(v) for n, v in shared.items() if v is not None}
+
+
+def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
+    """What a result does not name (a search that failed) stays at its start."""
+    return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
+
+
+def _estimate(said: Mapping[str, Any]) -> Estimate:
+    interval = said.get("interval95")
+    return Estimate(
+        float("nan") if said["value"] is None else float(said["value"]), said.get("unit", ""), said.get("free", False),
+        said.get("standard_error"), None if interval is None else (interval[0], interval[1]),
+        said.get("at_bound", False), said.get("identifiable", "unknown"),
+    )  # fmt: skip

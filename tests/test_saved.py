@@ -1,0 +1,148 @@
+"""A run folder gives back its problem, its values and its simulations to the last bit, or says why it cannot."""
+
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.cli import main
+from fracid.errors import InputError
+from fracid.saved import load_run
+
+PROJECT = """
+[model.parameters]
+b_alpha = { start = 2e-4, lower = 0.0, upper = 1e-2 }
+theta_rest = { start = 0.0, lower = -0.1, upper = 0.1 }
+[model.orders]
+mu = "lambda"
+[[recording]]
+name = "release 20°"
+file = "data/twenty.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+[[recording]]
+name = "release 10°"
+file = "data/ten.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+use = "validate"
+[fit]
+initial_state = "rest"
+per_recording = ["theta_rest"]
+"""
+
+
+def write_twin(file, alpha, seed=1):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.95}, initial={"alpha": alpha}, step=5e-3, end=2.0)
+    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
+    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
+    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A project, its run as `fracid fit` leaves it, and the fit itself."""
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "data").mkdir()
+    write_twin(folder / "data" / "twenty.csv", 0.35)
+    write_twin(folder / "data" / "ten.csv", 0.17, seed=2)
+    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    kept = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
+        patch.chdir(folder)
+        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda fit, *_: kept.append(fit) or ())
+        with pytest.raises(SystemExit):
+            main(["fit", "rig.toml", "--out", "run", "--json"])
+    return folder, kept[0]
+
+
+@pytest.fixture
+def copy(fitted, tmp_path):
+    """The project and its run, free to be spoilt."""
+    shutil.copytree(fitted[0], tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def test_a_run_gives_its_problem_and_unknowns_back(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    assert run.problem.names == fit.problem.names
+    np.testing.assert_array_equal(run.x, fit.x)
+    assert run.notes == ()
+
+
+def test_every_recording_is_simulated_to_the_same_bits_with_its_own_unknowns(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    assert list(run.recordings) == list(fit.recordings)
+    for name, before in fit.recordings.items():
+        now = run.recordings[name]
+        np.testing.assert_array_equal(now.time, before.time)
+        for output in before.measured:
+            np.testing.assert_array_equal(now.measured[output], before.measured[output])
+            np.testing.assert_array_equal(now.fitted[output], before.fitted[output])
+        assert (now.use, now.cost, now.sha256) == (before.use, before.cost, before.sha256)
+        assert (dict(now.initial), dict(now.parameters)) == (dict(before.initial), dict(before.parameters))
+
+
+def test_an_encoders_step_is_read_from_the_recordings(fitted):
+    steps = load_run(fitted[0] / "run").resolutions
+    assert set(steps) == {"release 20°", "release 10°"}
+    assert set(steps["release 20°"]) >= {"theta", "alpha"}
+
+
+def test_values_that_do_not_give_the_saved_rmse_are_told(copy):
+    path = copy / "run" / "result.json"
+    result = json.loads(path.read_text(encoding="utf-8"))
+    result["orders"]["lambda"]["value"] += 0.02
+    path.write_text(json.dumps(result), encoding="utf-8")
+    notes = load_run(copy / "run").notes
+    assert len(notes) == 4  # both outputs of both recordings
+    assert "simulated again with the saved values, the rmse of theta is" in notes[0]
+
+
+def test_an_unknown_without_a_saved_value_stays_at_its_start(copy):
+    path = copy / "run" / "result.json"
+    result = json.loads(path.read_text(encoding="utf-8"))
+    result["orders"]["lambda"]["value"] = None
+    path.write_text(json.dumps(result), encoding="utf-8")
+    assert load_run(copy / "run").x[0] == 1.0
+
+
+def spoil_data(folder):
+    write_twin(folder / "data" / "ten.csv", 0.17, seed=3)
+
+
+def move_project(folder):
+    (folder / "rig.toml").rename(folder / "other.toml")
+
+
+def change_project(folder):
+    (folder / "rig.toml").write_text(PROJECT + "\nseed = 2\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(("spoil", "words"), [
+    (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
+    (move_project, "is not where it was, or has changed since, .* fit again: fracid fit PROJECT"),
+    (change_project, "is not where it was, or has changed since"),
+    (lambda f: (f / "run" / "result.json").unlink(), "is no run folder: it has no result.json"),
+    (lambda f: (f / "run" / "result.json").write_text("{"), "is no run folder: it has no result.json"),
+    (lambda f: (f / "run" / "result.json").write_text("[]"), "is no run folder: it has no result.json"),
+    (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
+    (lambda f: (f / "run" / "environment.json").unlink(), "is no run folder: it has no environment.json"),
+])  # fmt: skip
+def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
+    spoil(copy)
+    with pytest.raises(InputError, match=words):
+        load_run(copy / "run")
+
+
+def test_a_run_with_the_recordings_beside_its_own_copy_of_the_project_needs_no_other(copy):
+    (copy / "rig.toml").unlink()
+    shutil.copytree(copy / "data", copy / "run" / "data")
+    assert load_run(copy / "run").notes == ()
