@@ -4,14 +4,15 @@
 
     FracidError              has an exit code for the command line
     ├── InputError      (2)  the caller's mistake: an argument, an option, a project file
-    └── DataError       (3)  a recording that fails its checks
+    ├── DataError       (3)  a recording that fails its checks
+    └── Unfinished      (1)  long work was cut short: a full disk, a dead worker, Ctrl-C; what was done is kept
 
 Each message is a sentence or three: what was wrong with the value, what was
 expected, what to type.  A numerical failure (a diverging run, det M = 0) is not
 an error but an outcome: see :class:`fracid.simulate.Outcome`.
 """
 
-__all__ = ["DataError", "FracidError", "InputError"]
+__all__ = ["DataError", "FracidError", "InputError", "Unfinished"]
 
 
 class FracidError(Exception):
@@ -30,3 +31,9 @@ class DataError(FracidError, ValueError):
     """A recording is unreadable or unfit for what was asked of it."""
 
     exit_code = 3
+
+
+class Unfinished(FracidError, RuntimeError):
+    """Long work was cut short by something outside of it; what was done is kept, and can be gone on with."""
+
+    exit_code = 1

@@ -1,0 +1,307 @@
+"""An append-only log of what a long study has done, so that nothing is lost when it is cut short.
+
+::
+
+    {"journal": 1, "study": {"problem": "9f2c…", "levels": [0.0, 0.05], "seeds": 50}}     what is being done
+    {"key": "level 0.05 deg, seed 17", "seconds": 0.83, "value": {"mu": 0.9146, …}}       one line a repetition
+    …
+
+**What survives what.**  A line is handed to the operating system as its repetition ends, so it outlives the
+process, ``kill -9`` at any moment included; at most once a second, and at the end, it is also forced to the disk
+(``fsync``), so a power cut costs a second's work.  A line that was cut off in writing is removed when the journal is
+opened again, and that is said; its repetition is done again.  On a full disk the broken line is taken back at once.
+
+**Who may write.**  One process: a lock on the folder refuses a second one.  The system lets go of it when
+the process ends in whatever way, so there is no stale lock to remove.
+
+**What may go on.**  The first line names the study: all that its results depend on.  Another study is
+refused with what differs, for its repetitions would bear the same keys.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+from fracid.errors import InputError, Unfinished
+
+__all__ = ["FolderLock", "Journal", "Json"]
+
+Json = Any
+"""A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
+
+FORMAT = 1
+
+SYNC = 1.0
+"""At most this often is a line forced to the disk [s]."""
+
+
+class Journal:
+    """The log of one study: what is done, and the file that it is appended to.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing; its folder must exist.
+    study : mapping
+        What all results depend on, as plain JSON values: hashes of problem and data, options, versions.
+
+    Raises
+    ------
+    InputError
+        If the file belongs to another study or is none, if another process is at work in the folder, or if it cannot
+        be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "journal.jsonl"
+    >>> with Journal(path, {"seeds": 3}) as journal:
+    ...     journal.append("seed 1", {"mu": 0.91})
+    >>> with Journal(path, {"seeds": 3}) as journal:
+    ...     journal.done
+    {'seed 1': {'mu': 0.91}}
+    """
+
+    done: dict[str, Json]
+    """Key → what its repetition gave."""
+    notes: tuple[str, ...]
+    """What was found damaged and repaired, a sentence each."""
+
+    def __init__(self, path: str | Path, study: Mapping[str, Json]) -> None:
+        """Open it, repair it, and read what is done."""
+        self.path = Path(path)
+        self._lock = FolderLock(self.path.parent)
+        try:
+            self._file = _opened(self.path)
+            self.done, self.notes, self._end = _read(self.path, dict(study), self._file)
+            self._synced = time.monotonic()
+            if self._end == 0:
+                self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def __enter__(self) -> Journal:
+        """Give itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the file and let go of the folder."""
+        self.close()
+
+    def close(self) -> None:
+        """Force the last lines to the disk, close the file and let go of the folder."""
+        if not self._file.closed:
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                raise self._cut_short(error) from None
+            finally:
+                self._file.close()
+                self._lock.release()
+
+    def append(self, key: str, value: Json, seconds: float = 0.0) -> None:
+        """Keep the result of one repetition.
+
+        Parameters
+        ----------
+        key : str
+            Unique in the study.
+        value : JSON value
+            Without NaN.
+        seconds : float
+            What it took [s].
+
+        Raises
+        ------
+        Unfinished
+            If the disk will not take it; what was there before stays.
+        """
+        line = {"key": key, "seconds": round(seconds, 4), "value": value}
+        self._write(json.dumps(line, ensure_ascii=False, allow_nan=False))
+        self.done[key] = value
+
+    def _write(self, line: str) -> None:
+        content = memoryview(line.encode() + b"\n")
+        written = 0
+        try:
+            while written < len(content):
+                written += self._file.write(content[written:])
+            if time.monotonic() - self._synced > SYNC:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
+        except OSError as error:
+            self._file.truncate(self._end)  # also a full disk can take back
+            raise self._cut_short(error) from None
+        self._end += len(content)
+
+    def _cut_short(self, error: OSError) -> Unfinished:
+        why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
+        count = len(self.done)
+        kept = f"the {count} repetitions that were done are kept" if count else "no repetition was done before"
+        return Unfinished(
+            f"{self.path} cannot be written: {why}; {kept}. Make room, then type fracid resume {self.path.parent}."
+        )
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return path.open("ab", buffering=0)  # type: ignore[return-value]
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}. Give another folder: --out DIR.") from None
+
+
+def _read(path: Path, study: dict[str, Json], file: BinaryIO) -> tuple[dict[str, Json], tuple[str, ...], int]:
+    """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
+    content = path.read_bytes()
+    end = content.rfind(b"\n") + 1
+    if end < len(content):
+        file.truncate(end)
+    lines = [_line(line) for line in content[:end].splitlines()]
+    if not lines:
+        return {}, (), 0
+    _check_study(path, lines[0], json.loads(json.dumps(study)))
+    done: dict[str, Json] = {}
+    for line in lines[1:]:
+        if line is not None and "key" in line:
+            done.setdefault(line["key"], line.get("value"))
+    notes = []
+    if end < len(content):
+        notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
+    if damaged := [n for n, line in enumerate(lines, 1) if line is None or (n > 1 and "key" not in line)]:
+        numbers = ", ".join(map(str, damaged))
+        notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
+    return done, tuple(notes), end
+
+
+def _line(text: bytes) -> dict[str, Json] | None:
+    """One line; None where it is damaged."""
+    try:
+        content = json.loads(text)
+    except ValueError:
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Json]) -> None:
+    """Refuse to go on with another study, and say what differs."""
+    if header is None or header.get("journal") != FORMAT or not isinstance(header.get("study"), dict):
+        raise InputError(f"{path} is no journal of this version of fracid; give another folder: --out DIR.")
+    was = header["study"]
+    differ = [name for name in {**was, **study} if was.get(name) != study.get(name)]
+    if differ:
+        changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
+        raise InputError(
+            f"{path.parent} holds another study, not finished: {changes}. Type fracid resume {path.parent} to finish "
+            "that one, or give this one another folder: --out DIR."
+        )
+
+
+def _short(value: Json) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+# --- one process a folder ---------------------------------------------------------------------------
+
+
+LOCK = ".lock"
+
+
+class FolderLock:
+    """A folder for one process alone, until :meth:`release` or the process's end, however it ends.
+
+    The same process may take it again; it is free once each has been released.
+
+    Raises
+    ------
+    InputError
+        If another process has it (the message says which), or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with FolderLock(Path(tempfile.mkdtemp())):
+    ...     pass  # nobody else writes here
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Take it."""
+        self.path = folder.resolve() / LOCK
+        with _GUARD:
+            file, holders = _HELD.get(self.path, (None, 0))
+            _HELD[self.path] = (file or _locked(self.path), holders + 1)
+
+    def release(self) -> None:
+        """Let go of it."""
+        with _GUARD:
+            file, holders = _HELD.pop(self.path)
+            if holders > 1:
+                _HELD[self.path] = (file, holders - 1)
+            else:
+                file.truncate(0)
+                file.close()
+
+    def __enter__(self) -> FolderLock:
+        """Give itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Let go of it."""
+        self.release()
+
+
+_GUARD = threading.Lock()
+_HELD: dict[Path, tuple[BinaryIO, int]] = {}
+"""This process's locks: the open file, and how many hold it."""
+
+
+def _locked(path: Path) -> BinaryIO:
+    try:
+        file = path.open("a+b", buffering=0)
+    except OSError as error:
+        raise InputError(
+            f"The folder {path.parent} cannot be written: {error.strerror}. Give another: --out DIR."
+        ) from None
+    if not _lock(file):
+        file.seek(0)
+        who = (_line(file.read()) or {}) if sys.platform != "win32" else {}
+        file.close()
+        since = f", since {who['since']}" if "since" in who else ""
+        raise InputError(
+            f"Another process is at work in {path.parent}: number {who.get('pid', '?')} on {who.get('host', '?')}"
+            f"{since}. Wait for its end, or give another folder: --out DIR."
+        )
+    file.truncate(0)
+    who = {"pid": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
+    with suppress(OSError):  # a full disk: the lock holds without the name
+        file.write(json.dumps(who).encode())
+    return file
+
+
+def _lock(file: BinaryIO) -> bool:
+    """Lock an open file, for as long as it is open; False if another process has it."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(0)
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
