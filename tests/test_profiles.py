@@ -90,7 +90,7 @@ def test_correlated_noise_widens_a_profile_by_the_root_of_n_over_n_eff():
     low, high = found.profiles["a"].two_sided
     n_eff = known.effective_samples[0]
     assert n_eff < 401 / 5
-    assert (high - low) / 2 == pytest.approx(1.96 * known.white[0] * np.sqrt(401 / n_eff), rel=1e-4)
+    assert (high - low) / 2 == pytest.approx(1.96 * known.white[0] * known.widening[0] * np.sqrt(401 / n_eff), rel=1e-4)
 
 
 def test_all_others_follow_along_the_profile_as_least_squares_has_them():

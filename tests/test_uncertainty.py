@@ -7,12 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
 import fracid
 from fracid.costs import COSTS, Cost
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
-from fracid.uncertainty import METHODS, Uncertainty, bartlett_long_run, jacobian, sokal_bandwidth, uncertainty
+from fracid.uncertainty import (
+    METHODS,
+    Uncertainty,
+    bartlett_long_run,
+    jacobian,
+    sokal_bandwidth,
+    uncertainty,
+    widening,
+)
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 TRUE = np.array([0.9, 0.95])
@@ -242,3 +251,44 @@ def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
     both = uncertainty(replace(p, orders=orders | {"lambda": known}), p.start)
     assert both.white[0] == pytest.approx(alone / np.sqrt(2), rel=1e-2)
     assert both.standard_error[0] < 0.8 * uncertainty(p, p.start).standard_error[0]
+
+
+# --- few samples ---------------------------------------------------------------------------------------
+
+
+def means(n, rho, seeds=2000):
+    """Of AR(1) records with mean 0: their mean, its standard error as it comes, and by what that is to be widened."""
+    rng, rows = np.random.default_rng(1), [np.ones((n, 1, 1))]
+    found = []
+    for white in rng.standard_normal((seeds, n + 200, 1)):
+        y = lfilter([1], [1, -rho], white, axis=0)[200:]
+        scores = y - y.mean()
+        B = sokal_bandwidth(scores)
+        error = np.sqrt(bartlett_long_run(scores, B)[0, 0]) / n
+        found.append((y.mean(), error, widening(rows, np.array([[1 / n]]), B)[0]))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize(("n", "rho"), [(80, 0.5), (200, 0.8), (400, 0.9)])
+def test_a_mean_of_few_samples_lies_in_its_widened_interval_and_not_in_the_plain_one(n, rho):
+    mean, error, wider = means(n, rho)
+    assert np.mean(np.abs(mean) < 1.96 * error) < 0.89
+    assert 0.915 < np.mean(np.abs(mean) < 1.96 * wider * error) < 0.97
+
+
+@pytest.mark.parametrize("n", [5, 10, 100])
+def test_white_samples_widen_as_students_t_does(n):
+    # s²/n knows n - 1 degrees of freedom, of which a fit of the mean took one: f = 1/n, ν = n
+    wider = widening([np.ones((n, 1, 1))], np.array([[1 / n]]), 0.0)[0]
+    assert wider == pytest.approx(student.ppf(0.975, n) / 1.96 / np.sqrt(1 - 1 / n), rel=1e-4)
+    assert wider == pytest.approx(student.ppf(0.975, n - 1) / 1.96 / np.sqrt(1 - 1 / n), rel=0.1)
+
+
+def test_what_two_recordings_tell_is_widened_less_than_what_one_tells():
+    one, two = [np.ones((50, 2, 1))], [np.ones((50, 2, 1))] * 2
+    assert 1 < widening(two, np.array([[1 / 200]]), 5.0)[0] < widening(one, np.array([[1 / 100]]), 5.0)[0]
+
+
+def test_samples_that_do_not_count_widen_nothing():
+    rows, inverse = np.concatenate([np.ones((40, 1, 1)), np.zeros((400, 1, 1))]), np.array([[1 / 40]])
+    assert widening([rows], inverse, 3.0) == pytest.approx(widening([rows[:40]], inverse, 3.0))

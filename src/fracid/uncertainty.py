@@ -11,22 +11,37 @@ This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey an
 residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
 :math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B is five correlation
 times of the scores, found from them by Sokal's window [S]_; the scores are whitened by their lag-one correlation
-before, and S is coloured again after [AM]_.  How often a 95 % interval of λ and of μ holds the truth, on twins of
-4 s at 500 Hz, 150 seeds (``benchmarks/evidence.py`` prints it again):
+before, and S is coloured again after [AM]_.
+
+**Few samples.**  Of some unknowns but a few samples tell: of an initial angle the first swing, of whatever is slow a
+handful of correlation times.  Their S is too small, since the fit has bent towards their errors, and it is itself
+uncertain.  With :math:`v_i` the i-th column of :math:`A^{-1}`, :math:`M_t = R_t'R_t` the share of sample t in A, the
+influence :math:`q_t = v_i' M_t v_i` and :math:`K_{ts} = 1 - |t - s|/(B + 1)` within the bandwidth, else 0,
+
+.. math::  f_i = \frac{\sum_{ts} K_{ts}\, v_i' M_t A^{-1} M_s v_i}{\sum_t q_t}, \qquad
+           ν_i = \frac{(\sum_t q_t)^2}{\sum_{ts} K_{ts}^2\, q_t q_s} :
+
+the fit takes the part f of the variance out of the residuals [BM]_, and what is left is known as a variance of ν
+degrees of freedom is [Sa]_.  So standard errors are widened by :math:`t_{0.975}(ν)/1.96/\sqrt{1 - f}` [IK]_: 1.96 of
+them to each side hold the truth in 95 %.  For white noise f is 0.02 to 0.2 and ν 10 to 200.
+
+How often a 95 % interval of λ and of μ holds the truth, on twins of 4 s at 500 Hz, 150 seeds
+(``benchmarks/evidence.py`` prints it again; ``make coverage`` for all rigs, docs/uncertainty.md):
 
 ====================================== ============== ==========================
 noise                                  this           :math:`\sigma^2 (J'J)^{-1}`
 ====================================== ============== ==========================
 white                                  94 %, 95 %     94 %, 95 %
-AR(1), ρ = 0.9                         90 %, 93 %     28 %, 38 %
-AR(1), ρ = 0.98, and as much white     79 %, 93 %     19 %, 31 %
+AR(1), ρ = 0.9                         98 %, 95 %     28 %, 38 %
+AR(1), ρ = 0.98, and as much white     91 %, 95 %     19 %, 31 %
 ====================================== ============== ==========================
 
-So where errors are slow beside the record, as in the last row, it still promises too much.
-It does not know of model error: an interval says where the best value *of this model* lies.
+Where errors are slow beside the record, as in the last row, it still promises a little too much, and it
+does not know of model error: an interval says where the best value *of this model* lies.
 
 Both are found, by name in :data:`METHODS`.  Their ratio says how many of the n samples count: as many independent
-ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)` would tell :math:`x_i` as well.
+ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)`, before it is widened, would tell
+:math:`x_i` as well.
 For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
 :math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
 
@@ -35,9 +50,12 @@ column-scaled J below 10⁻⁶ of the largest) are reported by the names that ta
 
 References
 ----------
+.. [BM] R. Bell, D. McCaffrey, Survey Methodology 28 (2002) 169: what the fit takes out of the residuals.
 .. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
+.. [IK] G. Imbens, M. Kolesár, Review of Economics and Statistics 98 (2016) 701: widened standard errors.
 .. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
+.. [Sa] F. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of a sum of squares.
 .. [K] J. Kent, Biometrika 69 (1982) 19: likelihood ratios of wrong likelihoods.
 .. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 """
@@ -67,6 +85,7 @@ __all__ = [
     "sandwich",
     "sokal_bandwidth",
     "uncertainty",
+    "widening",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -85,6 +104,9 @@ METHODS = {
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
 
+TAKEN = 0.75
+"""More than this part of a variance the fit is never thought to have taken out of the residuals."""
+
 PART = 1e-2
 """Who has less than this of the largest share in an unseen direction takes no part in it."""
 
@@ -100,7 +122,8 @@ class Uncertainty:
     """Standard errors of the unknowns, and what the data say nothing about."""
 
     standard_error: FloatArray
-    """NaN where it cannot be known or the unknown lies at a bound, shape (n_unknowns,)."""
+    """1.96 of them to each side hold 95 %; NaN where it cannot be known or the unknown lies at a bound,
+    shape (n_unknowns,)."""
     at_bound: NDArray[np.bool_]
     """Shape (n_unknowns,)."""
     confounded: tuple[tuple[str, ...], ...]
@@ -118,6 +141,8 @@ class Uncertainty:
     greatest in a row is 1."""
     samples: int = 0
     """Of all recordings."""
+    widening: FloatArray = field(default_factory=lambda: np.ones(1))
+    """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
@@ -127,7 +152,7 @@ class Uncertainty:
     @property
     def effective_samples(self) -> FloatArray:
         """How many independent samples would tell each unknown as well, shape (n_unknowns,)."""
-        return np.asarray(self.samples * (self.white / self.standard_error) ** 2)
+        return np.asarray(self.samples * (self.white * self.widening / self.standard_error) ** 2)
 
 
 @dataclass(frozen=True)
@@ -139,7 +164,7 @@ class Sandwich:
     inverse: FloatArray
     """A⁻¹ of the cost's rows, the inverse of its curvature, shape (n_free, n_free); pseudo-inverse where J is blind."""
     covariance: FloatArray
-    """A⁻¹SA⁻¹, shape (n_free, n_free)."""
+    """A⁻¹SA⁻¹, widened for few samples, shape (n_free, n_free)."""
     white: FloatArray
     """A⁻¹S₀A⁻¹, shape (n_free, n_free)."""
     directions: FloatArray
@@ -148,6 +173,8 @@ class Sandwich:
     """B [samples]."""
     condition: float
     """Of the column-scaled Jacobian."""
+    widening: FloatArray
+    """By what the standard errors were widened for few samples, shape (n_free,)."""
 
     def inflation(self, which: NDArray[np.intp]) -> FloatArray:
         """By how much twice the rise of the cost, profiled over `which`, exceeds a χ²: C_A⁻¹C_S, shape (k, k) [K]_."""
@@ -207,8 +234,11 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     unseen = np.zeros((len(directions), len(x)))
     unseen[:, free] = directions
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in unseen)
-    samples = sum(len(e.measured) for e in problem.experiments)
-    return Uncertainty(error, held, confounded, found.bandwidth, found.condition, white, covariance, unseen, samples)
+    samples, wider = sum(len(e.measured) for e in problem.experiments), np.ones(len(x))
+    wider[free] = found.widening
+    return Uncertainty(
+        error, held, confounded, found.bandwidth, found.condition, white, covariance, unseen, samples, wider
+    )
 
 
 def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | str:
@@ -241,6 +271,7 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     if isinstance(errors, str) or isinstance(J, str):
         return errors if isinstance(errors, str) else str(J)
     rows, scores = rows_and_scores(problem, errors, J)
+    samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     prior, level = _prior_curvature(problem, errors, free)
     rows = np.concatenate([rows, np.diag(np.sqrt(prior))[prior > 0]])
     norm = np.linalg.norm(rows, axis=0)
@@ -254,9 +285,11 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
         (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
     )
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
+    wider = widening([r / norm for r in samples], inverse, bandwidth)
+    covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
     return Sandwich(
-        free, inverse / scale, inverse @ S @ inverse / scale, inverse @ S0 @ inverse / scale, V[~seen] / norm,
-        bandwidth, float(singular[0] / max(singular[-1], 1e-300)),
+        free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~seen] / norm,
+        bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
     )  # fmt: skip
 
 
@@ -373,6 +406,44 @@ def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
     bandwidth = sokal_bandwidth(np.concatenate(scores))
     S = sum((bartlett_long_run(w, bandwidth) for w in white), np.zeros((len(rho), len(rho))))
     return S / np.outer(1 - rho, 1 - rho), bandwidth
+
+
+def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> FloatArray:
+    """By what standard errors from few samples must be widened, t(ν)/1.96/√(1 − f), shape (n_free,).
+
+    Parameters
+    ----------
+    rows : list of array, shape (n_samples, n_outputs, n_free)
+        R of each recording, A = Σ R'R.
+    inverse : array, shape (n_free, n_free)
+        A⁻¹.
+    bandwidth : float
+        B [samples].
+
+    Examples
+    --------
+    A mean of 10 samples, of 1000, and of 1000 that hang together over 100:
+
+    >>> few, many = np.ones((10, 1, 1)), np.ones((1000, 1, 1))
+    >>> [widening([r], np.array([[1 / len(r)]]), B).round(3).item() for r, B in ((few, 0), (many, 0), (many, 99))]
+    [1.198, 1.002, 1.142]
+    """
+    from scipy.stats import t as student
+
+    share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
+    whole, taken, scatter = np.zeros((3, len(inverse)))
+    for r in rows:
+        influence = r @ inverse
+        q = np.einsum("toi,toi->ti", influence, influence)
+        pairs = np.fft.irfft(np.abs(np.fft.rfft(q, 2 * len(q), axis=0)) ** 2, axis=0)[: len(share)]  # Σ q_t q_s by lag
+        whole += q.sum(axis=0)
+        scatter += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
+        for i in range(len(inverse)):
+            moved = np.einsum("to,toj->tj", influence[..., i], r)  # M_t v_i
+            taken[i] += np.sum(bartlett_long_run(moved, bandwidth) * inverse)
+    left = 1 - np.minimum(taken / np.maximum(whole, 1e-300), TAKEN)
+    degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
+    return np.asarray(student.ppf(0.975, degrees) / NORMAL_95 / np.sqrt(left))
 
 
 def sokal_bandwidth(scores: FloatArray) -> float:
