@@ -20,7 +20,7 @@ any number of jobs, between machines as far as their processors have the same in
 **What can die.**  A worker: its task is done again by another.  A task that kills its worker twice, the second
 time alone in its process, is named, and the study ends.  The scheduler, or this process: what was done
 is in the journal.  A function that raises ends the study too: what a repetition may meet (a run that diverges) it
-must catch and return.  Ctrl-C starts nothing new and keeps what is under way.
+must catch and return.  Ctrl-C starts nothing new and keeps what is under way here, and what has come back of a cluster.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import queue
 import signal
 import threading
 import time
@@ -46,6 +47,8 @@ from concurrent.futures import (
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
+from pickle import PickleError
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
@@ -145,8 +148,7 @@ def run_tasks(
     if left:
         try:
             for task, ended in run(work, left, jobs):
-                text = _text(task, ended)
-                done[task.key] = json.loads(text)
+                done[task.key] = json.loads(ended.text)
                 if journal is not None:
                     journal.append(task.key, done[task.key], ended.seconds)
                 watch.tell(done[task.key])
@@ -225,8 +227,8 @@ def _executor(name: str) -> Callable[[Work, Sequence[Task], int], Iterator[tuple
 class _Ended:
     """What became of a repetition; plain values alone, so that it passes between any two processes."""
 
-    text: str | None
-    """The result, JSON; None where it failed."""
+    text: str
+    """The result, JSON; empty where it failed."""
     seconds: float
     failure: str = ""
     """What it raised, in a line."""
@@ -240,7 +242,7 @@ def _do(work: Work, arguments: tuple[Any, ...]) -> _Ended:
         text = json.dumps(work(*arguments), ensure_ascii=False, allow_nan=False)
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
-        return _Ended(None, time.perf_counter() - began, said, traceback.format_exc())
+        return _Ended("", time.perf_counter() - began, said, traceback.format_exc())
     return _Ended(text, time.perf_counter() - began)
 
 
@@ -249,7 +251,7 @@ def _do_elsewhere(version: str, work: Work, arguments: tuple[Any, ...]) -> _Ende
     from fracid import __version__
 
     if version != __version__:
-        return _Ended(None, 0.0, f"the worker has fracid {__version__}, this is {version}: install the same")
+        return _Ended("", 0.0, f"the worker has fracid {__version__}, this is {version}: install the same")
     _settle()
     return _do(work, arguments)
 
@@ -267,10 +269,15 @@ def _one_blas_thread() -> Any:
     return threadpool_limits(1, "blas")
 
 
-def _text(task: Task, ended: _Ended) -> str:
-    if ended.text is None:
-        raise _Stopped(f"The repetition {task.key!r} failed: {ended.failure}.") from _Traceback(ended.where)
-    return ended.text
+def _failure(task: Task, ended: _Ended | BaseException) -> _Stopped | None:
+    """Why a repetition has no result; None where it has one."""
+    if isinstance(ended, BaseException):
+        return _Stopped(f"The repetition {task.key!r} cannot be sent or read back: {ended}.")
+    if ended.text:
+        return None
+    failure = _Stopped(f"The repetition {task.key!r} failed: {ended.failure}.")
+    failure.__cause__ = _Traceback(ended.where)
+    return failure
 
 
 class _Traceback(Exception):
@@ -282,45 +289,38 @@ class _Traceback(Exception):
 
 # --- threads and processes ---------------------------------------------------------------------------
 
-IDLE = 2.0
-"""Where nothing has ended for so long, it is time to look why [s]."""
-
 Ends = Generator[tuple[Task, _Ended], None, list[Task]]
 """Yields each task as it ends; returns those that were under way when a worker died."""
 
 
-def _in_flight(
-    submit: Callable[[Task], Future[_Ended]], tasks: Iterator[Task], window: int, idle: Callable[[], object] = int
-) -> Ends:
-    """Keep `window` tasks under way, so that a study of millions waits here; ask `idle` while nothing ends."""
+def _in_flight(submit: Callable[[Task], Future[_Ended]], tasks: Iterator[Task], window: int) -> Ends:
+    """Keep `window` tasks under way, so that a study of millions waits here and not in a queue."""
     waiting: dict[Future[_Ended], Task] = {}
     lost: list[Task] = []
-    interrupted = False
+    stopped: BaseException | None = None
     while True:
         try:
-            while len(waiting) < window and not (lost or interrupted) and (task := next(tasks, None)) is not None:
+            while len(waiting) < window and not (lost or stopped) and (task := next(tasks, None)) is not None:
                 _submit(submit, task, waiting, lost)
             if not waiting:
                 break
-            ended, _ = wait(waiting, IDLE, FIRST_COMPLETED)
-        except KeyboardInterrupt:
-            if interrupted:
+            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+        except KeyboardInterrupt as interruption:
+            if stopped:
                 raise
-            interrupted = True
-            waiting = {future: task for future, task in waiting.items() if not future.cancel()}
-            continue
-        if not ended:
-            idle()
+            stopped, ended = interruption, set()
         for future in ended:
-            task, error = waiting.pop(future), future.exception()
-            if isinstance(error, BrokenExecutor):
+            task = waiting.pop(future)
+            if isinstance(future.exception(), BrokenExecutor):
                 lost.append(task)
-            elif error is not None:
-                raise _Stopped(f"The repetition {task.key!r} was given up: {error}.") from error
+            elif failure := _failure(task, future.exception() or future.result()):
+                stopped = stopped or failure
             else:
                 yield task, future.result()
-    if interrupted:
-        raise KeyboardInterrupt
+        if stopped:  # what is under way may end
+            waiting = {future: task for future, task in waiting.items() if not future.cancel()}
+    if stopped:
+        raise stopped
     return lost
 
 
@@ -386,24 +386,78 @@ def _prepare_worker() -> None:
 ANSWER = 10.0
 """A scheduler answers within this, or is not there [s]."""
 
+IDLE = 2.0
+"""Where nothing has come back for so long, it is time to look why [s]."""
+
+WINDOW = 4
+"""Tasks on the way, for each of a cluster's threads."""
+
 PATIENCE = 60.0
 """A study waits so long for a worker, where there is none [s]."""
 
 
 def _on_cluster(work: Work, tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, _Ended]]:
     """Tasks as Dask's; a worker that is lost is Dask's business too, which does its tasks again elsewhere."""
+    with _client(address) as client:
+        try:
+            yield from _from_cluster(client, work, iter(tasks), address)
+        except (CancelledError, OSError):  # OSError: also every broken connection
+            raise _Stopped(f"The Dask scheduler at {address} is gone.") from None
+
+
+def _from_cluster(client: Any, work: Work, tasks: Iterator[Task], address: str) -> Iterator[tuple[Task, _Ended]]:
+    """Send and fetch many at once: a message for each would cost twice the time."""
+    ends: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
+    window = WINDOW * max(16, sum(client.nthreads().values()))
+    alone = _Alone(client, address)
+    while True:
+        batch = list(islice(tasks, window - len(waiting))) if len(waiting) <= window // 2 else []
+        futures = _sent(client, work, batch) if batch else []
+        for future, task in zip(futures, batch, strict=True):
+            waiting[future.key] = future, task
+            future.add_done_callback(ends.put)
+        if not waiting:
+            return
+        ended = _drained(ends, alone.check)
+        whole = [f for f in ended if f.status == "finished"]
+        failures = [_given_up(waiting[f.key][1], f.exception()) for f in ended if f.status != "finished"]
+        for future, result in zip(whole, client.gather(whole), strict=True):
+            task = waiting.pop(future.key)[1]
+            if failure := _failure(task, result):
+                failures.append(failure)
+            else:
+                yield task, result
+        if failures:
+            raise failures[0]
+
+
+def _sent(client: Any, work: Work, batch: list[Task]) -> list[Any]:
     from fracid import __version__
 
-    def submit(task: Task) -> Future[_Ended]:
-        future: Future[_Ended] = pool.submit(_do_elsewhere, __version__, work, task.arguments)
-        return future
+    ours = ([value] * len(batch) for value in (__version__, work))
+    try:
+        return list(client.map(_do_elsewhere, *ours, [t.arguments for t in batch], pure=False))
+    except (TypeError, AttributeError, PickleError) as error:
+        raise _Stopped(f"The repetition {batch[0].key!r}, or one after it, cannot be sent: {error}.") from error
 
-    with _client(address) as client:
-        pool, alone = client.get_executor(pure=False), _Alone(client, address)
+
+def _drained(ends: queue.SimpleQueue[Any], idle: Callable[[], None]) -> list[Any]:
+    """All that has ended, one at least; `idle` is asked while nothing ends."""
+    while True:
         try:
-            yield from _in_flight(submit, iter(tasks), 4 * max(16, sum(client.nthreads().values())), alone.check)
-        except CancelledError:
-            raise _Stopped(f"The Dask scheduler at {address} is gone.") from None
+            ended = [ends.get(timeout=IDLE)]
+        except queue.Empty:
+            idle()
+        else:
+            return [*ended, *(ends.get() for _ in range(ends.qsize()))]
+
+
+def _given_up(task: Task, error: BaseException) -> _Stopped:
+    from distributed.scheduler import KilledWorker
+
+    died = "every worker that tried it died (out of memory, or a crash in compiled code)"
+    return _Stopped(f"The repetition {task.key!r} was given up: {died if isinstance(error, KilledWorker) else error}.")
 
 
 @contextmanager
