@@ -23,7 +23,7 @@ LAYERS = (
     {"batch", "problem", "reduction"},
     {"project"},
     {"uncertainty", "regression"},
-    {"profiles"},
+    {"criteria", "profiles"},
     {"bootstrap", "diagnostics"},
     {"search"},
     {"alternative"},
