@@ -297,14 +297,18 @@ def _arrived(result: Result) -> Result:
 
 
 IMITATION = "may stand in for friction that the model lacks"
-"""The verdict on orders whose integer-order rival is as good."""
+"""The verdict on orders whose integer-order rival, with more friction free, is as good."""
+
+CHANCE = "no different from 1 as far as the recordings can tell"
+"""The verdict on orders without which the same model is as good."""
 
 
 def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
     problem, best, known = found.problem, found.result.best, found.known
     estimates = _estimates(problem, best.point, known)
     if found.alternative is not None and found.alternative.warning:
-        estimates |= {n: replace(estimates[n], identifiable=IMITATION) for n in found.alternative.orders}
+        verdict = IMITATION if found.alternative.parameters else CHANCE
+        estimates |= {n: replace(estimates[n], identifiable=verdict) for n in found.alternative.orders}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
     said = (*_warnings(problem, known), *_misfits(fitted, len(found.starts)), *found.warnings)
