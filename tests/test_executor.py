@@ -260,7 +260,10 @@ def cluster(tmp_path):
         process.wait()
 
 
-def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worker_is_killed(cluster, tmp_path):
+def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worker_is_killed(
+    cluster, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("fracid.executor.ANSWER", 2.0)  # how long a scheduler is waited for that is gone
     address, scheduler, _ = cluster
     marks = tmp_path / "marks"
     marks.mkdir()

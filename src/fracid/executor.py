@@ -26,6 +26,7 @@ must catch and return.  Ctrl-C starts nothing new and keeps what is under way he
 from __future__ import annotations
 
 import json
+import logging
 import multiprocessing
 import os
 import queue
@@ -464,6 +465,7 @@ def _given_up(task: Task, error: BaseException) -> _Stopped:
 def _client(address: str) -> Iterator[Any]:
     try:
         from distributed import Client
+        from distributed.utils import silence_logging_cmgr
     except ImportError:
         raise InputError(
             f"{address} is a Dask scheduler, for which the package distributed is missing: type "
@@ -476,10 +478,11 @@ def _client(address: str) -> Iterator[Any]:
             f"No Dask scheduler answers at {address}: {str(error).splitlines()[0]}. Start one with dask scheduler and "
             "workers with dask worker ADDRESS, or leave the cluster out: --executor processes."
         ) from None
-    try:
-        yield client
-    finally:
-        client.close(timeout=ANSWER)
+    with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves
+        try:
+            yield client
+        finally:
+            client.close(timeout=1.0)
 
 
 class _Alone:

@@ -28,7 +28,7 @@ import sys
 import threading
 import time
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -81,16 +81,14 @@ class Journal:
     def __init__(self, path: str | Path, study: Mapping[str, Json]) -> None:
         """Open it, repair it, and read what is done."""
         self.path = Path(path)
-        self._lock = FolderLock(self.path.parent)
-        try:
-            self._file = _opened(self.path)
+        with ExitStack() as opened:
+            opened.enter_context(FolderLock(self.path.parent))
+            self._file = opened.enter_context(_opened(self.path))
             self.done, self.notes, self._end = _read(self.path, dict(study), self._file)
             self._synced = time.monotonic()
             if self._end == 0:
                 self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
-        except BaseException:
-            self._lock.release()
-            raise
+            self._opened = opened.pop_all()
 
     def __enter__(self) -> Journal:
         """Give itself."""
@@ -102,14 +100,12 @@ class Journal:
 
     def close(self) -> None:
         """Force the last lines to the disk, close the file and let go of the folder."""
-        if not self._file.closed:
-            try:
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                raise self._cut_short(error) from None
-            finally:
-                self._file.close()
-                self._lock.release()
+        with self._opened:
+            if not self._file.closed:
+                try:
+                    os.fsync(self._file.fileno())
+                except OSError as error:
+                    raise self._cut_short(error) from None
 
     def append(self, key: str, value: Json, seconds: float = 0.0) -> None:
         """Keep the result of one repetition.
