@@ -21,6 +21,7 @@ import numpy as np
 import plain
 
 import fracid
+from fracid.compiling import RHS_SIGNATURE
 from fracid.costs import COSTS
 from fracid.fractional import gl_weights
 from fracid.memory import compressed, full
@@ -28,7 +29,6 @@ from fracid.models import RIGS
 from fracid.optimise import OPTIMISERS, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.simulate import METHODS, compile_rhs, integrate
-from fracid.stepping import RHS_SIGNATURE
 
 STEP, STEPS = 1e-3, 20_000
 ORDERS = np.array([0.8623, 0.8623, 0.9146, 0.9146])

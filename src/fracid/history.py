@@ -26,6 +26,7 @@ from numba.extending import intrinsic, register_jitable, register_model
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
+from fracid.compiling import when_called
 from fracid.memory import Kernel
 
 __all__ = [
@@ -117,7 +118,7 @@ _vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.in
 KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
 
 
-@nb.njit(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS), cache=True, nogil=True)
+@when_called(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS))
 def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
     """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
 
@@ -127,7 +128,8 @@ def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
     start, forget, enter, collect, foresee = _columns(stacked.lags, M)
     known, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
     more = 8 + stacked.sizes[r, 0] - known  # lags to make of the exponentials, for L to be a multiple of 8
-    row[8:known], row[start + 8 : start + known] = exact[1:], first[1:]
+    for j in range(1, len(exact)):  # an assignment of slices would take Numba two seconds more to compile
+        row[7 + j], row[start + 7 + j] = exact[j], first[j]
     for m in range(len(decay)):
         s = np.log1p(decay[m])
         row[forget + m0 + m], row[enter + m0 + m] = np.expm1(BLOCK * s), first_ratio[m]
@@ -281,7 +283,7 @@ def forget_mode():
 
 # --- the history -----------------------------------------------------------------------------------
 
-inline = nb.njit(nogil=True, error_model="numpy", forceinline=True)
+inline = nb.njit(nogil=True, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @inline

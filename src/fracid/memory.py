@@ -82,6 +82,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from fracid.compiling import helper, when_called
 from fracid.errors import InputError
 from fracid.fractional import gl_weights
 
@@ -399,7 +400,6 @@ def _exact_third(q: float, steps: int) -> Kernel:
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
 _real, _whole, _row = types.float64, types.int64, types.float64[::1]
 _compile = {"cache": True, "nogil": True, "error_model": "numpy"}
-_helper = nb.njit(nogil=True, error_model="numpy")
 
 
 @nb.njit(types.UniTuple(_row, 2)(_real, _whole), **_compile)
@@ -424,7 +424,7 @@ def _trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     return b / math.gamma(q + 2), a / math.gamma(q + 2)
 
 
-@_helper
+@helper
 def zeta(s: float) -> float:
     """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on."""
     N = 12.0
@@ -488,7 +488,7 @@ def _sine(a: float) -> float:
     return (1 - 2 * (whole % 2)) * math.sin(math.pi * (a - whole)) / math.pi
 
 
-@_helper
+@helper
 def _half_hat(s: float) -> float:
     """(e^s − 1 − s)/s², by its series where the difference would cancel."""
     if s >= 0.5:
@@ -499,7 +499,7 @@ def _half_hat(s: float) -> float:
     return series / 2
 
 
-@_helper
+@helper
 def _quadrature(
     a: float, sine: float, first: float, steps: int, tolerance: float, double: bool
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -527,7 +527,7 @@ def _quadrature(
     return s, omega, s_J ** (a + 1) * slope_weight
 
 
-@_helper
+@helper
 def _mean_of_rest(a: float, last: float, spacing: float, first: float, sigma: float) -> tuple[float, float]:
     """One node for `last` and all beyond: Gauss's rule in x = 1/(s + σ) for masses s^a e^(−s·first)."""
     mass = mean = 0.0
@@ -539,7 +539,7 @@ def _mean_of_rest(a: float, last: float, spacing: float, first: float, sigma: fl
     return node, mass**2 / mean * math.exp((node - last) * first)
 
 
-@_helper
+@helper
 def _spacing(a: float, tolerance: float) -> float:
     """Δ with 2·|Γ(a + 2πi/Δ)| = tolerance·|Γ(a)|, by Stirling: |Γ(a+iy)| ~ √(2π) y^(a−½) e^(−πy/2)."""
     scale = math.log(2 * math.sqrt(2 * math.pi) / tolerance) - math.lgamma(a)
@@ -549,7 +549,7 @@ def _spacing(a: float, tolerance: float) -> float:
     return 2 * math.pi / y
 
 
-@_helper
+@helper
 def _upper_end(a: float, weight: float) -> float:
     """y with y^a e^(−y) = weight."""
     y = 20.0
@@ -558,7 +558,7 @@ def _upper_end(a: float, weight: float) -> float:
     return y
 
 
-@_helper
+@helper
 def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
     r"""θ at which the rule of :func:`_low_end` is off by `error` (relative to t^(−a), for t = n) on e^(−st).
 
@@ -570,7 +570,7 @@ def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
     return math.exp(math.log(power) / (a + r))
 
 
-@_helper
+@helper
 def _little_jacobi(b: float, spacing: float) -> float:
     """∫ π² dμ of the monic orthogonal polynomial of degree LOW_NODES for masses A^j at Q^j, [Koekoek] (14.12.2)."""
     n, Q, A = LOW_NODES, math.exp(-spacing), math.exp(-spacing * b)
@@ -580,7 +580,7 @@ def _little_jacobi(b: float, spacing: float) -> float:
     return norm
 
 
-@_helper
+@helper
 def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray) -> float:
     """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
 
@@ -608,7 +608,7 @@ def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray,
     return slope_weight
 
 
-@_helper
+@helper
 def _next_root(c: FloatArray, known: FloatArray) -> float:
     """The largest root of Σ c_k x^k that is not yet known, all being in (0, 1): Newton's method, from above."""
     x = 1.1
@@ -628,7 +628,7 @@ def _next_root(c: FloatArray, known: FloatArray) -> float:
 _rows = (_row,) * 5
 
 
-@nb.njit(types.Tuple(_rows)(_real, _real, _whole, _whole, _real), **_compile)
+@when_called(types.Tuple(_rows)(_real, _real, _whole, _whole, _real))
 def _derivative_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[FloatArray, ...]:
     """The fields of a ``gl`` kernel."""
     w = np.ones(L + 1)
@@ -641,7 +641,7 @@ def _derivative_kernel(q: float, sine: float, L: int, steps: int, tolerance: flo
     return w, w, np.expm1(-s), omega, np.ones(len(s))
 
 
-@nb.njit(types.Tuple((*_rows, _real))(_real, _real, _whole, _whole, _real), **_compile)
+@when_called(types.Tuple((*_rows, _real))(_real, _real, _whole, _whole, _real))
 def _integral_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
     """The fields of a ``pi`` kernel."""
     b, a = _trapezoidal_weights(q, L)

@@ -19,8 +19,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.compiling import RHS_SIGNATURE
 from fracid.errors import InputError
-from fracid.stepping import RHS_SIGNATURE
 
 __all__ = ["RightHandSide", "compile_rhs", "name_of", "probe"]
 

@@ -56,8 +56,10 @@ import math
 
 import numba as nb
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from fracid.compiling import RHS, helper, when_called
 from fracid.memory import _third_weights as third_weights
 from fracid.memory import _trapezoidal_weights as trapezoidal_weights
 from fracid.memory import zeta
@@ -82,10 +84,16 @@ ITERATIONS, LARGE = 50, 120
 SUMMED = 32
 """Up to here E_σ(n) is summed, beyond it is expanded."""
 
-_helper = nb.njit(nogil=True, error_model="numpy")
+_alone = nb.njit(nogil=True, error_model="numpy")  # for those that Python calls too
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+_RUN = types.float64, types.float64, types.int64, types.float64, types.boolean, types.boolean
+
+START = _matrix, _vector, types.int64, types.int64[::1], types.float64[:, :, ::1]
+"""What :func:`start_together` returns."""
 
 
-@_helper
+@_alone
 def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = False) -> FloatArray:
     """Give the exponents σ with which f begins, in ascending order: below 1, and 1 where none is near it.
 
@@ -121,7 +129,7 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
     return chosen[1 : taken + 1].copy()
 
 
-@_helper
+@_alone
 def knots_up_to(steps: int) -> NDArray[np.int64]:
     """Give the n at which the corrections are known: all up to 64, then 3 % apart, an odd number, beyond `steps`."""
     knots, last = np.arange(1000), 64  # as many as there are up to 10^13
@@ -131,7 +139,7 @@ def knots_up_to(steps: int) -> NDArray[np.int64]:
     return knots[: last + 1].copy()
 
 
-@_helper
+@_alone
 def errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False) -> FloatArray:
     """E_σ(n) for an order q, the exponents σ and n at the knots, shape (n_exponents, n_knots)."""
     E, summed = np.zeros((len(sigma), len(knots))), 2 * SUMMED if third else SUMMED
@@ -164,7 +172,7 @@ def errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64], thir
     return E
 
 
-@_helper
+@helper
 def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
     ends, few = np.zeros((len(knots), 2)), trapezoidal_weights(q, 8)
@@ -184,7 +192,7 @@ def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     return ends
 
 
-@_helper
+@helper
 def _parabola_weights(q: float, n: int) -> tuple[float, float, float]:
     """What f_0, f_1, f_2 weigh in J^q of the parabola through them, from 0 to n."""
     t = float(n)
@@ -192,7 +200,7 @@ def _parabola_weights(q: float, n: int) -> tuple[float, float, float]:
     return m0 - 1.5 * m1 + 0.5 * m2, 2 * m1 - m2, 0.5 * m2 - 0.5 * m1
 
 
-@_helper
+@helper
 def _expansion(q: float, s: float) -> Expansion:
     """Coefficients of E_σ(n) for large n in powers of 1/n: the start's, the rule's own (1/n²), the last panel's."""
     z0, z1, z2, z3 = zeta(-s), zeta(-s - 1), zeta(-s - 2), zeta(-s - 3)
@@ -208,7 +216,7 @@ def _expansion(q: float, s: float) -> Expansion:
     return start, rule, last
 
 
-@_helper
+@helper
 def _third_expansion(q: float, s: float) -> Expansion:
     """The same for ``pi3``, but for δ²f_0."""
     start = (-zeta(-s) * _inverse_gamma(q), zeta(-s - 1) * _inverse_gamma(q - 1),
@@ -221,7 +229,7 @@ def _third_expansion(q: float, s: float) -> Expansion:
     return start, rule, last
 
 
-@_helper
+@helper
 def _inverse_gamma(x: float) -> float:
     """1/Γ(x), which is 0 at 0, −1, −2, …"""
     factor = 1.0
@@ -234,7 +242,7 @@ def _inverse_gamma(x: float) -> float:
 # --- the start -------------------------------------------------------------------------------------
 
 
-@_helper
+@when_called(types.Tuple(START)(RHS, _vector, _matrix, *[_vector] * 2, _matrix, _vector, *_RUN))
 def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, corrected, third):
     """Solve the first steps together, and give what corrects the later ones.
 
@@ -262,12 +270,14 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
         first = 0
         while orders[first] != orders[i]:
             first += 1
-        E[i] = E[first] if first < i else errors_of_powers(orders[i], sigma, knots, third)
-        M[i] = M[first] if first < i else _starting_weights(orders[i], E[i], fit, third)
+        _copy(E[first] if first < i else errors_of_powers(orders[i], sigma, knots, third), E[i])
+        _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, third), M[i])
         if third:
-            ends[i] = ends[first] if first < i else _ends(orders[i], knots)
+            _copy(ends[first] if first < i else _ends(orders[i], knots), ends[i])
     x, f = np.zeros((max(m, s) + 1, states)), np.zeros((s + 1, states))
-    x[: m + 1], x[m + 1 :] = past, past[m]
+    for n in range(len(x)):
+        for i in range(states):
+            x[n, i] = past[min(n, m), i]
     base = past[0].copy()
     if not _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
         return plain
@@ -277,13 +287,24 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
             c = 0.0
             for k in range(1, s + 1):
                 c += fit[e, k - 1] * (f[k, i] - f[0, i])
-            C[i] += c * E[i, e]
+            for n in range(len(knots)):
+                C[i, n] += c * E[i, e, n]
         if third:
-            C[i] -= (f[2, i] - 2 * f[1, i] + f[0, i]) * ends[i, :, 0] + (f[1, i] - f[0, i]) * ends[i, :, 1]
+            bend, rise = f[2, i] - 2 * f[1, i] + f[0, i], f[1, i] - f[0, i]
+            for n in range(len(knots)):
+                C[i, n] -= bend * ends[i, n, 0] + rise * ends[i, n, 1]
     return x, base, s, knots, _parabolas(knots, C)
 
 
-@_helper
+@helper
+def _copy(source, target):
+    """Fill a matrix; an assignment of slices would take Numba two seconds more to compile."""
+    for r in range(len(target)):
+        for c in range(target.shape[1]):
+            target[r, c] = source[r, c]
+
+
+@helper
 def _parabolas(knots, C):
     """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (n_pieces, n_states, 3)."""
     pieces = np.zeros((len(knots) // 2, len(C), 3))
@@ -291,11 +312,11 @@ def _parabolas(knots, C):
         for r in range(len(knots) // 2):
             a, b, c = knots[2 * r], knots[2 * r + 1], knots[2 * r + 2]
             first, second = (C[i, 2 * r + 1] - C[i, 2 * r]) / (b - a), (C[i, 2 * r + 2] - C[i, 2 * r + 1]) / (c - b)
-            pieces[r, i] = C[i, 2 * r], first, (second - first) / (c - a)
+            pieces[r, i, 0], pieces[r, i, 1], pieces[r, i, 2] = C[i, 2 * r], first, (second - first) / (c - a)
     return pieces
 
 
-@_helper
+@helper
 def _powers_of_time(rhs, x0, slope, u, p, t0, h):
     """Measure the powers of t with which f(t, x_0 + t·slope) begins, one a state; 0 where it does not depend on t."""
     states, e = len(x0), 1e-6 * h
@@ -312,7 +333,7 @@ def _powers_of_time(rhs, x0, slope, u, p, t0, h):
     return powers
 
 
-@_helper
+@helper
 def _orders_that_move(rhs, orders, x0, A, u, p, t0, powers):
     """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
     states, f, later = len(orders), np.zeros(len(orders)), np.zeros(len(orders))
@@ -333,7 +354,7 @@ def _orders_that_move(rhs, orders, x0, A, u, p, t0, powers):
     return moving[:count].copy()
 
 
-@_helper
+@helper
 def _fit_of_powers(sigma, s):
     """Give the matrix from f_1 − f_0 … f_s − f_0 to the c_m of f_k − f_0 = Σ c_m k^σ_m (the nearest c_1, if s = 2)."""
     if len(sigma) < s:
@@ -351,7 +372,7 @@ def _fit_of_powers(sigma, s):
     return W[:, s:].copy()
 
 
-@_helper
+@helper
 def _starting_weights(q, E, fit, third):
     """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers; shape (s + 1, s + 1)."""
     s = fit.shape[1]
@@ -376,7 +397,7 @@ def _starting_weights(q, E, fit, third):
     return M
 
 
-@_helper
+@helper
 def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
     """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles."""
     s, states = len(f) - 1, len(slope)
@@ -396,8 +417,8 @@ def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
         gauss_jordan(W)
     for _ in range(ITERATIONS):
         for n in range(s + 1):
-            if len(u) > 1:
-                now[:] = u[n]
+            for c in range(len(now) if len(u) > 1 else 0):
+                now[c] = u[n, c]
             rhs(t0 + n * h, x[n], now, p, f[n])
         moved = 0.0
         for n in range(m, s + 1):
@@ -423,7 +444,7 @@ def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
     return moved < 1e-11
 
 
-@_helper
+@helper
 def _jacobian(rhs, x0, gain, u, p, t0):
     """h^q ∂f/∂x at the start, by central differences."""
     states, x, now = len(x0), x0.copy(), u[0].copy()
@@ -439,7 +460,7 @@ def _jacobian(rhs, x0, gain, u, p, t0):
     return A
 
 
-@_helper
+@helper
 def _spectral_radius(A):
     """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
     radius, power = 0.0, A.copy()
@@ -455,7 +476,7 @@ def _spectral_radius(A):
     return radius ** (1 / 16)
 
 
-@_helper
+@helper
 def gauss_jordan(W):
     """Turn [A | B] into [1 | A⁻¹B], with row pivots."""
     n, columns = W.shape

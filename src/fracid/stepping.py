@@ -36,15 +36,16 @@ is stored.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-import numba as nb
 import numpy as np
 from numba import types
 
+from fracid.compiling import RHS, helper, when_called
 from fracid.history import BLOCK, KERNELS, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
-from fracid.starting import gauss_jordan, start_together
+from fracid.starting import START, gauss_jordan, start_together
 
-__all__ = ["RHS_SIGNATURE", "step_gl", "step_gl_sequential", "step_pi2"]
+__all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
 
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.simulate.Outcome` has the sentences."""
@@ -61,11 +62,8 @@ LARGEST = float(np.finfo(np.float64).max)
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
-RHS_SIGNATURE = types.void(types.float64, _vector, _vector, _vector, _vector)
-"""rhs(t, x, u, p, out): the one signature of every right-hand side."""
-
 _RUN = (
-    types.FunctionType(RHS_SIGNATURE),
+    RHS,
     _vector,  # orders
     _matrix,  # past: known states, one row a step, the last is that at the start
     _vector,  # slope, first derivatives at the first known sample (0 where an order is at most 1)
@@ -117,7 +115,7 @@ def _outside(x, bounds):
     return False
 
 
-@nb.njit(_ENDED(*_RUN, types.boolean, _matrix), cache=True, nogil=True, error_model="numpy")
+@when_called(_ENDED(*_RUN, types.boolean, _matrix))
 def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
     m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
@@ -125,7 +123,8 @@ def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit,
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
     mode = flush_denormals()
     if raw:
-        window[:, 0] = x0
+        for i in range(states):
+            window[i, 0] = x0[i]
     last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
     for n in range(1, m + steps + 1):
         j = (n - 1) % BLOCK
@@ -154,7 +153,7 @@ def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit,
     return last, how
 
 
-@nb.njit(_ENDED(*_RUN, _matrix), cache=True, nogil=True, error_model="numpy")
+@when_called(_ENDED(*_RUN, _matrix))
 def step_gl_sequential(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
     m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
@@ -216,7 +215,7 @@ def _add_parabola(n, count, first, knots, k, parabolas, ahead):
             ahead[i, first + j] += value + j * (slope + j * c2)
 
 
-@nb.njit(nogil=True, error_model="numpy")
+@helper
 def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
     """Shift x⁰ so that the run goes on from the last known state, which the model may not explain.
 
@@ -240,7 +239,7 @@ def _slow(x, last, f, known, newest, scale):
     return next_move > max(SLOW * moved, SETTLED)
 
 
-@nb.njit(nogil=True, error_model="numpy")
+@helper
 def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
@@ -269,7 +268,7 @@ def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
     return False
 
 
-@nb.njit(nogil=True, error_model="numpy")
+@helper
 def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
     """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
     n = len(x)
@@ -284,7 +283,7 @@ def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
     gauss_jordan(W)
 
 
-@nb.njit(nogil=True, error_model="numpy")
+@helper
 def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, trial, x0):
     """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
     if newton:
@@ -294,29 +293,41 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, t
     return kept
 
 
-@nb.njit(_ENDED(*_RUN, types.boolean, types.int64, types.boolean, _matrix), cache=True, nogil=True, error_model="numpy")
-def step_pi2(
+def _pi(
     rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections, corrected,
     out,
 ):  # fmt: skip
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
+    m, limit = len(past) - 1, min(limit, LARGEST)
+    begun = start_together(rhs, orders, past, slope, gain, u, p, start - m * h, h, m + steps, limit, corrected, third)
+    return _go_on(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third,
+                  corrections, *begun, out)  # fmt: skip
+
+
+step_pi2: Callable[..., tuple[int, int]] = _pi
+
+
+@when_called(_ENDED(*_RUN, types.boolean, types.int64, *START, _matrix))
+def _go_on(
+    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections,
+    begun, x0, together, knots, parabolas, out,
+):  # fmt: skip
+    """Step from the start that was solved together."""
+    m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
-    begun, x0, together, knots, parabolas = start_together(
-        rhs, orders, past, slope, gain, u, p, t0, h, end, limit, corrected, third
-    )
     given = max(m, together + 1)  # the first step whose state is not known before
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
     x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
     last_x, known, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
-    W, trial, kept = np.zeros((states, 2 * states)), np.zeros(states), False  # Newton's
+    W, trial, kept = np.zeros((states, 2 * states)), np.zeros(states), states < 0  # Newton's; False, but no literal
     mode = flush_denormals()
     rhs(t0, x, now, p, f)
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
-    k, row, last, how = 0, 1, end, COMPLETED  # the parabola of n; the first row of out holds x(start)
+    k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
+    row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
         last, how, end = 0, NOT_FINITE, 0
     for n in range(1, end + 1):
