@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.regression import Regression, regress
+    from fracid.residuals import ResidualAnalysis, residual_analysis
     from fracid.saved import SavedRun, load_run
     from fracid.simulate import simulate, solve_fde
     from fracid.trajectory import Outcome, Trajectory
@@ -52,6 +53,7 @@ _HOME = {
     "Project": "project",
     "Recording": "recording",
     "Regression": "regression",
+    "ResidualAnalysis": "residuals",
     "SavedRun": "saved",
     "Sensitivities": "batch",
     "Spread": "bootstrap",
@@ -70,6 +72,7 @@ _HOME = {
     "multi_term": "reduction",
     "profile": "profiles",
     "regress": "regression",
+    "residual_analysis": "residuals",
     "rotary_pendulum": "models",
     "sensitivities": "batch",
     "simulate": "simulate",
@@ -80,11 +83,12 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["Bootstrap", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
-           "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
-           "Regression", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
-           "bootstrap", "derivative", "identifiability", "identify", "linear_multi_term",
+           "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
+           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict",
+           "__version__", "bootstrap", "derivative", "identifiability", "identify", "linear_multi_term",
            "linear_system", "load_project", "load_recording", "load_run", "multi_term", "profile", "regress",
-           "rotary_pendulum", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
+           "residual_analysis", "rotary_pendulum", "sensitivities", "simulate", "solve_fde",
+           "solve_fde_batch", "spread"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -1,15 +1,16 @@
 """Figures.  Each function returns a matplotlib Figure; :func:`save` writes it.
 
-==========================  ============================================================================
-figure                      shows
-==========================  ============================================================================
-:func:`recording_overview`  a recording: each signal whole, and close up about its release
-:func:`fitted_over_time`    the paper's Figure 2: measured and fitted, close up where it is fast, residual below
-:func:`residual_plots`      the paper's Figure 3: residual over time, over the fitted value, its distribution
-:func:`cost_plane`          the cost over the two orders: a point, or a gorge?
-:func:`profiles`            the cost's rise over each unknown, all others following, and its threshold
-:func:`waterfall`           where each start of a search ended, sorted: is the lowest minimum found again?
-==========================  ============================================================================
+============================  ============================================================================
+figure                        shows
+============================  ============================================================================
+:func:`recording_overview`    a recording: each signal whole, and close up about its release
+:func:`fitted_over_time`      the paper's Figure 2: measured and fitted, close up where it is fast, residual below
+:func:`residual_plots`        the paper's Figure 3: residual over time, over the fitted value, its distribution
+:func:`residual_diagnostics`  the same with speed, autocorrelation and spectrum: what the residual's tests look at
+:func:`cost_plane`            the cost over the two orders: a point, or a gorge?
+:func:`profiles`              the cost's rise over each unknown, all others following, and its threshold
+:func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
+============================  ============================================================================
 
 What they keep to: angles in degrees and a unit on every axis; measured pale and broad under fitted dark and
 thin, so that both are told apart in grey and by every eye (the colours are Okabe and Ito's); a simulation
@@ -28,8 +29,9 @@ from fracid.plots.fitted import fitted_over_time
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
 from fracid.plots.profile import profiles
-from fracid.plots.residuals import residual_plots
+from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
 
-__all__ = ["cost_plane", "fitted_over_time", "profiles", "recording_overview", "residual_plots", "save", "waterfall"]
+__all__ = ["cost_plane", "fitted_over_time", "profiles", "recording_overview", "residual_diagnostics",
+           "residual_plots", "save", "waterfall"]  # fmt: skip

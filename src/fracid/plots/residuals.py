@@ -1,4 +1,7 @@
-"""The paper's Figure 3: the residual over time, over the fitted value, its distribution.
+"""The paper's Figure 3: the residual over time, over the fitted value, its distribution; and all that is tested of it.
+
+:func:`residual_plots` is the paper's, four panels.  :func:`residual_diagnostics` adds what its tests look at
+(:mod:`fracid.residuals`): the residual against the fitted speed, its autocorrelation, its spectrum.
 
 References
 ----------
@@ -7,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +18,14 @@ from numpy.typing import NDArray
 
 from fracid.errors import InputError
 from fracid.plots import look
+from fracid.residuals import (
+    DRIFT,
+    ResidualAnalysis,
+    autocorrelation,
+    longest_stretch,
+    power_spectrum,
+    residual_analysis,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +33,7 @@ if TYPE_CHECKING:
 
     from fracid.identify import RecordingFit
 
-__all__ = ["residual_plots"]
+__all__ = ["residual_diagnostics", "residual_plots"]
 
 FloatArray = NDArray[np.float64]
 
@@ -80,13 +91,167 @@ def residual_plots(
     look.label(over_fitted, "against the fitted value", f"fitted {look.symbol(output)} [°]", label)
     look.label(distribution, "distribution", label, "density [1/°]")
     look.label(probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label)
-    for axes in () if residual.size else figure.axes:
+    _blank(() if residual.size else figure.axes)
+    look.finish(figure, _headline(recording, output, step))
+    return figure
+
+
+def residual_diagnostics(
+    recording: RecordingFit,
+    output: str,
+    *,
+    resolution: Mapping[str, float | None] | None = None,
+    analysis: ResidualAnalysis | None = None,
+) -> Figure:
+    """Draw Figure 3 with all that the tests of :func:`fracid.residual_analysis` look at, in seven panels.
+
+    Beside those of :func:`residual_plots`: against the fitted speed; the autocorrelation with the band in which 95 % of
+    white noise's lie, and the correlation time; the density of the power over the frequency, with the swing, its
+    multiples, and what an encoder's rounding would leave.
+
+    Parameters
+    ----------
+    recording : RecordingFit
+        As in :func:`residual_plots`.
+    output : str
+        Which output.
+    resolution : mapping, optional
+        As in :func:`fitted_over_time`.
+    analysis : ResidualAnalysis, optional
+        Of that output; made if left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If the recording has no such output.
+
+    Examples
+    --------
+    >>> from fracid.identify import RecordingFit
+    >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
+    >>> swing, noise = 0.2 * np.cos(6 * t), 0.01 * rng.normal(size=t.size)
+    >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + noise}, {"alpha": swing}, 0.01, {}, {})
+    >>> [axes.get_title() for axes in residual_diagnostics(twin, "alpha").axes[5:]]
+    ['autocorrelation: all of 20,000 samples count', 'spectrum: no frequency stands out']
+    """
+    found = residual_analysis(recording, output, resolution) if analysis is None else analysis
+    step = look.encoder_step(resolution, output)
+    whole, known = recording.residual(output), np.isfinite(recording.residual(output))
+    residual, fitted = np.degrees(whole[known]), np.degrees(recording.fitted[output][known])
+    figure = look.new(9.5, 13)
+    rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
+    panels: dict[str, Axes] = figure.subplot_mosaic(rows)
+    if residual.size:
+        _over_time(panels["time"], recording.time, np.degrees(whole), step)
+        _over_fitted(panels["fitted"], fitted, residual, step)
+        _over_fitted(panels["speed"], np.degrees(_speed(recording, output)[known]), residual, step)
+        _distribution(panels["normal"], residual, step)
+        _normal_probability(panels["probability"], residual)
+        _in_time(panels["lags"], panels["spectrum"], whole, found)
+    symbol = look.symbol(output)
+    label = f"residual of {symbol} [°]"
+    look.label(panels["time"], "over time", "time [s]", label)
+    look.label(panels["fitted"], "against the fitted value", f"fitted {symbol} [°]", label)
+    look.label(panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [°/s]", label)
+    look.label(panels["normal"], "distribution", label, "density [1/°]")
+    heading = panels["probability"].get_title() or "normal probability"
+    look.label(panels["probability"], heading, "standard normal quantile [–]", label)
+    _name(panels["lags"], _of_lags(found), "lag [s]", "autocorrelation [–]")
+    _name(panels["spectrum"], _of_spectrum(found), "frequency [Hz]", "density of the power [°²/Hz]")
+    _blank(() if residual.size else figure.axes)
+    look.finish(figure, _headline(recording, output, step))
+    return figure
+
+
+def _name(axes: Axes, heading: str, x: str, y: str) -> None:
+    """Title a panel whose axes may be logarithmic."""
+    look.title(axes, heading)
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def _blank(panels: Sequence[Axes]) -> None:
+    for axes in panels:
         axes.set(xticks=[], yticks=[])
         look.note(axes, "no residual: the simulation failed")
+
+
+def _headline(recording: RecordingFit, output: str, step: float | None) -> str:
     use = ", validation" if recording.use == "validate" else ""
-    look.finish(figure, f"{look.plain(recording.name)}{use}: residual of {look.symbol(output)}; "
-                    f"{look.goodness(recording, output, step)}")  # fmt: skip
-    return figure
+    what = f"{look.plain(recording.name)}{use}: residual of {look.symbol(output)}"
+    return f"{what}; {look.goodness(recording, output, step)}"
+
+
+def _speed(recording: RecordingFit, output: str) -> FloatArray:
+    """Of the simulation [rad/s]; NaN where it has no value, and beside."""
+    return np.asarray(np.gradient(recording.fitted[output], recording.time))
+
+
+def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, found: ResidualAnalysis) -> None:
+    """What shows in the order of the samples: on the stretch without a gap that was tested."""
+    if not np.isfinite(found.whiteness.correlation_time):
+        for axes in (lags, spectrum):
+            axes.set(xticks=[], yticks=[])
+            look.note(axes, "nothing that can be tested")
+        return
+    part = longest_stretch(np.isfinite(whole))
+    _autocorrelation(lags, whole[part], found)
+    _spectrum(spectrum, np.degrees(whole[part]), found)
+
+
+def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None:
+    """As far as it takes to see it fade, or to see four swings."""
+    w, step, ρ = found.whiteness, found.step, autocorrelation(residual)
+    reach = max(50 * step, 3 * w.correlation_time, 4 / found.spectrum.swing if found.spectrum.swing else 0.0)
+    n = min(ρ.size, round(reach / step) + 1)
+    band = 1.96 / np.sqrt(residual.size)
+    axes.axhspan(-band, band, color=look.BLUE, alpha=0.25, lw=0, label="95 % of white noise")
+    axes.axhline(0, color="0.6", lw=0.8)
+    look.line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=look.INK, lw=1.0)
+    if not w.white and w.correlation_time <= (n - 1) * step:
+        axes.axvline(w.correlation_time, color=look.VERMILLION, lw=1.2, ls=":", label="correlation time")
+
+
+def _spectrum(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None:
+    """Every frequency pale, and the mean of some hundred bins that are even on the logarithmic axis."""
+    f, S = power_spectrum(residual, found.step)
+    f, S = f[1:], S[1:]
+    edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), 120)
+    at = np.searchsorted(edges, f, side="right")
+    count = np.bincount(at)
+    full = count > 0
+    centre, mean = (np.bincount(at, weights=x)[full] / count[full] for x in (f, S))
+    shown = look.outline(np.log(np.maximum(S, 1e-300)))
+    axes.plot(f[shown], S[shown], color="0.8", lw=0.5, rasterized=True)
+    axes.plot(centre, mean, color=look.INK, lw=1.2)
+    if found.level.encoder_step:
+        floor = np.degrees(found.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
+        axes.axhline(floor, color=look.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
+    for m in range(1, 4) if found.spectrum.swing else ():
+        label = "the swing and its multiples" if m == 1 else None
+        axes.axvline(m * (found.spectrum.swing or 0.0), color=look.GREEN, lw=1.0, ls=":", label=label)
+    axes.set(xscale="log", yscale="log", ylim=(np.quantile(mean, 0.1) / 30, S.max() * 3))
+
+
+def _of_lags(found: ResidualAnalysis) -> str:
+    w = found.whiteness
+    if not np.isfinite(w.correlation_time):
+        return "autocorrelation"
+    count = "all" if w.effective_samples > 0.995 * found.samples else f"{w.effective_samples:,.0f}"
+    return f"autocorrelation: {count} of {found.samples:,} samples count"
+
+
+def _of_spectrum(found: ResidualAnalysis) -> str:
+    line, slow = found.spectrum.line, found.spectrum.slow_share
+    said = [f"{100 * slow:.0f} % below {found.spectrum.slow_below:.2g} Hz"] if slow >= DRIFT else []
+    said += [f"{100 * line.share:.0f} % at {line.frequency:.3g} Hz"] if line else []
+    if not np.isfinite(slow):
+        return "spectrum"
+    return f"spectrum: {', '.join(said) or 'no frequency stands out'}"
 
 
 def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None) -> None:
@@ -119,7 +284,7 @@ def _distribution(axes: Axes, residual: FloatArray, step: float | None) -> None:
         return
     look.encoder_band(axes, step, upright=True)
     mean, deviation = residual.mean(), residual.std()
-    density, edges = np.histogram(residual, bins=_bin_count(residual), density=True)
+    density, edges = np.histogram(residual, bins=_bins(residual, np.degrees(step or 0.0)), density=True)
     axes.stairs(density, edges, fill=True, color="0.72")
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
@@ -152,6 +317,17 @@ def _normal_quantiles(n: int) -> FloatArray:
     median[-1] = 0.5 ** (1 / n)
     median[0] = 1 - median[-1]
     return np.asarray(ndtri(median))
+
+
+def _bins(x: FloatArray, step: float) -> int | FloatArray:
+    """As many as suit the samples, but none narrower than the encoder's step where several steps are seen.
+
+    At rest a residual has the encoder's steps alone; in narrower bins that would be a comb.
+    """
+    count = _bin_count(x)
+    if step <= 0 or x.std() < step or np.ptp(x) / count >= step:
+        return count
+    return np.asarray((np.arange(np.floor(x.min() / step + 0.5), np.floor(x.max() / step + 0.5) + 2) - 0.5) * step)
 
 
 def _bin_count(x: FloatArray) -> int:
