@@ -27,10 +27,10 @@ LAYERS = (
     {"criteria", "profiles"},
     {"bootstrap", "diagnostics", "residuals"},
     {"search"},
-    {"alternative"},
+    {"alternative", "cut"},
     {"ladder"},
-    {"identify"},
-    {"runs", "saved"},
+    {"amplitude", "identify"},
+    {"compare", "runs", "saved"},
     {"plots"},
     {"cli"},
 )

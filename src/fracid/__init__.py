@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
     from fracid.bootstrap import Bootstrap, Spread, bootstrap, spread
+    from fracid.cut import CutCheck, cut_check
     from fracid.diagnostics import Verdict, identifiability
     from fracid.errors import DataError, FracidError, InputError
     from fracid.fractional import derivative
@@ -38,6 +39,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Bootstrap": "bootstrap",
+    "CutCheck": "cut",
     "DataError": "errors",
     "Experiment": "problem",
     "Fit": "identify",
@@ -61,6 +63,7 @@ _HOME = {
     "Trajectory": "trajectory",
     "Verdict": "diagnostics",
     "bootstrap": "bootstrap",
+    "cut_check": "cut",
     "derivative": "fractional",
     "identifiability": "diagnostics",
     "identify": "identify",
@@ -82,10 +85,10 @@ _HOME = {
 }
 """Which module each public name lives in."""
 
-__all__ = ["Bootstrap", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
+__all__ = ["Bootstrap", "CutCheck", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
            "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict",
-           "__version__", "bootstrap", "derivative", "identifiability", "identify", "linear_multi_term",
+           "__version__", "bootstrap", "cut_check", "derivative", "identifiability", "identify", "linear_multi_term",
            "linear_system", "load_project", "load_recording", "load_run", "multi_term", "profile", "regress",
            "residual_analysis", "rotary_pendulum", "sensitivities", "simulate", "solve_fde",
            "solve_fde_batch", "spread"]  # fmt: skip

@@ -9,6 +9,7 @@ figure                        shows
 :func:`residual_diagnostics`  the same with speed, autocorrelation and spectrum: what the residual's tests look at
 :func:`cost_plane`            the cost over the two orders: a point, or a gorge?
 :func:`profiles`              the cost's rise over each unknown, all others following, and its threshold
+:func:`cut_shifts`            the orders as fitted, and with something else taken for the motion before the start
 :func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
 ============================  ============================================================================
 
@@ -25,6 +26,7 @@ No function touches pyplot, so they need no display and may run on threads.
 A family of figures is one file; what they share is in :mod:`fracid.plots.look`.
 """
 
+from fracid.plots.cut import cut_shifts
 from fracid.plots.fitted import fitted_over_time
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
@@ -33,5 +35,5 @@ from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
 
-__all__ = ["cost_plane", "fitted_over_time", "profiles", "recording_overview", "residual_diagnostics",
+__all__ = ["cost_plane", "cut_shifts", "fitted_over_time", "profiles", "recording_overview", "residual_diagnostics",
            "residual_plots", "save", "waterfall"]  # fmt: skip
