@@ -39,14 +39,15 @@ estimator  what it does
 
 When to believe it
     Simulated SRV02 releases with viscous and dry friction, 6 s, 4096 counts at 1 kHz, orders given, C4 known; the
-    largest errors over six zeros of the encoder [%], λ, μ = 1, 1 | 0.95, 0.97 | 0.8623, 0.9146:
+    largest errors over six zeros of the encoder [%], λ, μ = 1, 1 | 0.95, 0.97 | 0.8623, 0.9146
+    (``python benchmarks/evidence.py regression`` prints them again):
 
     =======  ==================  ==================  =================  ==============  =========================
     release  ``iv``: J_theta,    C6                  b_theta,           b_alpha         least squares: J_theta
              C3, C1                                  coulomb_theta                      (its own bias estimate)
     =======  ==================  ==================  =================  ==============  =========================
     10°      9 | 14 | 12         100 and more        12 | 21 | 15       85 and more     −53 (−59) | −46 | −39
-    30°      2.4 | 4.6 | 12      2.6 | 7.9 | 9.2     3.2 | 5.8 | 12     17 | 52 | 127   −23 (−20) | −19 | −23
+    30°      2.4 | 4.6 | 12      2.6 | 7.9 | 9.2     3.2 | 5.8 | 12     17 | 52 | 125   −23 (−20) | −19 | −23
     60°      0.3 | 1.0 | 0.7     0.8 | 0.8 | 1.7     2.6 | 2.8 | 2.4    5 | 12 | 11     −0.3 | −0.8 | −1.2
     90°      0.5 | 0.3 | 0.2     0.8 | 2.3 | 2.7     2.0 | 2.1 | 3.4    4 | 5 | 9       0.1 | −0.1 | −0.6
     =======  ==================  ==================  =================  ==============  =========================
