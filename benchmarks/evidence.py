@@ -224,6 +224,11 @@ SECTIONS = {"genetic": genetic_against_random, "rounding": rounding_bias, "cover
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Measures claims of the docstrings again.")
-    parser.add_argument("section", nargs="*", choices=[[], *SECTIONS], help="the first three if left out")
-    for section in parser.parse_args().section or list(SECTIONS)[:3]:
-        SECTIONS[section]()
+    parser.add_argument(
+        "sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS) + "; the first three if none"
+    )
+    asked = parser.parse_args().sections or list(SECTIONS)[:3]
+    if unknown := [name for name in asked if name not in SECTIONS]:
+        parser.error(f"there is no section {unknown[0]!r}; there are {', '.join(SECTIONS)}")
+    for name in asked:
+        SECTIONS[name]()
