@@ -13,7 +13,8 @@ from fracid.costs import COSTS, Cost
 from fracid.errors import InputError
 from fracid.identify import identify
 from fracid.optimise import EvaluationLog
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Free, Problem, Tied
+from fracid.uncertainty import METHODS
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 WIDE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -314,16 +315,35 @@ def test_a_bound_that_is_reached_is_told():
     fit = identify(problem(orders={"lambda": Free(1.0, 0.95, 1.2), "mu": WIDE["mu"]}))
     assert fit.orders["lambda"].at_bound
     assert fit.orders["lambda"].identifiable == "at its bound"
-    assert "lambda lies at its bound: widen the bound, or the model lacks something." in fit.warnings
+    assert "lambda lies at its bound: 0.95; widen it, or the model lacks something." in fit.warnings
 
 
 def test_confounded_constants_are_named_in_the_result():
     names = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
     fit = identify(problem(twin(noise=1e-3), parameters=free(0.3, 3.0, 1.0, *names)), options={})
-    assert fit.parameters["C4"].identifiable == "only together with C1, C3, C6, J_theta, b_theta, b_alpha"
-    assert fit.parameters["C4"].interval95 is None
+    C4 = fit.parameters["C4"]
+    assert C4.identifiable == "only in a ratio"
+    assert C4.reason.startswith("with C1: the data know C4/C1")
+    assert C4.interval95 is None
     assert any("cannot tell C1 and C3 and C4" in w for w in fit.warnings)
     assert fit.orders["mu"].identifiable == "identifiable"
+
+
+def test_recordings_that_do_not_agree_are_told():
+    swings = twin("calm", noise=1e-3, seed=1), twin("rough", noise=1e-3, seed=2, parameters={"b_alpha": 4e-3})
+    fit = identify(problem(*swings, orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
+    assert fit.spread.names == ("mu",)
+    assert fit.spread.birge[0] > 2
+    assert any(w.startswith("mu differs from recording to recording by") for w in fit.warnings)
+    assert fit.to_json()["spread"]["recordings"] == ["calm", "rough"]
+    alone = identify(problem(swings[0], orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
+    assert alone.spread is None
+
+
+def test_what_is_tied_is_checked_with_what_it_follows():
+    fit = identify(problem(orders={"lambda": Tied("mu"), "mu": Free(1.0, 0.5, 1.2)}))
+    assert fit.discretisation.shift["lambda"] == fit.discretisation.shift["mu"]
+    assert fit.orders["lambda"] == fit.orders["mu"]
 
 
 # --- the result -----------------------------------------------------------------------------------------
@@ -337,6 +357,11 @@ def test_the_result_holds_what_other_programs_rely_on():
     assert set(content["orders"]["mu"]) >= {"value", "standard_error", "interval95", "free"}
     assert set(content["parameters"]["C1"]) >= {"value", "unit", "standard_error", "interval95", "free", "at_bound",
                                                 "identifiable"}  # fmt: skip
+    assert content["parameters"]["C1"]["interval_method"] is None
+    mu = content["orders"]["mu"]
+    assert mu["interval_method"] == "sandwich"
+    assert mu["white95"][0] < mu["value"] < mu["white95"][1]
+    assert content["interval_methods"] == {n: METHODS[n] for n in ("sandwich", "white")}
     swing = content["recordings"]["swing"]
     assert (swing["use"], swing["samples"], swing["from"], swing["to"]) == ("fit", 751, 9.85, pytest.approx(12.85))
     assert swing["rmse"]["alpha"] == pytest.approx(1e-3, rel=0.1)

@@ -135,6 +135,7 @@ class _Look:
         self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, known, profiles, jobs
         self.names = problem.names
         self._powers: FloatArray | None = None
+        self._swings: dict[str, float] = {}
 
     def half(self, i: int) -> float:
         """Half the sandwich's interval."""
@@ -151,8 +152,11 @@ class _Look:
 
     def swings(self) -> dict[str, float]:
         """How far each of the model's outputs moves, the most over the recordings [rad]."""
-        runs = [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
-        return {n: max(float(np.ptp(run[:, i])) for run in runs) for n, i in self.problem.model.outputs.items()}
+        if not self._swings:
+            runs = [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
+            outputs = self.problem.model.outputs
+            self._swings = {n: max(float(np.ptp(run[:, i])) for run in runs) for n, i in outputs.items()}
+        return self._swings
 
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""

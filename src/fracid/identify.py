@@ -14,14 +14,16 @@ cma                    CMA-ES
 
 Whatever found the minimum, :func:`identify` then
 
-1. measures the uncertainty of every unknown (:mod:`fracid.uncertainty`),
+1. measures the uncertainty of every unknown (:mod:`fracid.uncertainty`) and says in words what the data can tell of
+   it (:func:`fracid.identifiability`),
 2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
    far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
-4. goes on by least squares from the best of a search that is none, and says so where that finds better,
-5. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`).
+4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
+5. goes on by least squares from the best of a search that is none, and says so where that finds better,
+6. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`).
 
-Ctrl-C keeps the best so far: in the search it skips the five, in one of them what is left of them.
+Ctrl-C keeps the best so far: in the search it skips the six, in one of them what is left of them.
 """
 
 from __future__ import annotations
@@ -35,10 +37,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.alternative import Alternative, integer_alternative
+from fracid.bootstrap import Spread, spread
+from fracid.diagnostics import Verdict, identifiability
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
 from fracid.search import Start, Watch, growing, minimised, refined, search, won
-from fracid.uncertainty import Uncertainty, uncertainty
+from fracid.uncertainty import METHODS, Uncertainty, uncertainty
 
 if TYPE_CHECKING:
     from fracid.project import Project
@@ -58,10 +62,14 @@ class Estimate:
     standard_error: float | None = None
     """None for a fixed value, and where it cannot be known."""
     interval95: tuple[float, float] | None = None
-    """From the sandwich of :mod:`fracid.uncertainty`; of this model, without model error."""
+    """By the sandwich of :mod:`fracid.uncertainty`; of this model, without model error."""
     at_bound: bool = False
     identifiable: str = "fixed"
-    """The verdict in words."""
+    """The verdict in words: the kinds of :class:`fracid.Verdict`, or what the integer-order rival makes of an order."""
+    reason: str = ""
+    """Why, and what to do."""
+    white95: tuple[float, float] | None = None
+    """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +150,8 @@ class Fit:
     """What became of each start of ``multistart``; empty for other optimisers."""
     alternative: Alternative | None = None
     """The integer-order rival, where one was tried."""
+    spread: Spread | None = None
+    """What each recording says alone, where there are several."""
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the samples, as plain JSON values; angles in radians.
@@ -165,9 +175,8 @@ class Fit:
             "alternative": None if self.alternative is None else _alternative_json(self.alternative),
             "starts": [_start_json(s, self.problem.names) for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
-            "interval_method": "sandwich with the prewhitened Newey-West long-run covariance"
-            if self.uncertainty
-            else None,
+            "spread": None if self.spread is None else self.spread.to_json(),
+            "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
             "warnings": list(self.warnings),
             "seed": self.seed,
         }
@@ -257,18 +266,21 @@ class _Findings:
     result: Result
     starts: tuple[Start, ...] = ()
     known: Uncertainty | str = "the search was interrupted"
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     validated: dict[str, RecordingFit] = field(default_factory=dict)
     check: Discretisation | None = None
+    spread: Spread | None = None
     alternative: Alternative | None = None
     warnings: list[str] = field(default_factory=list)
     interrupted: bool = False
 
 
 def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jobs: int, clock: _Clock) -> None:
-    """The five steps after the search."""
+    """The six steps after the search."""
     problem, x = found.problem, found.result.best.point
     try:
         found.known = uncertainty(problem, x, jobs=jobs)
+        found.verdicts = identifiability(problem, x, found.known, jobs=jobs)
         clock.lap("uncertainty")
         for e in validation:
             found.validated[e.name], reason = _validate(problem, x, e, jobs)
@@ -277,6 +289,10 @@ def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jo
         found.check = _discretisation(problem, x, found.known, jobs)
         found.warnings.append(found.check.warning)
         clock.lap("discretisation")
+        if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
+            found.spread = spread(problem, x, jobs=jobs)
+            found.warnings += found.spread.sentences()
+        clock.lap("spread")
         if name not in ("multistart", "least-squares") and problem.cost_function.loss is not None:
             polished = _arrived(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
@@ -305,20 +321,20 @@ CHANCE = "no different from 1 as far as the recordings can tell"
 
 def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
     problem, best, known = found.problem, found.result.best, found.known
-    estimates = _estimates(problem, best.point, known)
+    estimates = _estimates(problem, best.point, known, found.verdicts)
     if found.alternative is not None and found.alternative.warning:
         verdict = IMITATION if found.alternative.parameters else CHANCE
-        estimates |= {n: replace(estimates[n], identifiable=verdict) for n in found.alternative.orders}
+        estimates |= {n: replace(estimates[n], identifiable=verdict, reason="") for n in found.alternative.orders}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
-    fitted = {e.name: _recording(problem, best.point, known, e, "fit") for e in problem.experiments}
-    said = (*_warnings(problem, known), *_misfits(fitted, len(found.starts)), *found.warnings)
+    fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
+    said = (*_warnings(problem, known, found.verdicts), *_misfits(fitted, len(found.starts)), *found.warnings)
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | found.validated, starts=found.starts,
-        alternative=found.alternative,
+        alternative=found.alternative, spread=found.spread,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in said if w),
@@ -343,13 +359,14 @@ class _Clock:
 # --- what the minimum says -------------------------------------------------------------------------
 
 
-def _recording(problem: Problem, x: FloatArray, known: Uncertainty | str, e: Experiment, use: str) -> RecordingFit:
+def _recording(
+    problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], e: Experiment, use: str
+) -> RecordingFit:
     """One recording beside its simulation, which is NaN where the run fails."""
     simulated = problem.fitted(x, e)
     failed = isinstance(simulated, str)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, str) else simulated
     cost = np.inf if failed else problem.cost_function.value(e.time, e.measured - values)
-    estimates = _estimates(problem, x, known)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
@@ -360,8 +377,10 @@ def _recording(problem: Problem, x: FloatArray, known: Uncertainty | str, e: Exp
 
 
 def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:
-    name = f"release_time [{e.name}]"
-    return {"release_time": estimates[name]} if name in estimates else {}
+    """The time of the release after the first sample, found or given; nothing where it is that sample itself."""
+    if isinstance(e.release_time, Free):
+        return {"release_time": estimates[f"release_time [{e.name}]"]}
+    return {"release_time": Estimate(e.release_time, "s")} if e.release_time else {}
 
 
 def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
@@ -375,7 +394,8 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
     else:
         best = _arrived(growing(alone, alone.start, jobs, quiet)).best
     known = uncertainty(alone, best.point, jobs=jobs)
-    return _recording(alone, best.point, known, e, "validate"), best.reason
+    estimates = _estimates(alone, best.point, known, identifiability(alone, best.point, known, jobs=jobs))
+    return _recording(alone, best.point, estimates, e, "validate"), best.reason
 
 
 COARSE = 0.05
@@ -396,6 +416,7 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
         return Discretisation(*costs, {}, {})
     finer = _arrived(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
+    at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: max(SHIFT, _half_width(known, x, i)) for n, i in at.items()}
     warning = " ".join(
@@ -429,46 +450,40 @@ def _half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
     return 0.0 if interval is None else (interval[1] - interval[0]) / 2
 
 
-def _estimates(problem: Problem, x: FloatArray, known: Uncertainty | str) -> dict[str, Estimate]:
+def _estimates(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, verdicts: Mapping[str, Verdict]
+) -> dict[str, Estimate]:
     """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
     units = {p.name: p.unit for p in problem.model.parameters}
     starts = problem.order_starts | {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
     given = {**problem.orders, **problem.parameters}
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
-    free = {u.name: _estimate(u, x, i, known) for i, u in enumerate(problem.unknowns)}
+    free = {u.name: _estimate(u, x, i, known, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
     return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 
 
-def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str) -> Estimate:
-    value = float(x[i])
+def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str, verdict: Verdict | None) -> Estimate:
+    value, kind = float(x[i]), verdict.kind if verdict else "unknown"
     if isinstance(known, str):
-        return Estimate(value, u.unit, True, identifiable="unknown")
-    interval, se = known.interval(x, i), float(known.standard_error[i])
+        return Estimate(value, u.unit, True, identifiable=kind)
+    se = float(known.standard_error[i])
     return Estimate(
-        value, u.unit, True, se if np.isfinite(se) else None, interval, bool(known.at_bound[i]),
-        _verdict(u, value, known, i, interval),
+        value, u.unit, True, se if np.isfinite(se) else None, known.interval(x, i), bool(known.at_bound[i]),
+        kind, verdict.reason if verdict else "", known.interval(x, i, "white"),
     )  # fmt: skip
 
 
-def _verdict(u: Unknown, value: float, known: Uncertainty, i: int, interval: tuple[float, float] | None) -> str:
-    """Say in words what the data know of an unknown."""
-    if known.at_bound[i]:
-        return "at its bound"
-    for names in known.confounded:
-        if u.name in names:
-            return (
-                f"only together with {', '.join(n for n in names if n != u.name)}" if len(names) > 1 else "not at all"
-            )
-    if interval is None:
-        return "unknown"
-    half = (interval[1] - interval[0]) / 2
-    # an order matters by its distance from 1, a constant by its size; an initial state by neither
-    wide = half > 0.1 if u.kind == "order" else u.kind == "parameter" and half > abs(value)
-    return "its interval is too wide to use" if wide else "identifiable"
+SAID = {
+    "practically not": "can practically not be told",
+    "not at all": "cannot be told at all",
+    "at its bound": "lies at its bound",
+    "only in a ratio": "is known only in a ratio",
+}
+"""How a warning says a verdict."""
 
 
-def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
+def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
     if problem.method == "gl-paper":
         yield (
             "gl-paper sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is forward "
@@ -478,14 +493,13 @@ def _warnings(problem: Problem, known: Uncertainty | str) -> Iterator[str]:
         yield "Only alpha is scored, and lambda can hardly be seen in it: score theta too."
     if isinstance(known, str):
         yield f"There are no intervals: {known}."
-    else:
-        for names in known.confounded:
-            if len(names) == 1:
-                yield f"The data do not see {names[0]} in this model: fix it, or free what it works through."
-            else:
-                yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
-        for i in np.flatnonzero(known.at_bound):
-            yield f"{problem.names[i]} lies at its bound: widen the bound, or the model lacks something."
+        return
+    together = [names for names in known.confounded if len(names) > 1]
+    for names in together:
+        yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
+    for v in verdicts.values():
+        if v.kind in SAID and not any(v.name in names for names in together):
+            yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
 
 
 POOR = 20.0
@@ -522,9 +536,12 @@ def _estimate_json(e: Estimate) -> dict[str, Any]:
         "unit": e.unit,
         "standard_error": _number(e.standard_error),
         "interval95": None if e.interval95 is None else list(e.interval95),
+        "interval_method": None if e.interval95 is None else "sandwich",
+        "white95": None if e.white95 is None else list(e.white95),
         "free": e.free,
         "at_bound": e.at_bound,
         "identifiable": e.identifiable,
+        "reason": e.reason,
     }
 
 

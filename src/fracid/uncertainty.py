@@ -220,7 +220,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     free = np.flatnonzero(~held)
     error = np.full(len(x), np.nan)
     if not len(free):
-        return Uncertainty(error, held, (), 0.0, 1.0)
+        return Uncertainty(error, held, (), 0.0, 1.0, error)
     found = sandwich(problem, x, free, jobs=jobs)
     if isinstance(found, str):
         return found
