@@ -13,7 +13,7 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"errors"},
-    {"journal"},
+    {"journal", "memo"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor"},
     {"memory"},

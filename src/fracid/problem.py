@@ -84,6 +84,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from hashlib import blake2b
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -92,6 +93,7 @@ from numpy.typing import NDArray
 from fracid.costs import ABSOLUTE, COSTS, Cost
 from fracid.errors import InputError
 from fracid.fractional import derivative
+from fracid.memo import Memo
 from fracid.memory import Memory, compressed
 from fracid.models import Model
 from fracid.models.base import unknown_name
@@ -403,6 +405,8 @@ class Problem:
     """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
+    memo: Memo | None = field(default=None, repr=False, compare=False)
+    """Has what was simulated before, and keeps what will be."""
 
     def __post_init__(self) -> None:
         """Check names, bounds and options."""
@@ -657,6 +661,11 @@ class Problem:
 
     def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | str:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
+        if self.memo is None:
+            return self._fitted(x, e)
+        return self.memo.get(self._key(x, e), lambda: self._fitted(x, e))
+
+    def _fitted(self, x: FloatArray, e: Experiment) -> FloatArray | str:
         run = self.simulate(x, e)
         if not run.completed:
             return f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s"
@@ -666,6 +675,28 @@ class Problem:
         moving = e.time >= run.time[0]
         held = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([held, run.at(e.time[moving])[:, columns]])
+
+    def _key(self, x: FloatArray, e: Experiment) -> bytes:
+        """A hash of all that the simulation of one recording depends on."""
+        found = self._stays[e.name].copy()
+        found.update(repr((len(e.measured), e.step, e.release_time)).encode())
+        for vector in self._unpack(x, e):
+            found.update(np.ascontiguousarray(vector).data)
+        return bytes(found.digest())
+
+    @cached_property
+    def _stays(self) -> dict[str, Any]:
+        """For each recording the hash of what no unknown changes."""
+        model, rhs = self.model, getattr(self.model.rhs, "py_func", self.model.rhs)
+        how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
+               self.outputs, self.method, self.memory.name, self.substeps, self.initial_state)  # fmt: skip
+        found = {}
+        for e in self.experiments:
+            arrays = [self._inputs[e.name], *([] if e.past is None else [e.past, e.measured])]
+            found[e.name] = blake2b(repr((how, [a.shape for a in arrays])).encode(), digest_size=16)
+            for array in arrays:
+                found[e.name].update(np.ascontiguousarray(array).data)
+        return found
 
     # --- what counts -------------------------------------------------------------------------------
 
