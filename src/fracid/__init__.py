@@ -16,8 +16,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fracid.amplitude import AmplitudeTest, amplitude_test
     from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
     from fracid.bootstrap import Bootstrap, Spread, bootstrap, spread
+    from fracid.compare import Comparison, compare
     from fracid.cut import CutCheck, cut_check
     from fracid.diagnostics import Verdict, identifiability
     from fracid.errors import DataError, FracidError, InputError
@@ -38,7 +40,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "AmplitudeTest": "amplitude",
     "Bootstrap": "bootstrap",
+    "Comparison": "compare",
     "CutCheck": "cut",
     "DataError": "errors",
     "Experiment": "problem",
@@ -62,7 +66,9 @@ _HOME = {
     "System": "reduction",
     "Trajectory": "trajectory",
     "Verdict": "diagnostics",
+    "amplitude_test": "amplitude",
     "bootstrap": "bootstrap",
+    "compare": "compare",
     "cut_check": "cut",
     "derivative": "fractional",
     "identifiability": "diagnostics",
@@ -85,13 +91,14 @@ _HOME = {
 }
 """Which module each public name lives in."""
 
-__all__ = ["Bootstrap", "CutCheck", "DataError", "Experiment", "Fit", "FracidError", "Free", "InputError", "Model",
-           "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
-           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict",
-           "__version__", "bootstrap", "cut_check", "derivative", "identifiability", "identify", "linear_multi_term",
-           "linear_system", "load_project", "load_recording", "load_run", "multi_term", "profile", "regress",
-           "residual_analysis", "rotary_pendulum", "sensitivities", "simulate", "solve_fde",
-           "solve_fde_batch", "spread"]  # fmt: skip
+__all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
+           "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter", "Problem",
+           "Profile", "Profiles", "Project", "Recording", "Regression", "ResidualAnalysis",
+           "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
+           "amplitude_test", "bootstrap", "compare", "cut_check", "derivative", "identifiability",
+           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
+           "load_run", "multi_term", "profile", "regress", "residual_analysis", "rotary_pendulum",
+           "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
