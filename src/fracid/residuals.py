@@ -442,8 +442,13 @@ def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None
     return Whiteness(
         _of_whiteness(e.size, T, T * step, float(ρ[1]), p, at_floor), p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1,
         lags, Q, p, float(ρ[1]), T * step, e.size / T, k, thin.size,
-        _ljung_box(autocorrelation(thin), thin.size)[2] if thin.size >= ENOUGH else NAN,
+        _ljung_box(autocorrelation(thin), thin.size)[2] if _enough(thin) else NAN,
     )  # fmt: skip
+
+
+def _enough(thin: FloatArray) -> bool:
+    """Whether a thinned residual can be tested."""
+    return thin.size >= ENOUGH and bool(np.ptp(thin) > 0)
 
 
 def _ljung_box(ρ: FloatArray, n: int) -> tuple[int, float, float]:
@@ -534,9 +539,9 @@ def _harmonic(f: float, band: tuple[float, float, float] | None, bin_width: floa
 
 
 MISSING = {
-    1: "the swing itself comes out too large, too small or at the wrong time, so its damping or its period changes "
-       "otherwise than the model's: free Coulomb friction, drag, the cable's spring or an inertia, if they are not "
-       "(fracid compare tries them)",
+    1: "the swing comes out too large, too small or at the wrong time, its damping or period changes otherwise than "
+       "the model's. Free Coulomb friction, drag, the cable's spring or an inertia, if they are not (fracid compare "
+       "tries them)",
     2: "something differs between left and right: a rest angle, the encoder's zero or centre, friction by direction",
     3: "it bends within each swing, left and right alike: friction that switches at the turning points "
        "(coulomb_...), or the geometry of large swings (C-constants)",
@@ -573,7 +578,7 @@ def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality
     from statsmodels.stats.diagnostic import normal_ad  # type: ignore[import-untyped]
 
     ppcc = float(probplot(e)[1][2])
-    A2, p = map(float, normal_ad(thin)) if thin.size >= ENOUGH else (NAN, NAN)
+    A2, p = map(float, normal_ad(thin)) if _enough(thin) else (NAN, NAN)
     lean, tails = float(skew(e)), float(kurtosis(e))
     return Normality(_of_normality(ppcc, _shape(lean, tails, variance), p, thin.size), ppcc, lean, tails, A2, p)
 
@@ -591,7 +596,7 @@ def _of_normality(ppcc: float, shape_and_cure: tuple[str, str], p: float, indepe
 
 def _shape(lean: float, tails: float, variance: Variance) -> tuple[str, str]:
     """In what a distribution differs most from the normal one, and what to do."""
-    if abs(lean) > max(0.5, 0.5 * abs(tails)):
+    if abs(lean) > 0.5 and lean**2 > 0.5 * tails:  # of gamma's family tails = 1.5 lean²
         side = "above" if lean > 0 else "below"
         return (
             f"longer {side} than on the other side",
@@ -623,7 +628,7 @@ def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, thin: slice)
     far, fast = np.abs(fitted - fitted.mean()), np.abs(speed)
     few, third = e[thin], e[thin].size // 3
     size = np.abs(few - np.median(few))
-    p = float(mannwhitneyu(size[:third], size[-third:])[1]) if few.size >= ENOUGH else NAN
+    p = float(mannwhitneyu(size[:third], size[-third:])[1]) if _enough(few) else NAN
     late = Contrast(_ratio(e, np.arange(e.size)), p)
     contrasts = (late, *(Contrast(_ratio(e, z), _breusch_pagan(few, z[thin])) for z in (far, fast)))
     return Variance(_of_variance(contrasts, few.size), *contrasts)
@@ -642,7 +647,7 @@ def _breusch_pagan(e: FloatArray, by: FloatArray) -> float:
     """The p-value of e² rising or falling with `by`; Koenker's form, which needs no normal errors."""
     from statsmodels.stats.diagnostic import het_breuschpagan  # type: ignore[import-untyped]
 
-    if e.size < ENOUGH or np.ptp(by) <= 1e-12 or np.ptp(e) == 0:
+    if not _enough(e) or np.ptp(by) <= 1e-12:
         return NAN
     return float(het_breuschpagan(e - e.mean(), np.column_stack([np.ones_like(by), by / by.max()]))[1])
 
@@ -663,13 +668,14 @@ def _of_variance(contrasts: tuple[Contrast, ...], independent: int) -> str:
     uneven = [(c, texts) for c, texts in known if c.uneven]
     if not uneven:
         worst = max((max(c.ratio, 1 / c.ratio) for c, _ in known), default=1.0)
-        return f"It scatters alike early and late, near and far, slow and fast: within a factor of {worst:.2g}."
+        return f"It scatters alike early and late, near and far, slow and fast: within a factor of {worst:.2f}."
     sure = [(c, texts) for c, texts in uneven if c.sure]
     said = ", ".join(f"{c.ratio:.2g} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
         why = _too_few(independent) if independent < ENOUGH else f"{_apart(independent)} do not tell"
         return f"It is {said}; that may be chance ({why})."
-    most, (_, larger, smaller) = max(sure, key=lambda found: abs(math.log(found[0].ratio)))
+    # Where a swing is far it is slow: of two contrasts that say the same, the one that says where it is larger.
+    most, (_, larger, smaller) = max(sure, key=lambda found: found[0].ratio)
     return f"It is {said}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
 
 

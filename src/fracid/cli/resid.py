@@ -1,0 +1,180 @@
+"""``fracid resid RUN``: what a fit leaves over, and what that says of the model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import Json, Out, app
+from fracid.cli.fit import _slug
+from fracid.errors import DataError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fracid.residuals import ResidualAnalysis
+    from fracid.saved import SavedRun
+
+__all__ = ["resid"]
+
+RESIDUALS = "residuals.json"
+
+RESID_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid resid runs/rig  [dim](every recording and output; into the folder of that run)[/dim]",
+    'fracid resid runs/rig --recording "release 92°" --output alpha',
+    "fracid resid runs/rig --json | jq '.recordings[][].whiteness.effective_samples'",
+)
+
+
+@app.command(epilog="\n\n".join(RESID_EXAMPLE))
+def resid(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    recording: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="May be given again. All of them if left out.")
+    ] = None,
+    output: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="theta or alpha; may be given again. All if left out.")
+    ] = None,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Test what a fit leaves over: is it noise, or does the model lack something?
+
+    Simulates each recording with the values of the run, validation recordings too, and says in words whether the
+    residual is white, at which frequencies it is not, whether it is normal and scatters alike throughout, and how large
+    it is beside the encoder's step.  Writes residuals.json and a page of figures for each.  Exit code 0 if it is done,
+    3 if no run of the model reached the end of a recording.
+    """
+    found = _analysed(run, recording, output)
+    folder = out or run
+    figures = _write(found, folder)
+    if json_:
+        typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
+
+        _show(found, folder, figures, Console(highlight=False))
+    if not any(isfinite(a.level.rms) for a in found.all):
+        raise DataError(f"No run of the model reached the end of {' or '.join(found.analyses)}: there is no residual.")
+
+
+@dataclass(frozen=True)
+class _Analysed:
+    """A run with the analyses of its residuals."""
+
+    run: SavedRun
+    analyses: Mapping[str, Mapping[str, ResidualAnalysis]]
+    """Recording → output → what its residual says."""
+
+    @property
+    def all(self) -> tuple[ResidualAnalysis, ...]:
+        """One after the other."""
+        return tuple(a for outputs in self.analyses.values() for a in outputs.values())
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The content of residuals.json."""
+        recordings = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in self.analyses.items()}
+        return {"notes": list(self.run.notes), "recordings": recordings}
+
+
+def _analysed(folder: Path, recordings: list[str] | None, outputs: list[str] | None) -> _Analysed:
+    from fracid.models.base import unknown_name
+    from fracid.residuals import residual_analysis
+    from fracid.saved import load_run
+
+    run = load_run(folder)
+    for what, asked, there in (("recording", recordings, run.recordings), ("output", outputs, run.problem.outputs)):
+        for name in asked or ():
+            if name not in there:
+                raise unknown_name(f"{what} of {folder}", name, there)
+    return _Analysed(run, {
+        name: {n: residual_analysis(run.recordings[name], n, run.resolutions[name])
+               for n in run.problem.outputs if not outputs or n in outputs}
+        for name in run.recordings if not recordings or name in recordings
+    })  # fmt: skip
+
+
+def _write(found: _Analysed, folder: Path) -> list[Path]:
+    """residuals.json, and a figure each; gives those to look at."""
+    from fracid.plots import residual_diagnostics, save
+    from fracid.runs import FIGURES, write_text
+
+    text = json.dumps(found.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / RESIDUALS, text)
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+    paths: list[Path] = []
+    for a in found.all:
+        figure = residual_diagnostics(found.run.recordings[a.recording], a.output, analysis=a,
+                                      resolution=found.run.resolutions[a.recording])  # fmt: skip
+        paths += save(figure, folder / FIGURES, f"residuals-{_slug(a.recording)}-{a.output}")
+    return [path for path in paths if path.suffix == ".png"]
+
+
+# ------------------------------------------------------------------ as text
+
+
+def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console) -> None:
+    from rich.markup import escape
+
+    console.print(_figures(found))
+    for note in found.run.notes:
+        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    for a in found.all:
+        console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
+        console.print(_sentences(a))
+    console.print(f"\nresult   {escape(str(folder / RESIDUALS))}", soft_wrap=True)
+    for path in figures:
+        console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+
+
+def _figures(found: _Analysed) -> Any:
+    """The sizes of all effects in one table."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("recording", overflow="fold")
+    for heading in ("output", "rms", "steps", "correlated", "count", "PPCC", "late/early"):
+        table.add_column(heading, no_wrap=True)
+    for a in found.all:
+        table.add_row(
+            escape(a.recording), escape(a.output), _number(degrees(a.level.rms), ".3g", "°"),
+            _number(a.level.steps, ".2g"), _number(a.whiteness.correlation_time, ".2g", " s"),
+            f"{_number(a.whiteness.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
+            _number(a.variance.late_to_early.ratio, ".2g"),
+        )  # fmt: skip
+    return table
+
+
+def _number(value: float, digits: str, unit: str = "") -> str:
+    return f"{value:{digits}}{unit}" if isfinite(value) else "–"
+
+
+def _not_fitted(a: ResidualAnalysis) -> str:
+    parts = ["not fitted"] if a.use == "validate" else []
+    parts += [f"{a.missing:,} samples left out: the simulation has no value there"] if a.missing else []
+    return f" ({'; '.join(parts)})" if parts else ""
+
+
+def _sentences(a: ResidualAnalysis) -> Any:
+    from rich.markup import escape
+    from rich.padding import Padding
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True, style="dim")
+    table.add_column(overflow="fold")
+    for name, sentence in a.sentences.items():
+        table.add_row(name, escape(sentence))
+    return Padding(table, (0, 0, 0, 2))
