@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from fracid.errors import InputError
-from fracid.runs import EVALUATIONS, FIGURES, open_folder, versions, write_text
+from fracid.journal import Journal
+from fracid.runs import EVALUATIONS, FIGURES, open_folder, open_run, run_state, versions, write_text
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -84,3 +85,86 @@ def test_others_may_read_a_file_as_far_as_the_umask_allows(tmp_path):
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o644
     assert (tmp_path / "a").read_bytes() == "λ".encode()
+
+
+# --- begun, killed, gone on with ---------------------------------------------------------------------
+
+OPTIONS = {"project": "rig.toml", "seeds": 3}
+
+
+def under_way(folder, options=OPTIONS, kind="noise", inputs=None, **more):
+    """Do one repetition of a study and leave it unfinished."""
+    with open_run(folder, kind, options, inputs=inputs or {"the recording 'a'": "12"}, **more) as run:
+        with Journal(run.journal, {}) as journal:
+            journal.append("seed 1", 0.5)
+        return run
+
+
+def test_a_run_is_unfinished_until_it_says_otherwise(tmp_path):
+    under_way(tmp_path / "run")
+    assert not run_state(tmp_path / "run").finished
+    with open_run(tmp_path / "run", "noise", OPTIONS, inputs={"the recording 'a'": "12"}) as run:
+        assert run.resumed
+        assert "seed 1" in run.journal.read_text()
+        run.finish()
+    assert run_state(tmp_path / "run").finished
+    assert not under_way(tmp_path / "run").resumed  # begun anew, the old journal is gone
+
+
+def test_another_study_does_not_wipe_out_one_that_is_not_finished(tmp_path):
+    under_way(tmp_path / "run")
+    with pytest.raises(InputError, match=r"another study, not finished: seeds was 3 and is 5\. Type fracid resume"):
+        under_way(tmp_path / "run", {**OPTIONS, "seeds": 5})
+    assert run_state(tmp_path / "run").options == OPTIONS
+    with pytest.raises(InputError, match=r"kind was 'noise' and is 'compare'"):
+        under_way(tmp_path / "run", kind="compare")
+
+
+def test_a_run_without_a_journal_begins_anew_unless_asked_to_resume(tmp_path):
+    for resume, resumed in ((False, False), (False, False), (True, True)):
+        with open_run(tmp_path / "run", "fit", OPTIONS, resume=resume) as run:
+            assert run.resumed is resumed
+
+
+@pytest.mark.parametrize(
+    ("inputs", "what"),
+    [
+        ({"the recording 'a'": "13"}, "the recording 'a'"),
+        ({"the recording 'a'": "12", "the model file b": "1"}, "the m"),
+    ],
+)
+def test_what_has_changed_on_the_disk_is_not_gone_on_with(tmp_path, inputs, what):
+    under_way(tmp_path / "run")
+    with pytest.raises(InputError, match=rf"cannot be gone on with: {what}.* has changed since"):
+        under_way(tmp_path / "run", inputs=inputs, resume=True)
+
+
+def test_what_a_killed_process_had_half_written_is_cleared(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / ".environment.json.77-88").write_text("{")
+    with open_run(folder, "fit", OPTIONS) as run:
+        assert not (folder / ".environment.json.77-88").exists()
+        (folder / ".result.json.77-88").write_text("{")
+        run.finish()
+    assert {path.name for path in folder.iterdir()} == {".lock", "environment.json", "run.json"}
+
+
+def test_a_folder_at_work_is_another_processs(tmp_path):
+    import subprocess
+    import sys
+
+    code = "import sys, pathlib, fracid.runs as r; r.open_run(pathlib.Path(sys.argv[1]), 'fit', {}).__enter__()"
+    with open_run(tmp_path / "run", "fit", {}):
+        second = subprocess.run(
+            [sys.executable, "-c", code, tmp_path / "run"], capture_output=True, text=True, check=False
+        )
+    assert "Another process is at work in" in second.stderr
+
+
+@pytest.mark.parametrize("content", [None, "{", "[]", '{"kind": "fit"}'])
+def test_what_is_no_run_is_told(tmp_path, content):
+    if content is not None:
+        (tmp_path / "run.json").write_text(content)
+    with pytest.raises(InputError, match=r"has no run.json that can be read: .*Type the command itself again"):
+        run_state(tmp_path)

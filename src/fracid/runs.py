@@ -1,16 +1,29 @@
-"""The run folder: everything that one identification leaves behind.
+"""The run folder: everything that one identification, or one study, leaves behind.
 
 ::
 
     runs/NAME/
+    ├── run.json             what is done here, with all its options, and whether it is finished
     ├── result.json          Fit.to_json() with hashes of the data, versions and timing
     ├── project.toml         the project file as it was used
     ├── environment.json     versions, machine, command line
     ├── evaluations.jsonl    every evaluation of the cost, as it ended (written by the optimiser's log)
+    ├── journal.jsonl        of a study: every repetition, as it ended (:mod:`fracid.journal`)
     └── figures/             SVG and PNG
 
 The same inputs and seed give the same ``result.json`` but for its ``timing`` block, for any number of
 threads.  A file is written whole or not at all.
+
+**A command that can be gone on with** puts its work between :func:`open_run` and :meth:`Run.finish`::
+
+    with open_run(folder, "noise", options, inputs=inputs_of(project)) as run:
+        with Journal(run.journal, study) as journal:
+            ...
+        run.finish()
+
+``options`` is what to call it with again, as plain JSON values (but not threads or executor, which change no result);
+its kind has a row in :data:`fracid.cli.resume.KINDS`.  Until it is finished the folder can be resumed, by
+``fracid resume`` or, a study, by the same command; it is one process's alone all the while.
 """
 
 from __future__ import annotations
@@ -20,23 +33,213 @@ import os
 import platform
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
+from fracid.journal import FolderLock, Json
 
 if TYPE_CHECKING:
     from fracid.identify import Fit
     from fracid.project import Project
 
-__all__ = ["EVALUATIONS", "FIGURES", "open_folder", "versions", "write_result", "write_text", "write_whole"]
+__all__ = [
+    "EVALUATIONS",
+    "FIGURES",
+    "JOURNAL",
+    "RUN",
+    "Run",
+    "RunState",
+    "inputs_of",
+    "open_folder",
+    "open_run",
+    "run_state",
+    "versions",
+    "write_result",
+    "write_text",
+    "write_whole",
+]
 
+RUN = "run.json"
+JOURNAL = "journal.jsonl"
 EVALUATIONS = "evaluations.jsonl"
 FIGURES = "figures"
 
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
+
+
+@dataclass(frozen=True)
+class RunState:
+    """The content of run.json."""
+
+    kind: str
+    """``fit``, ``noise``, …: the command."""
+    options: Mapping[str, Json]
+    """What to call it with again."""
+    inputs: Mapping[str, str]
+    """All that it reads from outside, with hashes; see :func:`inputs_of`."""
+    finished: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder at work."""
+
+    folder: Path
+    state: RunState
+    resumed: bool
+    """Whether there is something done to go on from."""
+
+    @property
+    def journal(self) -> Path:
+        """Where a study's journal is."""
+        return self.folder / JOURNAL
+
+    def finish(self) -> None:
+        """Say that all is done and written.
+
+        Raises
+        ------
+        InputError
+            If that cannot be written.
+        """
+        _write_state(self.folder, replace(self.state, finished=True))
+        for path in _halves(self.folder):
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def open_run(
+    folder: Path,
+    kind: str,
+    options: Mapping[str, Json],
+    *,
+    inputs: Mapping[str, str] | None = None,
+    resume: bool = False,
+) -> Iterator[Run]:
+    """Take a run folder for this process alone, begin or go on there, and let go of it.
+
+    Without `resume` an earlier run's files are removed, but never what a study has done and not finished:
+    the same study goes on from there, another one is refused.
+
+    Parameters
+    ----------
+    folder : Path
+    kind : str
+    options : mapping
+        What to call the command with again, as plain JSON values.
+    inputs : mapping, optional
+        All that it reads from outside; see :func:`inputs_of`.
+    resume : bool
+        Go on with the run there, which must be the same.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, holds other files or another study that is not finished, is at work in another
+        process, or if what the run reads has changed since.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "study"
+    >>> with open_run(folder, "noise", {"seeds": 3}) as run:
+    ...     run.finish()
+    >>> run_state(folder).finished
+    True
+    """
+    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}))
+    _refuse_strangers(folder)
+    with FolderLock(folder):
+        before = run_state(folder) if (folder / RUN).exists() else None
+        goes_on = before is not None and (resume or _study_under_way(folder, before))
+        if goes_on:
+            assert before is not None
+            _refuse_another(folder, before, now)
+        else:
+            (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
+            open_folder(folder)
+            _write_state(folder, now)
+        yield Run(folder, now, goes_on)
+
+
+def run_state(folder: Path) -> RunState:
+    """Read what is done in a run folder.
+
+    Raises
+    ------
+    InputError
+        If it has no run.json that can be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> run_state(Path(tempfile.mkdtemp()))
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... has no run.json that can be read: ...
+    """
+    try:
+        said = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        return RunState(said["kind"], said["options"], said["inputs"], said["finished"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
+            "Type the command itself again."
+        ) from None
+
+
+def inputs_of(project: Project) -> dict[str, str]:
+    """Hash all that a run of a project depends on: the file, its recordings, its model; and name the versions.
+
+    Parameters
+    ----------
+    project : Project
+
+    Returns
+    -------
+    dict
+        What, in words → hash or version.
+    """
+    found = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
+    found |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
+    source = getattr(project.problem.model.rhs, "py_func", project.problem.model.rhs).__code__.co_filename
+    if not Path(source).resolve().is_relative_to(Path(__file__).parent):
+        found[f"the model file {Path(source).name}"] = sha256(Path(source).read_bytes()).hexdigest()
+    return found | {f"the version of {package}": number for package, number in versions().items()}
+
+
+def _study_under_way(folder: Path, before: RunState) -> bool:
+    return not before.finished and (folder / JOURNAL).exists()
+
+
+def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
+    """Go on with the same alone."""
+    if (before.kind, before.options) != (now.kind, now.options):
+        were, are = ({"kind": s.kind, **s.options} for s in (before, now))
+        differ = "; ".join(f"{n} was {were.get(n)!r} and is {are.get(n)!r}" for n in {**were, **are}
+                           if were.get(n) != are.get(n))  # fmt: skip
+        raise InputError(
+            f"{folder} holds another study, not finished: {differ}. Type fracid resume {folder} to finish that one, or "
+            "give this one another folder: --out DIR."
+        )
+    for what in {**before.inputs, **now.inputs}:
+        if before.inputs.get(what) != now.inputs.get(what):
+            raise InputError(
+                f"{folder} cannot be gone on with: {what} has changed since. Put it back, or begin again in another "
+                "folder: --out DIR."
+            )
+
+
+def _write_state(folder: Path, state: RunState) -> None:
+    try:
+        write_text(folder / RUN, json.dumps(asdict(state), indent=2, ensure_ascii=False) + "\n")
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
 
 
 def open_folder(folder: Path) -> Path:
@@ -53,24 +256,40 @@ def open_folder(folder: Path) -> Path:
     >>> open_folder(Path(tempfile.mkdtemp()) / "first").name
     'first'
     """
+    _refuse_strangers(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()) and not (folder / "environment.json").exists():
-            raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
-        for old in (folder / EVALUATIONS, folder / "result.json", *_figures(folder)):
-            old.unlink(missing_ok=True)
+        for old in (EVALUATIONS, JOURNAL, "result.json"):
+            (folder / old).unlink(missing_ok=True)
+        for path in (*_figures(folder), *_halves(folder)):
+            path.unlink(missing_ok=True)
         environment = {"versions": versions(), "platform": platform.platform(), "command": sys.argv[1:]}
         write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
-    except (FileExistsError, NotADirectoryError):
-        raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
     return folder
 
 
+def _refuse_strangers(folder: Path) -> None:
+    """Make the folder, but refuse one with files of somebody else."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+    if names and not names & {"environment.json", RUN}:
+        raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
+
+
 def _figures(folder: Path) -> list[Path]:
     """Figures of an earlier run: of recordings, perhaps, that this one does not have."""
     return [path for kind in ("*.svg", "*.png") for path in (folder / FIGURES).glob(kind)]
+
+
+def _halves(folder: Path) -> list[Path]:
+    """What :func:`write_whole` had begun when a process was killed."""
+    return [path for where in (folder, folder / FIGURES) for path in where.glob(".?*.*-*")]
 
 
 def versions() -> dict[str, str]:
