@@ -29,13 +29,14 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
+from io import RawIOBase
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any
 
 from fracid.errors import InputError, Unfinished
 
-__all__ = ["FolderLock", "Journal", "Json"]
+__all__ = ["FolderLock", "Journal", "Json", "append_whole", "whole_lines"]
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
@@ -102,10 +103,7 @@ class Journal:
         """Force the last lines to the disk, close the file and let go of the folder."""
         with self._opened:
             if not self._file.closed:
-                try:
-                    os.fsync(self._file.fileno())
-                except OSError as error:
-                    raise self._cut_short(error) from None
+                self._sync()
 
     def append(self, key: str, value: Json, seconds: float = 0.0) -> None:
         """Keep the result of one repetition.
@@ -129,42 +127,90 @@ class Journal:
         self.done[key] = value
 
     def _write(self, line: str) -> None:
-        content = memoryview(line.encode() + b"\n")
-        written = 0
+        self._end = append_whole(self._file, line.encode() + b"\n", self._end)
+        if time.monotonic() - self._synced > SYNC:
+            self._sync()
+
+    def _sync(self) -> None:
         try:
-            while written < len(content):
-                written += self._file.write(content[written:])
-            if time.monotonic() - self._synced > SYNC:
-                os.fsync(self._file.fileno())
-                self._synced = time.monotonic()
+            os.fsync(self._file.fileno())
         except OSError as error:
-            self._file.truncate(self._end)  # also a full disk can take back
-            raise self._cut_short(error) from None
-        self._end += len(content)
-
-    def _cut_short(self, error: OSError) -> Unfinished:
-        why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
-        count = len(self.done)
-        kept = f"the {count} repetitions that were done are kept" if count else "no repetition was done before"
-        return Unfinished(
-            f"{self.path} cannot be written: {why}; {kept}. Make room, then type fracid resume {self.path.parent}."
-        )
+            raise _cut_short(self.path, error) from None
+        self._synced = time.monotonic()
 
 
-def _opened(path: Path) -> BinaryIO:
+def whole_lines(path: Path) -> tuple[list[bytes], int]:
+    """Read the lines of a log, without a last one that was cut off in writing; and where the good part ends [bytes].
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "log"
+    >>> _ = path.write_bytes(b"one\\ntwo\\nthr")
+    >>> whole_lines(path)
+    ([b'one', b'two'], 8)
+    """
+    content = path.read_bytes() if path.exists() else b""
+    end = content.rfind(b"\n") + 1
+    return content[:end].splitlines(), end
+
+
+def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
+    """Append to a log, whole or not at all; gives its new end [bytes].
+
+    Parameters
+    ----------
+    file : raw file
+        Opened to append.
+    content : bytes
+    end : int
+        Where it ends now.
+
+    Raises
+    ------
+    Unfinished
+        If the disk will not take it; the log then ends where it did.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with open(Path(tempfile.mkdtemp()) / "log", "ab", buffering=0) as file:
+    ...     append_whole(file, b"one\\n", 0)
+    4
+    """
+    left = memoryview(content)
     try:
-        return path.open("ab", buffering=0)  # type: ignore[return-value]
+        while left:
+            left = left[file.write(left) :]
+    except OSError as error:
+        with suppress(OSError):
+            file.truncate(end)  # also a full disk can take back
+        raise _cut_short(Path(str(getattr(file, "name", "the log"))), error) from None
+    return end + len(content)
+
+
+def _cut_short(path: Path, error: OSError) -> Unfinished:
+    why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
+    return Unfinished(
+        f"{path} cannot be written: {why}. What was done before is kept: make room, then type fracid resume "
+        f"{path.parent}."
+    )
+
+
+def _opened(path: Path) -> RawIOBase:
+    try:
+        return path.open("ab", buffering=0)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror}. Give another folder: --out DIR.") from None
 
 
-def _read(path: Path, study: dict[str, Json], file: BinaryIO) -> tuple[dict[str, Json], tuple[str, ...], int]:
+def _read(path: Path, study: dict[str, Json], file: RawIOBase) -> tuple[dict[str, Json], tuple[str, ...], int]:
     """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
-    content = path.read_bytes()
-    end = content.rfind(b"\n") + 1
-    if end < len(content):
+    texts, end = whole_lines(path)
+    torn = path.stat().st_size > end
+    if torn:
         file.truncate(end)
-    lines = [_line(line) for line in content[:end].splitlines()]
+    lines = [_line(text) for text in texts]
     if not lines:
         return {}, (), 0
     _check_study(path, lines[0], json.loads(json.dumps(study)))
@@ -173,7 +219,7 @@ def _read(path: Path, study: dict[str, Json], file: BinaryIO) -> tuple[dict[str,
         if line is not None and "key" in line:
             done.setdefault(line["key"], line.get("value"))
     notes = []
-    if end < len(content):
+    if torn:
         notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
     if damaged := [n for n, line in enumerate(lines, 1) if line is None or (n > 1 and "key" not in line)]:
         numbers = ", ".join(map(str, damaged))
@@ -259,11 +305,11 @@ class FolderLock:
 
 
 _GUARD = threading.Lock()
-_HELD: dict[Path, tuple[BinaryIO, int]] = {}
+_HELD: dict[Path, tuple[RawIOBase, int]] = {}
 """This process's locks: the open file, and how many hold it."""
 
 
-def _locked(path: Path) -> BinaryIO:
+def _locked(path: Path) -> RawIOBase:
     try:
         file = path.open("a+b", buffering=0)
     except OSError as error:
@@ -286,7 +332,7 @@ def _locked(path: Path) -> BinaryIO:
     return file
 
 
-def _lock(file: BinaryIO) -> bool:
+def _lock(file: RawIOBase) -> bool:
     """Lock an open file, for as long as it is open; False if another process has it."""
     try:
         if sys.platform == "win32":

@@ -26,12 +26,13 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
+from fracid.journal import append_whole, whole_lines
 
 __all__ = [
     "Ask",
@@ -149,15 +150,24 @@ class Result:
 
 
 class EvaluationLog:
-    """An append-only file of evaluations, one JSON line each, flushed after every batch.
+    """An append-only file of evaluations, one JSON line each, written after every batch.
 
     A line has ``n`` (from 1, going on where an older log ends), ``point`` by name, ``cost`` (null where the run
     failed) with the ``reason``, and ``seconds`` since the log was opened.
+
+    Parameters
+    ----------
+    path : str or Path
+    again : bool
+        Whether the search that the file is from is done again from its start, after it was killed: what the file
+        has is not written a second time.
 
     Raises
     ------
     InputError
         If the file cannot be written.
+    Unfinished
+        By `append`, if the disk will not take more.
 
     Examples
     --------
@@ -166,14 +176,19 @@ class EvaluationLog:
     ...     log.append(("mu",), [Evaluation(np.array([0.9]), 0.1)])
     """
 
-    def __init__(self, path: str | Path) -> None:
-        """Open the file, at its end if it is there."""
-        self._began = time.perf_counter()
+    def __init__(self, path: str | Path, *, again: bool = False) -> None:
+        """Open the file, at its end if it is there; a line that was cut off in writing is removed."""
+        self._path, self._count = Path(path), 0
         try:
-            self._count = len(Path(path).read_bytes().splitlines()) if Path(path).exists() else 0
-            self._file: IO[str] = Path(path).open("a", encoding="utf-8")  # noqa: SIM115 (closed by __exit__)
+            lines, self._end = whole_lines(self._path)
+            self._file = self._path.open("ab", buffering=0)
+            if self._path.is_file():
+                self._file.truncate(self._end)
         except OSError as error:
             raise InputError(f"The log {path} cannot be written: {error.strerror}; is its folder there?") from error
+        self._before = len(lines) if again else 0
+        self._count = 0 if again else len(lines)
+        self._began = time.perf_counter() - (_seconds(lines) if again else 0.0)
 
     def __enter__(self) -> EvaluationLog:
         """Give itself."""
@@ -186,12 +201,22 @@ class EvaluationLog:
     def append(self, names: tuple[str, ...], batch: list[Evaluation]) -> None:
         """Write a batch."""
         seconds = round(time.perf_counter() - self._began, 4)
+        lines = []
         for e in batch:
             self._count += 1
             point, cost = dict(zip(names, e.point.tolist(), strict=True)), e.cost if math.isfinite(e.cost) else None
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
-            self._file.write(json.dumps(line, ensure_ascii=False) + "\n")
-        self._file.flush()
+            if self._count > self._before:
+                lines.append(json.dumps(line, ensure_ascii=False) + "\n")
+        self._end = append_whole(self._file, "".join(lines).encode(), self._end)
+
+
+def _seconds(lines: list[bytes]) -> float:
+    """Where the clock of an older log stood."""
+    try:
+        return float(json.loads(lines[-1])["seconds"])
+    except (IndexError, ValueError, KeyError, TypeError):
+        return 0.0
 
 
 def minimise(
