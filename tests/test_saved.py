@@ -134,7 +134,8 @@ def change_project(folder):
     (lambda f: (f / "run" / "result.json").write_text("{"), "is no run folder: it has no result.json"),
     (lambda f: (f / "run" / "result.json").write_text("[]"), "is no run folder: it has no result.json"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
-    (lambda f: (f / "run" / "environment.json").unlink(), "is no run folder: it has no environment.json"),
+    (lambda f: (f / "run" / "environment.json").write_text("[1]"), "is not where it was, or has changed since"),
+    (lambda f: (f / "run" / "environment.json").write_text('{"command": 1}'), "is not where it was"),
 ])  # fmt: skip
 def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
     spoil(copy)
@@ -146,3 +147,10 @@ def test_a_run_with_the_recordings_beside_its_own_copy_of_the_project_needs_no_o
     (copy / "rig.toml").unlink()
     shutil.copytree(copy / "data", copy / "run" / "data")
     assert load_run(copy / "run").notes == ()
+
+
+def test_the_project_is_looked_for_where_the_run_says_that_it_went_on_from(copy):
+    (copy / "run" / "environment.json").unlink()
+    options = {"project": str(copy / "rig.toml"), "starts": 1}
+    (copy / "run" / "run.json").write_text(json.dumps({"kind": "fit", "options": options}), encoding="utf-8")
+    assert load_run(copy / "run").project.path == copy / "rig.toml"

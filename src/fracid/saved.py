@@ -14,8 +14,9 @@ does differ from the saved one a note says so.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -166,11 +167,23 @@ def _project(folder: Path, result: Mapping[str, Any]) -> Project:
 
 
 def _places(folder: Path) -> Iterator[Path]:
-    """Where the project file may lie: as the command line named it, from here or above the run; or in fracid itself."""
-    said = _read(folder / "environment.json").get("command", [])
-    for word in (str(word) for word in said if str(word).endswith(".toml")):
+    """Where the project file may lie: as the run names it, from here or above the run; or in fracid itself."""
+    said = [
+        *_optional(folder / "environment.json", "command", []),
+        *_optional(folder / "run.json", "options", {}).values(),
+    ]
+    for word in dict.fromkeys(str(w) for w in said if str(w).endswith(".toml")):
         yield from (place / word for place in (Path(), *folder.resolve().parents))
     yield from (Path(__file__).parent / "twins").glob("*.toml")  # the demo's
+
+
+def _optional(path: Path, key: str, otherwise: Any) -> Any:
+    """What a file says, where there is one."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))[key]
+    except (OSError, ValueError, KeyError, TypeError):
+        return otherwise
+    return found if isinstance(found, type(otherwise)) else otherwise
 
 
 def _values(result: Mapping[str, Any]) -> dict[str, float]:
@@ -188,9 +201,7 @@ def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
 
 
 def _estimate(said: Mapping[str, Any]) -> Estimate:
-    interval = said.get("interval95")
-    return Estimate(
-        float("nan") if said["value"] is None else float(said["value"]), said.get("unit", ""), said.get("free", False),
-        said.get("standard_error"), None if interval is None else (interval[0], interval[1]),
-        said.get("at_bound", False), said.get("identifiable", "unknown"),
-    )  # fmt: skip
+    """What result.json says of a value; what a result of an older version does not say is as by default."""
+    known = {f.name: said[f.name] for f in fields(Estimate) if f.name in said}
+    known = {n: tuple(v) if isinstance(v, list) else v for n, v in known.items()}
+    return Estimate(**known | {"value": math.nan if said.get("value") is None else said["value"]})
