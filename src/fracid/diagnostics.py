@@ -5,7 +5,7 @@
 ==================  ==========================================================================================
 verdict             means
 ==================  ==========================================================================================
-identifiable        its interval is narrow enough to use: an order to 0.1, a constant to its own size
+identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size
 only in a ratio     the data see it through a product or quotient with another, which is named: a free response
                     knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so
 practically not     the sensitivities see it, and not enough: its profile is flat or one-sided, or the interval is
@@ -47,6 +47,9 @@ Kind = Literal["identifiable", "only in a ratio", "practically not", "not at all
 
 WIDE_ORDER = 0.1
 """Half an interval of an order that is too wide to use: it matters by its distance from 1."""
+
+WIDE_ANGLE = 0.05
+"""The same for an angle of rest [rad], which may well be 0."""
 
 STILL = 1e-2
 """A coordinate that moves by less than this part of the one that moves most hardly moves."""
@@ -142,8 +145,10 @@ class _Look:
         return NORMAL_95 * float(self.known.standard_error[i])
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
-        kind, half = self.problem.unknowns[i].kind, self.half(i) if half is None else half
-        return half > WIDE_ORDER if kind == "order" else kind == "parameter" and half > abs(float(self.x[i]))
+        u, half = self.problem.unknowns[i], self.half(i) if half is None else half
+        if u.kind == "parameter":
+            return half > (WIDE_ANGLE if u.unit == "rad" else abs(float(self.x[i])))
+        return u.kind == "order" and half > WIDE_ORDER
 
     def bound(self, i: int) -> float:
         """The nearer one."""
@@ -259,7 +264,10 @@ def _too_wide(look: _Look, i: int) -> Iterator[Verdict]:
     if not look.too_wide(i):
         return
     name = look.names[i]
+    reach = look.problem.unknowns[i].range
     said = f"its interval is {look.x[i]:.3g} ± {look.half(i):.2g}"
+    if look.half(i) > reach.upper - reach.lower:
+        said = f"its interval is wider than all that it may be, {reach.lower:.3g} … {reach.upper:.3g}"
     because = _because(look, i)
     ratio = None if because else _near_ratio(look, i)
     if ratio is None:
