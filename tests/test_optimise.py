@@ -20,6 +20,7 @@ from fracid.optimise import (
     Outcome,
     Space,
     as_generator,
+    least_squares,
     minimise,
     optimiser_from_name,
 )
@@ -583,3 +584,9 @@ def test_a_scale_takes_the_place_of_what_start_and_bounds_tell():
     assert sizes(replace(space, scale=np.array([1e-4, np.nan]))).tolist() == [1e-4, 0.5]
     with pytest.raises(InputError, match=r"A space of 2 unknowns got an array of shape \(1,\)"):
         replace(space, scale=np.ones(1))
+
+
+def test_least_squares_stops_where_no_unknown_changes_anything():
+    found = minimise(lambda x: Evaluation(x, 1.0, np.array([1.0, 0.0])), least_squares(SPACE, None))
+    assert found.outcome is Outcome.CONVERGED
+    assert found.best.point.tolist() == SPACE.start.tolist()

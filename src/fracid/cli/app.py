@@ -62,6 +62,8 @@ def main(arguments: list[str] | None = None) -> None:
     Traceback (most recent call last):
     SystemExit: 0
     """
+    for library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")  # the threads are fracid's: of runs, not of small matrices
     try:
         app(args=arguments, prog_name="fracid")
     except FracidError as error:

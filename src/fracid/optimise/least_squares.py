@@ -90,6 +90,8 @@ def least_squares(
             batch = evaluate(x + np.diag(steps))
             slopes = [(e.residuals - base) / (e.point - x)[i] if e.residuals is not None else np.zeros_like(base)
                       for i, e in enumerate(batch)]  # fmt: skip
+            if not np.any(slopes):
+                raise _Flat  # SciPy would divide by zero
             return np.column_stack(slopes)
 
         try:
@@ -97,6 +99,8 @@ def least_squares(
                 residuals, size, jacobian, bounds=bounds, x_scale=size,
                 ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=budget,
             )  # fmt: skip
+        except _Flat:
+            return Outcome.CONVERGED
         except _StartFails as failed:
             if failed.evaluation.cost < np.inf:
                 raise InputError(
@@ -121,6 +125,10 @@ def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
     """Steps of the differences at x, towards the inside of the bounds."""
     h = np.minimum(DIFFERENCE * np.maximum(size, np.abs(x)), 0.25 * (space.upper - space.lower))
     return np.where(x + h > space.upper, -h, h)
+
+
+class _Flat(Exception):
+    """No unknown changes anything."""
 
 
 class _StartFails(Exception):
