@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from fracid.errors import InputError
-from fracid.journal import Journal
-from fracid.runs import EVALUATIONS, FIGURES, open_folder, open_run, run_state, versions, write_text
+from fracid.runs import EVALUATIONS, FIGURES, JOURNAL, RUN, open_folder, open_run, run_state, versions, write_text
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -18,7 +17,7 @@ def test_a_new_folder_is_made_with_its_environment(tmp_path):
     folder = open_folder(tmp_path / "a" / "b")
     environment = json.loads((folder / "environment.json").read_text())
     assert environment["versions"] == versions()
-    assert set(environment) == {"versions", "platform", "command"}
+    assert set(environment) == {"versions", "platform", "command", "directory"}
 
 
 def test_an_earlier_run_is_cleared_of_its_own_files_alone(tmp_path):
@@ -89,54 +88,60 @@ def test_others_may_read_a_file_as_far_as_the_umask_allows(tmp_path):
 
 # --- begun, killed, gone on with ---------------------------------------------------------------------
 
-OPTIONS = {"project": "rig.toml", "seeds": 3}
+OPTIONS = {"project": "rig.toml", "seed": 3}
+INPUTS = {"the recording 'a'": "12"}
 
 
-def under_way(folder, options=OPTIONS, kind="noise", inputs=None, **more):
-    """Do one repetition of a study and leave it unfinished."""
-    with open_run(folder, kind, options, inputs=inputs or {"the recording 'a'": "12"}, **more) as run:
-        with Journal(run.journal, {}) as journal:
-            journal.append("seed 1", 0.5)
-        return run
+def under_way(folder, options=OPTIONS, inputs=None, **more):
+    """Begin a run and leave it unfinished."""
+    with open_run(folder, "fit", options, inputs=inputs or INPUTS, **more) as run:
+        (folder / EVALUATIONS).touch()
+        (folder / JOURNAL).touch()
+    return run
 
 
 def test_a_run_is_unfinished_until_it_says_otherwise(tmp_path):
-    under_way(tmp_path / "run")
-    assert not run_state(tmp_path / "run").finished
-    with open_run(tmp_path / "run", "noise", OPTIONS, inputs={"the recording 'a'": "12"}) as run:
+    under_way(tmp_path)
+    assert not run_state(tmp_path).finished
+    with open_run(tmp_path, "fit", OPTIONS, inputs=INPUTS, resume=True) as run:
         assert run.resumed
-        assert "seed 1" in run.journal.read_text()
+        assert (tmp_path / EVALUATIONS).exists()
         run.finish()
-    assert run_state(tmp_path / "run").finished
-    assert not under_way(tmp_path / "run").resumed  # begun anew, the old journal is gone
+    assert run_state(tmp_path).finished
 
 
-def test_another_study_does_not_wipe_out_one_that_is_not_finished(tmp_path):
-    under_way(tmp_path / "run")
-    with pytest.raises(InputError, match=r"another study, not finished: seeds was 3 and is 5\. Type fracid resume"):
-        under_way(tmp_path / "run", {**OPTIONS, "seeds": 5})
-    assert run_state(tmp_path / "run").options == OPTIONS
-    with pytest.raises(InputError, match=r"kind was 'noise' and is 'compare'"):
-        under_way(tmp_path / "run", kind="compare")
+def test_a_run_begun_anew_has_nothing_of_an_older_one_but_a_studys_journal(tmp_path):
+    under_way(tmp_path)
+    with open_run(tmp_path, "fit", OPTIONS) as run:
+        assert not run.resumed
+        assert {path.name for path in tmp_path.iterdir()} == {".lock", "environment.json", RUN, JOURNAL}
 
 
-def test_a_run_without_a_journal_begins_anew_unless_asked_to_resume(tmp_path):
-    for resume, resumed in ((False, False), (False, False), (True, True)):
-        with open_run(tmp_path / "run", "fit", OPTIONS, resume=resume) as run:
-            assert run.resumed is resumed
+def test_what_was_killed_as_it_began_is_nothing_to_go_on_with(tmp_path, monkeypatch):
+    under_way(tmp_path)
+
+    def killed(*_):
+        raise SystemExit
+
+    monkeypatch.setattr("fracid.runs._write_state", killed)
+    with pytest.raises(SystemExit):
+        under_way(tmp_path)
+    with pytest.raises(InputError, match=r"was left before anything was done\. Type the command itself again"):
+        run_state(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("inputs", "what"),
+    ("options", "inputs", "what"),
     [
-        ({"the recording 'a'": "13"}, "the recording 'a'"),
-        ({"the recording 'a'": "12", "the model file b": "1"}, "the m"),
+        (OPTIONS, {"the recording 'a'": "13"}, r"the recording 'a' has changed since"),
+        (OPTIONS, {**INPUTS, "the model file b": "1"}, r"the model file b has changed since"),
+        ({"seed": 4}, INPUTS, r"holds another run: fit with \{'project': 'rig.toml', 'seed': 3\}"),
     ],
 )
-def test_what_has_changed_on_the_disk_is_not_gone_on_with(tmp_path, inputs, what):
-    under_way(tmp_path / "run")
-    with pytest.raises(InputError, match=rf"cannot be gone on with: {what}.* has changed since"):
-        under_way(tmp_path / "run", inputs=inputs, resume=True)
+def test_what_has_changed_is_not_gone_on_with(tmp_path, options, inputs, what):
+    under_way(tmp_path)
+    with pytest.raises(InputError, match=what):
+        under_way(tmp_path, options, inputs, resume=True)
 
 
 def test_what_a_killed_process_had_half_written_is_cleared(tmp_path):

@@ -6,24 +6,18 @@
     ├── run.json             what is done here, with all its options, and whether it is finished
     ├── result.json          Fit.to_json() with hashes of the data, versions and timing
     ├── project.toml         the project file as it was used
-    ├── environment.json     versions, machine, command line
+    ├── environment.json     versions, machine, command line and where it was typed
     ├── evaluations.jsonl    every evaluation of the cost, as it ended (written by the optimiser's log)
+    ├── .memo                while it is unfinished: what was simulated (:mod:`fracid.memo`)
     ├── journal.jsonl        of a study: every repetition, as it ended (:mod:`fracid.journal`)
     └── figures/             SVG and PNG
 
 The same inputs and seed give the same ``result.json`` but for its ``timing`` block, for any number of
 threads.  A file is written whole or not at all.
 
-**A command that can be gone on with** puts its work between :func:`open_run` and :meth:`Run.finish`::
-
-    with open_run(folder, "noise", options, inputs=inputs_of(project)) as run:
-        with Journal(run.journal, study) as journal:
-            ...
-        run.finish()
-
-``options`` is what to call it with again, as plain JSON values (but not threads or executor, which change no result);
-its kind has a row in :data:`fracid.cli.resume.KINDS`.  Until it is finished the folder can be resumed, by
-``fracid resume`` or, a study, by the same command; it is one process's alone all the while.
+**Gone on with.**  A fit does its work between :func:`open_run` and :meth:`Run.finish`; until that it can be resumed,
+and the folder is one process's alone.  A study has its journal, which is never removed: the same command goes on from
+it, and ``fracid resume`` types that command again, from ``environment.json``.
 """
 
 from __future__ import annotations
@@ -52,6 +46,7 @@ __all__ = [
     "EVALUATIONS",
     "FIGURES",
     "JOURNAL",
+    "MEMO",
     "RUN",
     "Run",
     "RunState",
@@ -68,6 +63,7 @@ __all__ = [
 RUN = "run.json"
 JOURNAL = "journal.jsonl"
 EVALUATIONS = "evaluations.jsonl"
+MEMO = ".memo"
 FIGURES = "figures"
 
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
@@ -95,11 +91,6 @@ class Run:
     resumed: bool
     """Whether there is something done to go on from."""
 
-    @property
-    def journal(self) -> Path:
-        """Where a study's journal is."""
-        return self.folder / JOURNAL
-
     def finish(self) -> None:
         """Say that all is done and written.
 
@@ -109,6 +100,7 @@ class Run:
             If that cannot be written.
         """
         _write_state(self.folder, replace(self.state, finished=True))
+        (self.folder / MEMO).unlink(missing_ok=True)
         for path in _halves(self.folder):
             path.unlink(missing_ok=True)
 
@@ -124,15 +116,14 @@ def open_run(
 ) -> Iterator[Run]:
     """Take a run folder for this process alone, begin or go on there, and let go of it.
 
-    Without `resume` an earlier run's files are removed, but never what a study has done and not finished:
-    the same study goes on from there, another one is refused.
+    Without `resume` an earlier run's files are removed.
 
     Parameters
     ----------
     folder : Path
     kind : str
     options : mapping
-        What to call the command with again, as plain JSON values.
+        What to call the command with again, as plain JSON values; not threads, which change no result.
     inputs : mapping, optional
         All that it reads from outside; see :func:`inputs_of`.
     resume : bool
@@ -141,14 +132,14 @@ def open_run(
     Raises
     ------
     InputError
-        If the folder cannot be written, holds other files or another study that is not finished, is at work in another
-        process, or if what the run reads has changed since.
+        If the folder cannot be written, holds other files, is at work in another process, or if what the run reads has
+        changed since.
 
     Examples
     --------
     >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp()) / "study"
-    >>> with open_run(folder, "noise", {"seeds": 3}) as run:
+    >>> folder = Path(tempfile.mkdtemp()) / "rig"
+    >>> with open_run(folder, "fit", {"seed": 3}) as run:
     ...     run.finish()
     >>> run_state(folder).finished
     True
@@ -156,16 +147,13 @@ def open_run(
     now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}))
     _refuse_strangers(folder)
     with FolderLock(folder):
-        before = run_state(folder) if (folder / RUN).exists() else None
-        goes_on = before is not None and (resume or _study_under_way(folder, before))
-        if goes_on:
-            assert before is not None
-            _refuse_another(folder, before, now)
+        if resume:
+            _refuse_another(folder, run_state(folder), now)
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
             open_folder(folder)
             _write_state(folder, now)
-        yield Run(folder, now, goes_on)
+        yield Run(folder, now, resume)
 
 
 def run_state(folder: Path) -> RunState:
@@ -213,20 +201,10 @@ def inputs_of(project: Project) -> dict[str, str]:
     return found | {f"the version of {package}": number for package, number in versions().items()}
 
 
-def _study_under_way(folder: Path, before: RunState) -> bool:
-    return not before.finished and (folder / JOURNAL).exists()
-
-
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     """Go on with the same alone."""
     if (before.kind, before.options) != (now.kind, now.options):
-        were, are = ({"kind": s.kind, **s.options} for s in (before, now))
-        differ = "; ".join(f"{n} was {were.get(n)!r} and is {are.get(n)!r}" for n in {**were, **are}
-                           if were.get(n) != are.get(n))  # fmt: skip
-        raise InputError(
-            f"{folder} holds another study, not finished: {differ}. Type fracid resume {folder} to finish that one, or "
-            "give this one another folder: --out DIR."
-        )
+        raise InputError(f"{folder} holds another run: {before.kind} with {dict(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
             raise InputError(
@@ -258,11 +236,12 @@ def open_folder(folder: Path) -> Path:
     """
     _refuse_strangers(folder)
     try:
-        for old in (EVALUATIONS, JOURNAL, "result.json"):
+        for old in (EVALUATIONS, MEMO, "result.json"):
             (folder / old).unlink(missing_ok=True)
         for path in (*_figures(folder), *_halves(folder)):
             path.unlink(missing_ok=True)
-        environment = {"versions": versions(), "platform": platform.platform(), "command": sys.argv[1:]}
+        environment: dict[str, Json] = {"versions": versions(), "platform": platform.platform()}
+        environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
         write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
