@@ -346,6 +346,18 @@ def test_what_is_tied_is_checked_with_what_it_follows():
     assert fit.orders["lambda"] == fit.orders["mu"]
 
 
+def test_how_far_the_orders_move_with_the_cut_is_found_where_it_is_asked_for():
+    asked = identify(problem(orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate"), cut=True)
+    assert asked.cut.orders == {"mu": asked.orders["mu"].value}
+    assert {t.name.split(" by")[0] for t in asked.cut.treatments} == {"cut later"}
+    assert asked.to_json()["cut"]["treatments"]
+    none_free = identify(
+        problem(orders={"lambda": 0.9, "mu": 0.95}, parameters=free(0.3, 3.0, 1.0, "b_alpha")), cut=True
+    )
+    assert none_free.cut is None
+    assert "The cut was not checked: no order is free." in none_free.warnings
+
+
 # --- the result -----------------------------------------------------------------------------------------
 
 

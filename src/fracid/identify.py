@@ -21,9 +21,10 @@ Whatever found the minimum, :func:`identify` then
    far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
 5. goes on by least squares from the best of a search that is none, and says so where that finds better,
-6. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`).
+6. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`),
+7. where it is asked to, finds how far the orders move with where the record begins (:mod:`fracid.cut`).
 
-Ctrl-C keeps the best so far: in the search it skips the six, in one of them what is left of them.
+Ctrl-C keeps the best so far: in the search it skips the seven, in one of them what is left of them.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from numpy.typing import NDArray
 
 from fracid.alternative import Alternative, integer_alternative
 from fracid.bootstrap import Spread, spread
+from fracid.cut import CutCheck, cut_check, whole_records
 from fracid.diagnostics import Verdict, identifiability
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
@@ -152,6 +154,8 @@ class Fit:
     """The integer-order rival, where one was tried."""
     spread: Spread | None = None
     """What each recording says alone, where there are several."""
+    cut: CutCheck | None = None
+    """How far the orders move with where the record begins, where that was asked for."""
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the samples, as plain JSON values; angles in radians.
@@ -176,6 +180,7 @@ class Fit:
             "starts": [_start_json(s, self.problem.names) for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),
+            "cut": None if self.cut is None else self.cut.to_json(),
             "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
             "warnings": list(self.warnings),
             "seed": self.seed,
@@ -192,6 +197,7 @@ def identify(
     starts: int | None = None,
     log: EvaluationLog | None = None,
     callback: Callable[[Evaluation, int], None] | None = None,
+    cut: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
@@ -215,6 +221,9 @@ def identify(
         Gets each evaluation as it ends.
     callback : function (best evaluation so far, number of evaluations) -> None
         Called after each batch.
+    cut : bool
+        Also find how far the orders move with where the record begins: about as many more searches as there are
+        treatments of its past (:func:`fracid.cut_check`).
     options : mapping
         Passed on to the optimiser.
 
@@ -239,8 +248,10 @@ def identify(
     >>> round(fit.orders["lambda"].value, 4), round(fit.orders["mu"].value, 4)
     (0.9, 0.95)
     """
+    whole: Mapping[str, Experiment] = {}
     if not isinstance(problem, Problem):
         project = problem
+        whole = whole_records(project) if cut else {}
         problem, validation = project.problem, project.validation
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
@@ -254,7 +265,7 @@ def identify(
         found.known = "every run failed"
         found.warnings.append(f"No run reached its end: {result.best.reason}.")
     elif not result.interrupted:
-        _examine(found, name, validation, jobs, clock)
+        _examine(found, name, validation, whole if cut else None, jobs, clock)
     return _fit(found, name, seed, watch.count, clock.laps)
 
 
@@ -271,12 +282,16 @@ class _Findings:
     check: Discretisation | None = None
     spread: Spread | None = None
     alternative: Alternative | None = None
+    cut: CutCheck | str | None = None
     warnings: list[str] = field(default_factory=list)
     interrupted: bool = False
 
 
-def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jobs: int, clock: _Clock) -> None:
-    """The six steps after the search."""
+def _examine(
+    found: _Findings, name: str, validation: tuple[Experiment, ...], whole: Mapping[str, Experiment] | None, jobs: int,
+    clock: _Clock,
+) -> None:  # fmt: skip
+    """The steps after the search; `whole` is None where the cut is not to be checked."""
     problem, x = found.problem, found.result.best.point
     try:
         found.known = uncertainty(problem, x, jobs=jobs)
@@ -301,6 +316,12 @@ def _examine(found: _Findings, name: str, validation: tuple[Experiment, ...], jo
         found.alternative = integer_alternative(problem, found.result.best, widths, jobs=jobs)
         found.warnings.append(found.alternative.warning if found.alternative else "")
         clock.lap("alternative")
+        if whole is not None:
+            found.cut = cut_check(problem, x, found.known, whole=whole, jobs=jobs)
+            found.warnings += (
+                [f"The cut was not checked: {found.cut}."] if isinstance(found.cut, str) else found.cut.warnings
+            )
+            clock.lap("cut")
     except KeyboardInterrupt:
         found.interrupted = True
 
@@ -334,7 +355,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | found.validated, starts=found.starts,
-        alternative=found.alternative, spread=found.spread,
+        alternative=found.alternative, spread=found.spread, cut=found.cut if isinstance(found.cut, CutCheck) else None,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in said if w),
