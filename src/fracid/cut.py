@@ -41,11 +41,11 @@ from fracid.errors import InputError
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.project import Project
-from fracid.recording import load_recording
+from fracid.recording import Recording, load_recording
 from fracid.search import Watch, refined
 from fracid.uncertainty import Uncertainty
 
-__all__ = ["CutCheck", "Treatment", "cut_check", "whole_records"]
+__all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
 
 FloatArray = NDArray[np.float64]
 
@@ -258,7 +258,7 @@ def cut_check(
 
 
 def whole_records(project: Project) -> dict[str, Experiment]:
-    """Read a project's recordings again, from their first samples on: what came before ``from`` is in them.
+    """The recordings that a project fits, from their files' first samples on: what came before ``from`` is in them.
 
     Parameters
     ----------
@@ -282,20 +282,29 @@ def whole_records(project: Project) -> dict[str, Experiment]:
     >>> whole.start, len(whole.measured)
     (0.0, 400)
     """
-    found = {}
-    fitted = {e.name: e for e in project.problem.experiments}
     model, outputs = project.problem.model, project.problem.outputs
-    for said, recording in zip(tomllib.loads(project.text)["recording"], project.recordings, strict=True):
-        if "from" not in said or recording.name not in fitted:
-            continue
-        columns = {n: said[n] for n in (*model.outputs, *model.inputs) if n in said}
-        whole = load_recording(
-            recording.path, columns, time=said.get("time"), stop=said.get("to"), name=recording.name,
-            resample=said.get("resample", "needed"), variable=said.get("variable"),
-        )  # fmt: skip
-        if whole.step is not None and whole.time[0] < recording.time[0]:
-            found[recording.name] = Experiment.of(whole, model, outputs)
-    return found
+    begins = {e.name: e.start for e in project.problem.experiments}
+    return {
+        r.name: Experiment.of(r, model, outputs) for r in whole_recordings(project)
+        if r.name in begins and r.step is not None and r.time[0] < begins[r.name]
+    }  # fmt: skip
+
+
+def whole_recordings(project: Project) -> list[Recording]:
+    """A project's recordings as its file has them, but each from its own first sample on.
+
+    Examples
+    --------
+    See :func:`whole_records`.
+    """
+    signals = (*project.problem.model.outputs, *project.problem.model.inputs)
+    return [
+        recording if "from" not in said else load_recording(
+            recording.path, {n: said[n] for n in signals if n in said}, time=said.get("time"), stop=said.get("to"),
+            name=recording.name, resample=said.get("resample", "needed"), variable=said.get("variable"),
+        )
+        for said, recording in zip(tomllib.loads(project.text)["recording"], project.recordings, strict=True)
+    ]  # fmt: skip
 
 
 # --- the treatments ----------------------------------------------------------------------------------------

@@ -76,8 +76,9 @@ References
    J. American Statistical Association 89 (1994): SIMEX.
 """
 
-from fracid.regression.linear import Constant, Regression, regress, start_values
+from fracid.regression.linear import Constant, Regression, regress, start_of, start_values
 from fracid.regression.orders import OrderSearch
 from fracid.regression.rows import LUMPED, TERMS, regressor
 
-__all__ = ["LUMPED", "TERMS", "Constant", "OrderSearch", "Regression", "regress", "regressor", "start_values"]
+__all__ = ["LUMPED", "TERMS", "Constant", "OrderSearch", "Regression", "regress", "regressor", "start_of",
+           "start_values"]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from fracid.models.base import unknown_name
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
 from fracid.recording.report import resolution
+from fracid.regression.belief import belief
 from fracid.regression.estimators import (
     Estimator,
     Gauge,
@@ -47,7 +48,7 @@ from fracid.regression.rows import (
     swing_of,
 )
 
-__all__ = ["Constant", "Regression", "regress", "start_values"]
+__all__ = ["Constant", "Regression", "regress", "start_of", "start_values"]
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +60,8 @@ LOUDEST = 25.0
 """Largest factor by which the residual may raise the noise's variance for the bias."""
 WIDE = 0.1
 """An interval of an order wider than this says nothing about it."""
+NORMAL_95 = 1.959963984540054
+"""Half the width of a 95 % interval, in standard errors."""
 POOR = 85.0
 """An equation that fits by less [%] does not fit."""
 
@@ -82,6 +85,13 @@ class Constant:
     def identified(self) -> bool:
         """Whether to use the value by itself."""
         return self.verdict == "identified"
+
+    @property
+    def interval95(self) -> tuple[float, float] | None:
+        """About the value, without its bias; None where it was not found."""
+        if self.standard_error is None:
+            return None
+        return self.value - NORMAL_95 * self.standard_error, self.value + NORMAL_95 * self.standard_error
 
 
 @dataclass(frozen=True)
@@ -112,9 +122,16 @@ class Regression:
     """Of the columns [s]."""
     noise: Mapping[str, float]
     """Measurement noise of each angle, rms [rad]: the spectrum's floor, at least that of the encoder's step."""
+    amplitude: float
+    """Half of what the pendulum moves through, in the recording where that is most [rad]."""
     search: OrderSearch | None
     """None where no order was searched."""
     warnings: tuple[str, ...]
+
+    @property
+    def belief(self) -> str:
+        """What came of recordings like these when the truth was known, in words; :mod:`fracid.regression.belief`."""
+        return belief(self.amplitude, self.noise["alpha"], self.noise_ratio)
 
     @property
     def values(self) -> dict[str, float]:
@@ -133,7 +150,35 @@ class Regression:
         rows.append(f"{self.estimator}; {orders}; {self.samples} rows; condition number {self.condition_number:.3g}")
         rows.append(f"cut-off {self.cutoff:.3g} Hz: {self.cutoff_reason}")
         rows.append(f"residual variance {self.noise_ratio:.3g} times what noise in the columns explains")
-        return "\n".join([*rows, *self.warnings])
+        return "\n".join([*rows, self.belief, *self.warnings])
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the rows, as plain JSON values, SI; null where something was not found or has no end."""
+        intervals = self.search.interval95 if self.search else {}
+        return {
+            "orders": {
+                n: {"value": v, "interval95": [_number(end) for end in intervals[n]] if n in intervals else None}
+                for n, v in self.orders.items()
+            },
+            "parameters": {
+                n: {"value": c.value, "unit": c.unit, "standard_error": c.standard_error, "interval95": c.interval95,
+                    "bias": c.bias, "verdict": c.verdict}
+                for n, c in self.parameters.items()
+            },
+            "combinations": dict(self.combinations),
+            "estimator": self.estimator,
+            "fit_percent": dict(self.fit_percent),
+            "noise_ratio": _number(self.noise_ratio),
+            "condition_number": _number(self.condition_number),
+            "samples": self.samples,
+            "cutoff": self.cutoff,
+            "cutoff_reason": self.cutoff_reason,
+            "window": self.window,
+            "noise": dict(self.noise),
+            "amplitude": self.amplitude,
+            "belief": self.belief,
+            "warnings": list(self.warnings),
+        }  # fmt: skip
 
 
 def regress(
@@ -280,8 +325,14 @@ def _at(
         condition_number=condition_number_of(stack(system.W, scales)[:, gauge.free]),
         samples=len(weights), cutoff=0.0, cutoff_reason="", window=0.0,
         noise={n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))},
+        amplitude=max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows),
         search=None, warnings=tuple(warnings),
     )  # fmt: skip
+
+
+def _number(value: float) -> float | None:
+    """JSON knows neither NaN nor infinity."""
+    return float(value) if math.isfinite(value) else None
 
 
 def _terms(
@@ -406,7 +457,8 @@ def _verdict(value: float, error: float, bias: float, tied: Sequence[str], close
         return _together(tied)
     if abs(bias) > max(0.1 * abs(value), error):
         way = "lowers" if bias * value < 0.0 else "raises"
-        part = f"about {100 * abs(bias / (value - bias)):.0f} %" if abs(bias) < abs(value) else "half or more"
+        percent = 100 * abs(bias / (value - bias)) if value != bias else math.inf
+        part = f"about {percent:.0f} %" if percent < 100 and abs(bias) < abs(value) else "half or more"
         return f"biased: noise in the columns {way} it by {part}"
     if math.hypot(error, bias) > 0.2 * abs(value):
         why = f"its standard error is {100 * error / max(abs(value), 1e-300):.0f} % of it"
@@ -500,7 +552,6 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     pendulum_parameters(problem.model)
     shared = {n: u for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
     free = [n for n, u in shared.items() if u.kind == "parameter" and n in TERMS]
-    searched = [n for n, u in shared.items() if u.kind == "order"]
     if not free:
         raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(TERMS)}.")
     start = problem.parameter_starts
@@ -512,14 +563,30 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     at = problem.order_starts  # what is tied too; it is not searched
     orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}
     found = _regress(swings, model, orders, known, free, estimator, None)
-    best = {n: c.value for n, c in found.parameters.items() if c.identified} | {
-        n: found.orders[n] for n in searched if not found.search or np.ptp(found.search.interval95[n]) < WIDE
-    }
+    return start_of(problem, found), found
+
+
+def start_of(problem: Problem, found: Regression) -> FloatArray:
+    """The start of a problem with what a regression found put in, shape (n_unknowns,).
+
+    Parameters
+    ----------
+    problem : Problem
+    found : Regression
+        Of its recordings; only what it calls identified is taken, within the bounds, and orders whose interval
+        is narrow enough to say something.
+
+    Examples
+    --------
+    See :func:`start_values`.
+    """
+    searched = {n: i for n, i in (found.search.interval95 if found.search else {}).items() if np.ptp(i) < WIDE}
+    best = {n: c.value for n, c in found.parameters.items() if c.identified} | {n: found.orders[n] for n in searched}
     if "cable_stiffness" in best:
         best |= theta_rest_of({n: c.value for n, c in found.parameters.items()})
-    space = problem.space
-    x = np.array([best.get(n, v) for n, v in zip(problem.names, problem.start.tolist(), strict=True)])
-    return np.clip(x, space.lower, space.upper), found
+    shared = {n for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
+    x = np.array([best[n] if n in shared & {*best} else v for n, v in zip(problem.names, problem.start, strict=True)])
+    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
 
 
 def _experiment_swing(e: Experiment, problem: Problem) -> Swing:

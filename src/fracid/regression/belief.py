@@ -1,0 +1,60 @@
+"""How far to believe a regression, from how large the motion was: what came out where the truth was known.
+
+The numbers are those of the table in :mod:`fracid.regression`, simulated releases of an SRV02 with dry friction and
+encoders of 4096 counts; ``python benchmarks/evidence.py regression`` prints them again.
+"""
+
+from __future__ import annotations
+
+import math
+
+ENCODER = 2 * math.pi / 4096 / math.sqrt(12)
+"""Noise of that encoder's rounding, rms [rad]."""
+
+LOUD = 2.0
+"""So many times its noise is more than the table knows of."""
+
+LACKS = 10.0
+"""Twins leave a residual of 1.5 to 6 times the variance that noise explains (an encoder's rounding is not white)."""
+
+MIDDLE, LARGE = math.radians(20), math.radians(45)
+"""Between the table's 10°, 30° and 60°."""
+
+SAID = {
+    0.0: "the inertias came out up to 14 % off, b_alpha and C6 as anything, and the orders could not be seen: release "
+         "from 60° or more, or trust a fit of the whole trajectory only",
+    MIDDLE: "the inertias and the arm's friction came out within 3 % at orders of 1 and within 12 % at 0.86, C6 within "
+            "10 %, the orders within 0.02; b_alpha was 20 to 130 % off and coulomb_alpha 50 %",
+    LARGE: "the inertias came out within 1 %, C6 and the arm's friction within 4 %, b_alpha within 13 %, the orders "
+           "within 0.005; coulomb_alpha was up to 40 % off",
+}  # fmt: skip
+"""From which amplitude on [rad]: what the table says."""
+
+
+def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
+    """Say what to expect of a regression on motions of this amplitude.
+
+    Parameters
+    ----------
+    amplitude : float
+        Half of what the pendulum moves through [rad].
+    noise : float
+        Of its angle, rms [rad].
+    noise_ratio : float
+        Variance of the residual against what noise explains.
+
+    Examples
+    --------
+    >>> print(belief(math.radians(10), ENCODER, 1.0)[:87])
+    alpha swings by 10°. In simulated releases of this size the inertias came out up to 14
+    """
+    said = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
+    loud = noise / ENCODER
+    worse = f" Here the noise of alpha is {loud:.2g} times theirs: expect more." if loud > LOUD else ""
+    lacks = (
+        f" Here the residual is {noise_ratio:.2g} times what noise explains: the model lacks something (friction that "
+        "sticks, say), all of it is further off, and no interval says so."
+        if noise_ratio > LACKS
+        else ""
+    )
+    return f"alpha swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size {said}.{worse}{lacks}"
