@@ -56,13 +56,14 @@ phase, at :data:`CUTOFF` swings); each scored output of order q is the state x o
 past: of a plateau on which a hand holds the rig the equations know nothing, nor does it leave a memory.  The start
 itself is as `initial_state` says, ``estimate`` or ``measured``; the latter takes :math:`x_j` from the past.  Without a
 past the memory begins at the start, as if the rig had stood still in that posture and was struck.  Twins with orders
-0.9, 0.95, 4096 counts and 10⁻³ rad of noise, cut 1.3 s after the release, 6.7 s fitted, found λ − 0.9, μ − 0.95:
+0.9, 0.95, 4096 counts and 10⁻³ rad of noise, cut 1.3 s after the release, 6.7 s fitted, found λ − 0.9, μ − 0.95
+(``python benchmarks/evidence.py swing`` prints them again; :mod:`fracid.cut` does the like for any fit):
 
 ============================ =============== =============== =============== ===============
 twin                         ``estimate``    with its past   ``measured``    from plateau
 ============================ =============== =============== =============== ===============
 60°, viscous friction        +.044, +.0006   +.000, −.0000   −.006, +.0001   +.000, −.0000
-60°, dry friction too        −.005, −.0005   −.000, +.0000   +.001, +.0000   +.001, +.0000
+60°, dry friction too        −.004, −.0005   −.000, +.0000   +.001, +.0000   +.001, +.0000
 20°, dry friction too        −.065, −.0005   +.005, −.0000   +.009, +.0001   +.003, −.0000
 60°, dry, 10⁻² rad of noise  +.007, −.0005   +.016, +.0001   −.026, −.0003   +.005, +.0000
 ============================ =============== =============== =============== ===============
