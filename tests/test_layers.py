@@ -32,6 +32,7 @@ LAYERS = (
     {"amplitude", "identify"},
     {"compare", "runs", "saved"},
     {"plots"},
+    {"studies"},
     {"cli"},
 )
 """From the ground up.  A package counts as one module; `fracid` itself and `__main__` stand outside."""

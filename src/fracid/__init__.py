@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from fracid.residuals import ResidualAnalysis, residual_analysis
     from fracid.saved import SavedRun, load_run
     from fracid.simulate import simulate, solve_fde
+    from fracid.studies import NoiseStudy, noise_study
     from fracid.trajectory import Outcome, Trajectory
 
 __version__ = "0.1.0"
@@ -51,6 +52,7 @@ _HOME = {
     "Free": "problem",
     "InputError": "errors",
     "Model": "models",
+    "NoiseStudy": "studies",
     "Outcome": "trajectory",
     "Parameter": "models",
     "Problem": "problem",
@@ -79,6 +81,7 @@ _HOME = {
     "load_recording": "recording",
     "load_run": "saved",
     "multi_term": "reduction",
+    "noise_study": "studies",
     "profile": "profiles",
     "regress": "regression",
     "residual_analysis": "residuals",
@@ -92,13 +95,14 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
-           "FracidError", "Free", "InputError", "Model", "Outcome", "Parameter", "Problem",
-           "Profile", "Profiles", "Project", "Recording", "Regression", "ResidualAnalysis",
-           "SavedRun", "Sensitivities", "Spread", "System", "Trajectory", "Verdict", "__version__",
-           "amplitude_test", "bootstrap", "compare", "cut_check", "derivative", "identifiability",
-           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
-           "load_run", "multi_term", "profile", "regress", "residual_analysis", "rotary_pendulum",
-           "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
+           "FracidError", "Free", "InputError", "Model", "NoiseStudy", "Outcome", "Parameter",
+           "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
+           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory",
+           "Verdict", "__version__", "amplitude_test", "bootstrap", "compare", "cut_check",
+           "derivative", "identifiability", "identify", "linear_multi_term", "linear_system",
+           "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile",
+           "regress", "residual_analysis", "rotary_pendulum", "sensitivities", "simulate",
+           "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -11,6 +11,7 @@ figure                        shows
 :func:`profiles`              the cost's rise over each unknown, all others following, and its threshold
 :func:`cut_shifts`            the orders as fitted, and with something else taken for the motion before the start
 :func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
+:func:`noise_levels`          bias and spread of each unknown against the noise, and what its intervals are worth
 ============================  ============================================================================
 
 What they keep to: angles in degrees and a unit on every axis; measured pale and broad under fitted dark and
@@ -28,6 +29,7 @@ A family of figures is one file; what they share is in :mod:`fracid.plots.look`.
 
 from fracid.plots.cut import cut_shifts
 from fracid.plots.fitted import fitted_over_time
+from fracid.plots.noise import noise_levels
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
 from fracid.plots.profile import profiles
@@ -35,5 +37,15 @@ from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
 
-__all__ = ["cost_plane", "cut_shifts", "fitted_over_time", "profiles", "recording_overview", "residual_diagnostics",
-           "residual_plots", "save", "waterfall"]  # fmt: skip
+__all__ = [
+    "cost_plane",
+    "cut_shifts",
+    "fitted_over_time",
+    "noise_levels",
+    "profiles",
+    "recording_overview",
+    "residual_diagnostics",
+    "residual_plots",
+    "save",
+    "waterfall",
+]

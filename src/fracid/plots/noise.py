@@ -1,0 +1,118 @@
+"""Bias and spread of each unknown against the level of noise, and how often its interval holds the truth."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.plots import look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.studies import Cell, NoiseStudy, Statistics
+
+__all__ = ["noise_levels"]
+
+MOST = 8
+"""Unknowns that are drawn."""
+
+STYLES = ((look.BLUE, "o"), (look.VERMILLION, "s"), (look.GREEN, "D"), (look.ORANGE, "^"))
+"""Of the resolutions: colour and shape."""
+
+ROOM = 0.5
+"""Of the way from level to level, which the resolutions share."""
+
+BELIEVED = (90.0, 99.0)
+"""Where a coverage keeps its word [%]."""
+
+
+def noise_levels(study: NoiseStudy) -> Figure:
+    """Draw bias and spread of each unknown against the level of noise, with the coverage of its intervals beside.
+
+    Parameters
+    ----------
+    study : fracid.NoiseStudy
+        Of more than 8 unknowns the first are drawn, the orders among them.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row for each unknown.  Left the bias, with the spread of the estimates as a bar and the claimed standard error
+        as a pale one beside it: a claim that is shorter than the spread promises too much.  Right the share of the 95 %
+        intervals that hold the truth, with its binomial interval.
+
+    Raises
+    ------
+    InputError
+        If no repetition found a value.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> swing = Experiment("release", 1e-2, np.zeros((201, 2)), np.zeros((1, 1)), initial={"alpha": 0.5})
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
+    >>> study = fracid.noise_study(problem, np.array([0.95]), levels=[1e-3, 2e-3], seeds=3)
+    >>> [axes.get_ylabel() for axes in noise_levels(study).axes]
+    ['bias of $\\\\mu$ [–]', 'coverage [%]']
+    """
+    names = [n for n in study.problem.names if any(c.unknowns[n].estimates for c in study.cells)]
+    if not names:
+        raise InputError("There is nothing to draw: no repetition found a value.")
+    shown = names[:MOST]
+    figure = look.new(8.2, 1.1 + 2.1 * len(shown))
+    panels = figure.subplots(len(shown), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
+    for name, (left, right) in zip(shown, panels, strict=True):
+        _unknown(left, right, study, name)
+    for axes in panels[-1]:
+        axes.set_xlabel("noise, standard deviation [°]")
+    more = f" (the first {len(shown)} of {len(names)} unknowns)" if len(names) > len(shown) else ""
+    cost = look.cost_label(study.problem.cost_function.name)[0]
+    look.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
+    return figure
+
+
+def _unknown(left: Axes, right: Axes, study: NoiseStudy, name: str) -> None:
+    levels = list(dict.fromkeys(cell.level for cell in study.cells))
+    resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
+    shown, factor = look.SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
+    for cell in study.cells:
+        which = resolutions.index(cell.resolution)
+        place = (which + 0.5) / len(resolutions) - 0.5
+        _draw(left, right, cell, cell.unknowns[name], levels.index(cell.level) + ROOM * place, which, factor)
+    left.axhline(0.0, color=look.INK, lw=0.8, zorder=1)
+    right.axhspan(*BELIEVED, color=look.GREEN, alpha=0.15, lw=0, label="90 to 99 %")
+    right.axhline(95.0, color=look.INK, lw=0.8, zorder=1)
+    right.set_ylim(min(78.0, right.get_ylim()[0]), 101.0)
+    for axes in (left, right):
+        axes.set_xlim(-0.5, len(levels) - 0.5)
+        axes.set_xticks(range(len(levels)), [f"{math.degrees(level):.4g}" for level in levels])
+    left.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    left.yaxis.get_offset_text().set_fontsize(look.SMALL)
+    title, _, recording = name.partition(" [")
+    symbol = look.symbol(title) if title in look.SYMBOLS else look.plain(title)
+    if recording:
+        look.title(left, look.plain(f"[{recording}", 40), "left")
+    left.set_ylabel(f"bias of {symbol} [{look.plain(shown)}]")
+    right.set_ylabel("coverage [%]")
+
+
+def _draw(left: Axes, right: Axes, cell: Cell, s: Statistics, x: float, which: int, factor: float) -> None:
+    colour, marker = STYLES[which % len(STYLES)]
+    label = f"{cell.counts:.6g} counts" if cell.counts else "no rounding"
+    style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4.5, "capsize": 3, "lw": 1.4, "zorder": 3}
+    if s.bias is not None:
+        spread = factor * (s.spread or 0.0)
+        left.errorbar(x, factor * s.bias, yerr=spread, label=f"{label}: bias ± spread", **style)
+    if s.bias is not None and s.claimed is not None:
+        left.errorbar(x + 0.07, factor * s.bias, yerr=factor * s.claimed, color=colour, alpha=0.35, lw=4.5,
+                      label=f"{label}: ± claimed standard error", zorder=2)  # fmt: skip
+    if s.coverage is not None and s.coverage95 is not None:
+        low, high = s.coverage95
+        bar = [[100 * (s.coverage - low)], [100 * (high - s.coverage)]]
+        right.errorbar(x, 100 * s.coverage, yerr=bar, **style)
