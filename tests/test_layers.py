@@ -29,10 +29,11 @@ LAYERS = (
     {"search"},
     {"alternative", "cut"},
     {"ladder"},
-    {"amplitude", "identify"},
-    {"compare", "runs", "saved"},
+    {"identify"},
+    {"runs", "saved"},
     {"plots"},
-    {"studies"},
+    {"amplitude", "studies"},
+    {"compare"},
     {"cli"},
 )
 """From the ground up.  A package counts as one module; `fracid` itself and `__main__` stand outside."""

@@ -37,7 +37,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,9 @@ from fracid.problem import Experiment, Free, Prior, Problem, Tied, Value
 from fracid.recording import resolution
 from fracid.search import Watch, growing, refined
 from fracid.uncertainty import uncertainty
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["AmplitudeTest", "Drift", "Window", "amplitude_test"]
 
@@ -168,6 +171,12 @@ class AmplitudeTest:
         """What it means, in words."""
         return (*(d.sentence for d in self.drifts), *self.notes)
 
+    def plot(self) -> Figure:
+        """Each order over amplitude; see :func:`fracid.plots.amplitudes`."""
+        from fracid.plots import amplitudes
+
+        return amplitudes(self)
+
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
         return {
@@ -248,10 +257,12 @@ def amplitude_test(
         if isinstance(spans, str):
             notes.append(spans)
             continue
-        pieces = [_piece(fitted, at, e, *span) for span in spans]
-        whole = [(0, len(e.measured))] if len(fits) > 1 else []
-        for span, piece in [*zip(spans, pieces, strict=True), *((s, _piece(fitted, at, e, *s)) for s in whole)]:
-            found += _window(piece, e, span, span in whole, jobs)
+        for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
+            window = _window(fitted, at, e, span, jobs)
+            if isinstance(window, str):
+                notes.append(window)
+            else:
+                found.append(window)
     return AmplitudeTest(tuple(found), tuple(_drifts(found)), tuple(notes))
 
 
@@ -345,17 +356,21 @@ def _around(value: float, span: Free) -> Free:
     return Free(value, min(span.lower, value), max(span.upper, value), scale=span.scale)
 
 
-def _window(piece: Problem, e: Experiment, span: tuple[int, int], whole: bool, jobs: int) -> list[Window]:
-    """The fit of one window; none where its runs fail."""
-    best = refined(piece, piece.start, jobs, Watch(), tolerance=1e-5, budget=40).best
+def _window(problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], jobs: int) -> Window | str:
+    """The fit of one window, or that its run fails."""
+    piece, times = _piece(problem, x, e, *span), e.start + e.step * np.array([span[0], span[1] - 1])
+    fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
+    start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
+    best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):
-        return []
+        return f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s: no order was found, the run fails."
     known = uncertainty(piece, best.point, jobs=jobs)
     errors = {} if isinstance(known, str) else dict(zip(piece.names, known.standard_error.tolist(), strict=True))
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
-    told = {n: s if math.isfinite(s := errors.get(n, math.inf)) and s > 0 else math.inf for n in orders}
-    times = e.start + e.step * np.array([span[0], span[1] - 1])
-    return [Window(e.name, float(times[0]), float(times[1]), whole, _amplitudes(piece, orders), orders, told)]
+    sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
+    told = {n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders}
+    whole = span == (0, len(e.measured))
+    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, told)
 
 
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
@@ -365,6 +380,13 @@ def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
     of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
     return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
+
+
+def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
+    """Order → the amplitude below which its output stands still, two steps of its encoder [rad]: nothing to be told."""
+    of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
+    steps = {o: 2 * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
+    return {n: max([s for o, s in steps.items() if of[o] == n] or [0.0]) for n in orders}
 
 
 # --- drifts --------------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,9 @@ from fracid.problem import Experiment, Problem
 from fracid.project import Project, load_project
 from fracid.search import Watch, growing, minimised, refined, search
 from fracid.uncertainty import uncertainty
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Comparison", "Row", "Score", "compare"]
 
@@ -175,6 +178,12 @@ class Comparison:
             "seed": self.seed,
             "starts": self.starts,
         }
+
+    def plot(self) -> Figure:
+        """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`."""
+        from fracid.plots import ladder
+
+        return ladder(self)
 
     def table(self) -> list[dict[str, Any]]:
         """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""
@@ -482,7 +491,7 @@ class _Study:
 
         def told(p: Progress) -> None:
             if self.progress is not None:
-                self.progress(replace(p, done=before + p.done, total=max(self.total, before + p.total)))
+                self.progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
 
         ended = run_tasks(work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=told)
         self.done += len(tasks)
@@ -569,7 +578,8 @@ def _verdict(found: Comparison) -> str:
         return _verdict_in_sample(integer, fractional)
     if not math.isfinite(min(integer.error, fractional.error)):
         return "No structure predicts every held-out recording: their runs fail."
-    return f"{_verdict_held_out(found, integer, fractional)} {_paper_beside(found, integer, fractional)}".strip()
+    said = (_verdict_held_out(found, integer, fractional), _ones(fractional), _paper_beside(found, integer, fractional))
+    return " ".join(sentence for sentence in said if sentence)
 
 
 def _verdict_held_out(found: Comparison, integer: Row, fractional: Row) -> str:
@@ -609,6 +619,15 @@ def _change(ratio: float) -> str:
     if abs(ratio - 1) <= MARGIN:
         return "make no difference"
     return f"make the prediction worse by {100 * (ratio - 1):.2g} %"
+
+
+def _ones(row: Row) -> str:
+    """Where every interval of its free orders holds 1."""
+    told = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
+    if not told or not all(ends[0] <= 1 <= ends[1] for _, _, ends in told):
+        return ""
+    orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in told)
+    return f"There the orders are 1 within their intervals ({orders})."
 
 
 def _paper_beside(found: Comparison, integer: Row, fractional: Row) -> str:

@@ -10,6 +10,8 @@ figure                        shows
 :func:`cost_plane`            the cost over the two orders: a point, or a gorge?
 :func:`profiles`              the cost's rise over each unknown, all others following, and its threshold
 :func:`cut_shifts`            the orders as fitted, and with something else taken for the motion before the start
+:func:`ladder`                the errors of each structure in sample and held out, orders 1 against orders free
+:func:`amplitudes`            each order over the amplitude of the swing: does it drift?
 :func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
 :func:`noise_levels`          bias and spread of each unknown against the noise, and what its intervals are worth
 ============================  ============================================================================
@@ -27,6 +29,7 @@ No function touches pyplot, so they need no display and may run on threads.
 A family of figures is one file; what they share is in :mod:`fracid.plots.look`.
 """
 
+from fracid.plots.compare import amplitudes, ladder
 from fracid.plots.cut import cut_shifts
 from fracid.plots.fitted import fitted_over_time
 from fracid.plots.noise import noise_levels
@@ -38,9 +41,11 @@ from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
 
 __all__ = [
+    "amplitudes",
     "cost_plane",
     "cut_shifts",
     "fitted_over_time",
+    "ladder",
     "noise_levels",
     "profiles",
     "recording_overview",
