@@ -1,8 +1,10 @@
 """How often does a 95 % interval hold the truth?  Twins of every built-in rig, identified again: ``make coverage``.
 
-    python benchmarks/coverage.py                 # prints the tables; goes on where an earlier run was cut short
-    python benchmarks/coverage.py --write         # also puts them into docs/uncertainty.md
-    python benchmarks/coverage.py --seeds 20 --only srv02
+    python benchmarks/intervals.py                 # prints the tables; goes on where an earlier run was cut short
+    python benchmarks/intervals.py --write         # also puts them into docs/uncertainty.md
+    python benchmarks/intervals.py --seeds 20 --only srv02
+
+(Not called coverage.py: Numba would import it in the place of the package of that name.)
 
 A case is a rig, its orders and a release angle.  The truth has viscous and dry friction on both joints, is solved four
 times finer than the fit, and is read with 0.1 degrees of noise by encoders of 4096 counts whose marks lie anywhere.
