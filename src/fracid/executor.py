@@ -77,7 +77,8 @@ class Progress:
     """How far a study is."""
 
     done: int
-    total: int
+    total: int | None
+    """None where nobody knows, as of a search that stops when it has converged."""
     earlier: int
     """Of `done`, those that were in the journal before."""
     seconds: float
@@ -92,8 +93,8 @@ class Progress:
 
     @property
     def left(self) -> float | None:
-        """Seconds to the end at this rate; None before the first has ended."""
-        return (self.total - self.done) / self.rate if self.rate > 0 else None
+        """Seconds to the end at this rate; None before the first has ended, or where the end is not known."""
+        return (self.total - self.done) / self.rate if self.total is not None and self.rate > 0 else None
 
 
 def run_tasks(

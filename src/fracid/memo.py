@@ -61,6 +61,8 @@ class Memo:
     array([[0.1, 0.2]])
     """
 
+    possible = hasattr(os, "pwritev")
+    """Whether this system can; where it cannot, a run that was killed begins from its start."""
     computed: int = 0
     """How many results were not there."""
 

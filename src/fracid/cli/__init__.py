@@ -1,6 +1,6 @@
 """The command line: ``fracid check``, ``fit``, ``demo``; one file a command, :mod:`fracid.cli.app` holds the frame."""
 
-from fracid.cli import check, demo, fit, profile, regress, resid
+from fracid.cli import check, demo, fit, profile, regress, resid, resume
 from fracid.cli.app import app, main
 
-__all__ = ["app", "check", "demo", "fit", "main", "profile", "regress", "resid"]
+__all__ = ["app", "check", "demo", "fit", "main", "profile", "regress", "resid", "resume"]

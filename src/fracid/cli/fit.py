@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from math import degrees, floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,8 +24,9 @@ if TYPE_CHECKING:
     from fracid.identify import Estimate, Fit
     from fracid.optimise import Evaluation
     from fracid.project import Project
+    from fracid.runs import Run
 
-__all__ = ["Ran", "fit", "run_fit", "show_fit"]
+__all__ = ["Ran", "fit", "run_fit", "show_fit", "tell_fit"]
 
 EVALUATIONS_OF_THE_GA = 26 * 20
 """Its population, and 25 generations after the initial one: the end of its progress bar."""
@@ -36,6 +36,7 @@ FIT_EXAMPLE = (
     "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
     "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
     "fracid fit rig.toml --multi-start 16  [dim](sixteen starts, and the figure of where they ended)[/dim]",
+    "fracid fit rig.toml --cut  [dim](what if the record began elsewhere, or its past were known?)[/dim]",
     "fracid fit rig.toml --preset paper  [dim](gl-paper, ITAE on alpha, orders alone, genetic algorithm)[/dim]",
     "fracid fit rig.toml --json | jq .orders",
 )
@@ -52,6 +53,9 @@ def fit(
         int | None,
         typer.Option("--multi-start", metavar="N", help="Starts: yours, the regression's, Sobol points.", min=1),
     ] = None,
+    cut: Annotated[
+        bool, typer.Option("--cut", help="Check how far the orders move with where the record begins: more searches.")
+    ] = False,
     out: Out = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
     jobs: Jobs = CORES,
@@ -64,17 +68,8 @@ def fit(
     """
     folder = out or Path("runs") / project.stem
     ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
-                  starts=multi_start)  # fmt: skip
-    if json_:
-        typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
-    else:
-        from rich.console import Console
-
-        show_fit(ran, Console(highlight=False))
-    if not isfinite(ran.fit.cost):
-        raise typer.Exit(DataError.exit_code)
-    if ran.interrupted:
-        raise typer.Exit(1)
+                  starts=multi_start, cut=cut)  # fmt: skip
+    tell_fit(ran, json_=json_)
 
 
 @dataclass(frozen=True)
@@ -93,32 +88,49 @@ class Ran:
 
 def run_fit(
     path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool,
-    starts: int | None = None,
+    starts: int | None = None, cut: bool = False, resume: bool = False,
 ) -> Ran:  # fmt: skip
-    """Load, identify and write everything."""
+    """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
-    from fracid.identify import identify
-    from fracid.optimise import EvaluationLog, Outcome
+    from fracid.optimise import Outcome
     from fracid.project import load_project
-    from fracid.runs import EVALUATIONS, open_folder, write_result
+    from fracid.runs import inputs_of, open_run, write_result
 
     project = load_project(path, preset=preset)
-    optimiser = _optimiser(optimiser, project.optimiser, starts)
-    open_folder(folder)
-    laps = {"load": time.perf_counter() - began}
+    name = _optimiser(optimiser, project.optimiser, starts)
+    asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
+             "cut": cut}  # fmt: skip
+    with open_run(folder, "fit", asked, inputs=inputs_of(project), resume=resume) as run:
+        laps = {"load": time.perf_counter() - began}
+        found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut)
+        laps |= found.timing
+        write_result(folder, found, project, laps)  # what the figures may not find room for
+        drawing = time.perf_counter()
+        figures = _draw(found, project, folder, jobs)
+        laps["figures"] = time.perf_counter() - drawing
+        laps["total"] = time.perf_counter() - began
+        result = write_result(folder, found, project, laps)
+        interrupted = Outcome.INTERRUPTED.value in found.outcome
+        if not interrupted:
+            run.finish()
+    return Ran(project, found, folder, figures, result, interrupted, laps["total"])
+
+
+def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser: str, **options: Any) -> Fit:
+    """Identify; what was simulated before a resumption is read from the folder."""
+    from fracid.identify import identify
+    from fracid.memo import Memo
+    from fracid.optimise import EvaluationLog
+    from fracid.runs import EVALUATIONS, MEMO
+
     with (
-        EvaluationLog(folder / EVALUATIONS) as log,
-        _progress(project, optimiser, quiet) as callback,
+        EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
+        _progress(optimiser, quiet) as callback,
+        Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
     ):
-        found = identify(project, optimiser=optimiser, seed=seed, jobs=jobs, log=log, callback=callback,
-                         starts=starts)  # fmt: skip
-    laps |= found.timing
-    drawing = time.perf_counter()
-    figures = _draw(found, project, folder, jobs)
-    laps["figures"] = time.perf_counter() - drawing
-    laps["total"] = time.perf_counter() - began
-    result = write_result(folder, found, project, laps)
-    return Ran(project, found, folder, figures, result, Outcome.INTERRUPTED.value in found.outcome, laps["total"])
+        remembering = replace(project, problem=replace(project.problem, memo=memo))
+        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback, **options)
+    return replace(found, problem=project.problem)
 
 
 def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
@@ -131,22 +143,19 @@ def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
 
 
 @contextmanager
-def _progress(project: Project, optimiser: str, quiet: bool) -> Iterator[Any]:
-    """Evaluations, time and the best cost so far, on standard error; nothing where that is no terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+def _progress(optimiser: str, events: bool) -> Iterator[Any]:
+    """Evaluations, time and the best cost so far."""
+    from fracid.cli.progress import progress_shown
+    from fracid.executor import Progress
 
+    began = time.perf_counter()
     total = EVALUATIONS_OF_THE_GA if optimiser == "genetic" else None  # the others stop when they have converged
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("searching", total=total)
-        cost = project.problem.cost_function.name
+    with progress_shown("evaluations", events=events) as tell:
 
         def callback(best: Evaluation, evaluations: int) -> None:
-            bar.update(task, completed=evaluations, description=f"best {cost} so far {best.cost:.6g}")
+            if tell is not None:
+                cost = best.cost if isfinite(best.cost) else None
+                tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
 
         yield callback
 
@@ -201,6 +210,20 @@ def _slug(name: str) -> str:
 # ------------------------------------------------------------------ from results to text
 
 
+def tell_fit(ran: Ran, *, json_: bool) -> None:
+    """Print the result, and end with the command's exit code."""
+    if json_:
+        typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
+
+        show_fit(ran, Console(highlight=False))
+    if not isfinite(ran.fit.cost):
+        raise typer.Exit(DataError.exit_code)
+    if ran.interrupted:
+        raise typer.Exit(1)
+
+
 def show_fit(ran: Ran, console: Console) -> None:
     """Print the tables, the warnings and where everything is."""
     from rich.markup import escape
@@ -220,6 +243,10 @@ def show_fit(ran: Ran, console: Console) -> None:
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
     if found.discretisation is not None:
         console.print(f"  discretisation: {escape(_discretisation(found))}", soft_wrap=True)
+    if found.cut is not None and not found.cut.warnings:
+        console.print(f"  cut: {escape(found.cut.verdict)}", soft_wrap=True)
+    elif found.cut is None and _begins_in_motion(found):
+        console.print("  cut: the record begins in motion; --cut shows how far the orders move with where it begins")
     if found.alternative is not None and not found.alternative.warning:
         console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
@@ -275,6 +302,10 @@ def _interval(e: Estimate) -> str:
     if e.interval95 is None:
         return "none"
     return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
+
+
+def _begins_in_motion(found: Fit) -> bool:
+    return found.problem.initial_state == "estimate" and bool(found.problem.order_indices)
 
 
 def _starts(found: Fit) -> str:

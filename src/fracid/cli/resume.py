@@ -1,0 +1,94 @@
+"""``fracid resume RUN``: go on with whatever was killed, interrupted, or ran out of disk.
+
+Two kinds of run can be gone on with.
+
+*   What has a ``run.json`` names itself, with all its options; :data:`KINDS` says how each is gone on with.  A fit
+    begins again, but reads what it simulated before (:mod:`fracid.memo`), so it takes the same way and ends the same.
+*   What has a journal but no run.json is a study: its command, from ``environment.json``, is typed again where
+    it was typed, and does what the journal has not.
+
+To make a new command resumable give it a journal in the folder that :func:`fracid.runs.open_folder` made: that is all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, Json, app
+from fracid.errors import InputError
+
+__all__ = ["KINDS", "resume"]
+
+RESUME_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid resume runs/rig",
+    "fracid resume runs/rig-noise --jobs 8  [dim](threads and executor change no result)[/dim]",
+    "fracid resume runs/rig-noise --scheduler tcp://head:8786",
+)
+
+
+@app.command(epilog="\n\n".join(RESUME_EXAMPLE))
+def resume(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run that was cut short.")],
+    executor: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of a study: threads or processes, in place of what it had.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a study: a Dask scheduler, tcp://HOST:8786.")
+    ] = None,
+    jobs: Jobs = CORES,
+    json_: Json = False,
+) -> None:
+    """Go on with a run that was cut short: nothing that was done is repeated, and the result is the same.
+
+    Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
+    the command itself; 0 too if the run is finished already.
+    """
+    from fracid.runs import JOURNAL, RUN, run_state
+
+    if (run / RUN).exists() or not (run / JOURNAL).exists():
+        state = run_state(run)
+        if state.kind not in KINDS:
+            raise InputError(f"{run} was written by another version of fracid: it knows no kind {state.kind!r}.")
+        if executor or scheduler:
+            raise InputError(f"{run} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
+        KINDS[state.kind](run, state.options, state.finished, jobs, json_)
+    else:
+        _typed_again(run, jobs, executor, scheduler, json_)
+
+
+def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool) -> None:
+    from fracid.cli.fit import run_fit, tell_fit
+
+    if finished:
+        typer.echo((folder / "result.json").read_text(encoding="utf-8") if json_ else
+                   f"{folder} is finished; its result is {folder / 'result.json'}.")  # fmt: skip
+        return
+    how = {name: value for name, value in options.items() if name != "project"}
+    tell_fit(run_fit(Path(options["project"]), folder, jobs=jobs, quiet=json_, resume=True, **how), json_=json_)
+
+
+KINDS: dict[str, Callable[[Path, Any, bool, int, bool], None]] = {"fit": _fit}
+"""Kind → what goes on with it, given folder, options, whether it is finished, threads, and whether JSON is wanted."""
+
+
+def _typed_again(folder: Path, jobs: int, executor: str | None, scheduler: str | None, json_: bool) -> None:
+    """Type a study's command again, where it was typed."""
+    try:
+        said = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
+        words, where = [str(word) for word in said["command"]], Path(said["directory"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
+    more = ["--out", str(folder.resolve()), "--jobs", str(jobs), *(["--json"] if json_ else [])]
+    more += ["--executor", executor] if executor else []
+    more += ["--scheduler", scheduler] if scheduler else []
+    if where.is_dir():
+        os.chdir(where)
+    if code := app(args=[*words, *more], prog_name="fracid", standalone_mode=False):
+        raise typer.Exit(code)
