@@ -16,7 +16,8 @@ level       \                                              rms in steps of the e
 **What a p-value is worth here.**  A test takes samples for independent.  A recording of 20,000 samples at 1 kHz may
 hold some hundred independent ones, and on all of them every test of normality or of constant variance rejects: the
 noise of a good model as surely as a bad one's.  So p-values of these two are those of the *thinned* residual, every
-k-th sample, k = 2 T/step; below :data:`ENOUGH` of those there is none.  And with very many samples any departure is
+k-th sample, k = 2 T/step; below :data:`ENOUGH` of those there is none of normality, and that of a ratio of spreads is
+Fisher's, with as many degrees of freedom as samples count.  And with very many samples any departure is
 significant: what it matters is told by its size, and the sentence says so.
 
 The correlation time T is the longer one of two [BH]_,
@@ -180,7 +181,7 @@ class Contrast:
     ratio: float = NAN
     """rms about the mean in the upper third, divided by that in the lower."""
     p_value: float = NAN
-    """On the thinned residual; NaN where too few samples are independent."""
+    """On the thinned residual; where it is too short, of F with as many degrees of freedom as samples count."""
 
     @property
     def uneven(self) -> bool:
@@ -340,7 +341,7 @@ def residual_analysis(
     ρ, speed = autocorrelation(e), np.gradient(fitted, step)
     whiteness = _whiteness(e, ρ, step, quantum)
     thin = slice(None, None, whiteness.thinning)
-    variance = _variance(e, fitted, speed, thin)
+    variance = _variance(e, fitted, speed, whiteness)
     return ResidualAnalysis(
         *head, whiteness, _spectrum(e, speed, step), _normality(e, e[thin], variance), variance,
         _level(e, quantum, white=whiteness.white),
@@ -622,16 +623,30 @@ def _apart(samples: int) -> str:
 # --- constant variance -----------------------------------------------------------------------------
 
 
-def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, thin: slice) -> Variance:
+def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness) -> Variance:
+    by = (np.arange(e.size, dtype=np.float64), np.abs(fitted - fitted.mean()), np.abs(speed))
+    ratios, few = [_ratio(e, z) for z in by], e[:: whiteness.thinning]
+    if _enough(few):
+        p = [_mann_whitney(few), *(_breusch_pagan(few, z[:: whiteness.thinning]) for z in by[1:])]
+    else:
+        p = [_fisher(ratio, whiteness.effective_samples / 3) for ratio in ratios]
+    contrasts = tuple(Contrast(*pair) for pair in zip(ratios, p, strict=True))
+    return Variance(_of_variance(contrasts, whiteness.effective_samples), *contrasts)
+
+
+def _mann_whitney(e: FloatArray) -> float:
+    """The p-value of |e| being larger in the last third than in the first, or smaller."""
     from scipy.stats import mannwhitneyu
 
-    far, fast = np.abs(fitted - fitted.mean()), np.abs(speed)
-    few, third = e[thin], e[thin].size // 3
-    size = np.abs(few - np.median(few))
-    p = float(mannwhitneyu(size[:third], size[-third:])[1]) if _enough(few) else NAN
-    late = Contrast(_ratio(e, np.arange(e.size)), p)
-    contrasts = (late, *(Contrast(_ratio(e, z), _breusch_pagan(few, z[thin])) for z in (far, fast)))
-    return Variance(_of_variance(contrasts, few.size), *contrasts)
+    size, third = np.abs(e - np.median(e)), e.size // 3
+    return float(mannwhitneyu(size[:third], size[-third:])[1])
+
+
+def _fisher(ratio: float, freedom: float) -> float:
+    """The p-value of a ratio of spreads, each of as many independent samples: Fisher's F."""
+    from scipy.stats import f
+
+    return float(2 * f.sf(max(ratio, 1 / ratio) ** 2, freedom, freedom)) if math.isfinite(ratio) else NAN
 
 
 def _ratio(e: FloatArray, by: NDArray[Any]) -> float:
@@ -653,17 +668,26 @@ def _breusch_pagan(e: FloatArray, by: FloatArray) -> float:
 
 
 GROWS: tuple[tuple[str, str, str], ...] = (
-    ("in the last third of the record as in the first", "the swing's phase or damping runs off: look at an inertia "
-     "or at friction", "what is missing shows while the swing is large: drag, or a term of large angles"),
-    ("far from the middle as near it", "the scale of the encoder, or a term of large angles",
-     "friction at the small end, or dead play"),
-    ("when fast as when slow", "the recording's clock or a delay, or friction that grows with speed (drag)",
-     "sticking at the turning points: Coulomb friction"),
-)  # fmt: skip
+    (
+        "in the last third of the record as in the first",
+        "the swing's phase or damping runs off: look at an inertia or at friction",
+        "what is missing shows while the swing is large: friction (drag, Coulomb), or a term of large angles",
+    ),
+    (
+        "far from the middle as near it",
+        "the scale of the encoder, or a term of large angles",
+        "friction at the small end, or dead play",
+    ),
+    (
+        "when fast as when slow",
+        "the recording's clock or a delay, or friction that grows with speed (drag)",
+        "sticking at the turning points: Coulomb friction",
+    ),
+)
 """For each contrast: where, what a residual suggests that is larger there, and one that is smaller."""
 
 
-def _of_variance(contrasts: tuple[Contrast, ...], independent: int) -> str:
+def _of_variance(contrasts: tuple[Contrast, ...], effective_samples: float) -> str:
     known = [(c, texts) for c, texts in zip(contrasts, GROWS, strict=True) if math.isfinite(c.ratio)]
     uneven = [(c, texts) for c, texts in known if c.uneven]
     if not uneven:
@@ -672,11 +696,21 @@ def _of_variance(contrasts: tuple[Contrast, ...], independent: int) -> str:
     sure = [(c, texts) for c, texts in uneven if c.sure]
     said = ", ".join(f"{c.ratio:.2g} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
-        why = _too_few(independent) if independent < ENOUGH else f"{_apart(independent)} do not tell"
-        return f"It is {said}; that may be chance ({why})."
-    # Where a swing is far it is slow: of two contrasts that say the same, the one that says where it is larger.
-    most, (_, larger, smaller) = max(sure, key=lambda found: found[0].ratio)
+        return f"It is {said}; that may be chance, of {effective_samples:,.0f} samples that count."
+    most, (_, larger, smaller) = _telling(sure)
     return f"It is {said}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
+
+
+def _telling(sure: list[tuple[Contrast, tuple[str, str, str]]]) -> tuple[Contrast, tuple[str, str, str]]:
+    """Which contrast's hint to give.
+
+    Where a motion dies away early is far and fast too, so the record's beginning has the word.  Where a swing is far it
+    is slow: of two contrasts that say the same, the one that says where the residual is larger.
+    """
+    first, texts = sure[0]
+    if texts is GROWS[0] and first.ratio < 1:
+        return first, texts
+    return max(sure, key=lambda found: found[0].ratio)
 
 
 def _tail(c: Contrast) -> str:
