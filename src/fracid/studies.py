@@ -362,6 +362,14 @@ class Plan:
     """optimiser, starts, options, rival."""
 
     @property
+    def own(self) -> str:
+        """The model or cost that comes from a user's file, which no other process has; empty where there is none."""
+        cost, module = self.problem.cost_function, getattr(self.problem.model.rhs, "__module__", None) or ""
+        if COSTS.get(cost.name) is not cost:
+            return cost.name
+        return "" if _importable(module.split(".")[0]) else self.problem.model.name
+
+    @property
     def tasks(self) -> list[Task]:
         """One for each repetition, of the function :func:`repetition`."""
         twin = _Portable(simulated(self.problem, self.truth))
@@ -377,7 +385,7 @@ class Plan:
         progress: Callable[[Progress], None] | None = None,
     ) -> NoiseStudy:  # fmt: skip
         """Do it; parameters and errors as of :func:`noise_study`."""
-        _check_portable(self.problem, executor)
+        _check_portable(self, executor)
         return self.study(
             run_tasks(repetition, self.tasks, executor=executor, jobs=jobs, journal=journal, progress=progress)
         )
@@ -681,17 +689,10 @@ def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
     return truth
 
 
-def _check_portable(problem: Problem, executor: str) -> None:
-    """Other processes have fracid, but not what a user's file defines."""
-    if executor == "threads":
-        return
-    own = problem.cost_function.name if COSTS.get(problem.cost_function.name) is not problem.cost_function else ""
-    module = getattr(problem.model.rhs, "__module__", None) or ""
-    if not own and not _importable(module.split(".")[0]):
-        own = problem.model.name
-    if own:
+def _check_portable(plan: Plan, executor: str) -> None:
+    if executor != "threads" and plan.own:
         raise InputError(
-            f"{own} comes from a file of your own, which other processes do not have: type --executor threads "
+            f"{plan.own} comes from a file of your own, which other processes do not have: type --executor threads "
             '(executor = "threads").'
         )
 

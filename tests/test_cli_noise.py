@@ -1,0 +1,139 @@
+"""``fracid noise``: of a run folder and of a project, as a table, JSON, CSV and a figure; gone on with; refusals."""
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.cli import main
+
+PROJECT = """
+[model.orders]
+lambda = 0.9
+mu = { start = 1.0, lower = 0.5, upper = 1.2 }
+[[recording]]
+name = "release 20°"
+file = "swing.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+[fit]
+initial_state = "held"
+substeps = 2
+"""
+
+QUICK = ("--levels", "0.1", "--counts", "4096", "--executor", "threads")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A project with a twin of 2 s, and its run."""
+    folder = tmp_path_factory.mktemp("noise")
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
+    np.savetxt(folder / "swing.csv", np.column_stack([run.time, run.states[:, [0, 2]]]), delimiter=",",
+               header="time,theta,alpha", comments="")  # fmt: skip
+    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
+        patch.chdir(folder)
+        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+        with pytest.raises(SystemExit):
+            main(["fit", "rig.toml", "--out", "run", "--json"])
+    return folder
+
+
+def run(capsys, *arguments):
+    """Return exit code, standard output and standard error of the program."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return stop.value.code or 0, out, err
+
+
+def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):
+    code, out, err = run(capsys, "noise", folder / "run", "--seeds", "3", *QUICK)
+    assert (code, err) == (0, "")
+    (row,) = [line for line in out.splitlines() if " mu " in line]
+    assert row.split()[:3] == ["0.1°", "4096", "mu"]
+    assert "intervals of 95 % hold the truth" in out
+    where = folder / "run" / "noise"
+    record = json.loads((where / "noise.json").read_text(encoding="utf-8"))
+    fitted = json.loads((folder / "run" / "result.json").read_text(encoding="utf-8"))
+    assert record["truth"] == {"mu": fitted["orders"]["mu"]["value"]}
+    mu = record["cells"][0]["unknowns"]["mu"]
+    assert abs(mu["bias"]) < 5 * mu["spread"] < 1e-2
+    with (where / "noise.csv").open(encoding="utf-8", newline="") as file:
+        (line,) = csv.DictReader(file)
+    assert (line["unknown"], float(line["bias"]), line["intervals"]) == ("mu", mu["bias"], "3")
+    assert (where / "figures" / "noise.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp_path):
+    code, out, err = run(capsys, "noise", folder / "rig.toml", "--seeds", "2", *QUICK, "--out", tmp_path, "--json")
+    record = json.loads(out)
+    assert code == 0
+    assert all(json.loads(line)["event"] == "progress" for line in err.splitlines())
+    assert record["truth"]["mu"] == pytest.approx(0.95, abs=1e-4)
+    assert (record["optimiser"], record["cost"], record["seeds"]) == ("multistart", "rmse", 2)
+
+
+def test_more_seeds_and_levels_go_on_from_what_is_done(capsys, folder, tmp_path):
+    few = ("noise", folder / "run", "--out", tmp_path, "--executor", "threads", "--counts", "4096", "--json")
+    _, out, _ = run(capsys, *few, "--seeds", "2", "--levels", "0.1")
+    first = json.loads(out)["repetitions"]
+    journal = tmp_path / "journal.jsonl"
+    before = journal.read_bytes()
+    _, out, err = run(capsys, *few, "--seeds", "3", "--levels", "0.1,0.2")
+    assert journal.read_bytes().startswith(before)
+    assert len(journal.read_text(encoding="utf-8").splitlines()) == 1 + 6
+    assert json.loads(err.splitlines()[-1])["earlier"] == 2
+    assert first.items() <= json.loads(out)["repetitions"].items()
+
+
+def test_another_study_in_the_same_folder_is_refused(capsys, folder, tmp_path):
+    same = ("noise", folder / "run", "--out", tmp_path, "--seeds", "1", *QUICK)
+    assert run(capsys, *same)[0] == 0
+    code, _, err = run(capsys, *same, "--cost", "itae")
+    assert code == 2
+    assert 'cost was "rmse" and is "itae"' in err
+
+
+def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
+    code, out, _ = run(capsys, "noise", folder / "run", "--seeds", "1", *QUICK, "--out", tmp_path, "--json", "--cost",
+                       "iae", "--optimiser", "genetic")  # fmt: skip
+    record = json.loads(out)
+    assert code == 0
+    assert (record["optimiser"], record["cost"]) == ("genetic", "iae")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--levels", "0.1;0.2"],
+            "--levels '0.1;0.2' is not possible; expected numbers from 0 on: --levels 0.05,0.1,0.2",
+        ),
+        (["--levels", "-1"], "--levels '-1' is not possible"),
+        (["--counts", "1"], "--counts 1 is not possible; expected counts a turn, e.g. 4096, or 0"),
+        (["--levels", "0.1,0.1"], "name one twice"),
+        (["--levels", "400"], "expected a number from 0 to π, in radians"),
+        (["--optimiser", "annealing"], "annealing"),
+        (["--cost", "rsme"], "did you mean 'rmse'"),
+        (["--executor", "process"], "There is no executor 'process'"),
+    ],
+)
+def test_what_cannot_be_is_a_sentence_and_exit_code_2(capsys, folder, tmp_path, options, message):
+    code, out, err = run(capsys, "noise", folder / "run", "--out", tmp_path, *options)
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert message in err
+
+
+def test_a_folder_that_is_no_run_is_refused(capsys, tmp_path):
+    code, _, err = run(capsys, "noise", tmp_path)
+    assert code == 2
+    assert "is no run folder" in err
