@@ -217,7 +217,7 @@ def _write_state(folder: Path, state: RunState) -> None:
     try:
         write_text(folder / RUN, json.dumps(asdict(state), indent=2, ensure_ascii=False) + "\n")
     except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+        raise _unwritable(folder, error) from None
 
 
 def open_folder(folder: Path) -> Path:
@@ -226,7 +226,7 @@ def open_folder(folder: Path) -> Path:
     Raises
     ------
     InputError
-        If it cannot be written, or holds files that no run of fracid wrote.
+        If it cannot be written, holds files that no run of fracid wrote, or another process is at work there.
 
     Examples
     --------
@@ -235,17 +235,22 @@ def open_folder(folder: Path) -> Path:
     'first'
     """
     _refuse_strangers(folder)
-    try:
-        for old in (EVALUATIONS, MEMO, "result.json"):
-            (folder / old).unlink(missing_ok=True)
-        for path in (*_figures(folder), *_halves(folder)):
-            path.unlink(missing_ok=True)
-        environment: dict[str, Json] = {"versions": versions(), "platform": platform.platform()}
-        environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
-        write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+    with FolderLock(folder):
+        try:
+            for old in (EVALUATIONS, MEMO, "result.json"):
+                (folder / old).unlink(missing_ok=True)
+            for path in (*_figures(folder), *_halves(folder)):
+                path.unlink(missing_ok=True)
+            environment: dict[str, Json] = {"versions": versions(), "platform": platform.platform()}
+            environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
+            write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
+        except OSError as error:
+            raise _unwritable(folder, error) from None
     return folder
+
+
+def _unwritable(folder: Path, error: OSError) -> InputError:
+    return InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.")
 
 
 def _refuse_strangers(folder: Path) -> None:
@@ -256,7 +261,7 @@ def _refuse_strangers(folder: Path) -> None:
     except (FileExistsError, NotADirectoryError):
         raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
     except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+        raise _unwritable(folder, error) from None
     if names and not names & {"environment.json", RUN}:
         raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
 

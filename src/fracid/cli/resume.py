@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -90,5 +91,6 @@ def _typed_again(folder: Path, jobs: int, executor: str | None, scheduler: str |
     more += ["--scheduler", scheduler] if scheduler else []
     if where.is_dir():
         os.chdir(where)
+    sys.argv[1:] = words  # a second resumption types the same
     if code := app(args=[*words, *more], prog_name="fracid", standalone_mode=False):
         raise typer.Exit(code)
