@@ -89,10 +89,12 @@ ENOUGH = 20
 BIASED = 0.5
 """A bias above this part of the spread is what spoils a coverage."""
 
-REMEDY = (
-    "A bias comes from the step (type substeps = 2 in [fit], or take a method of higher order), from a cost that is "
-    'biased by rounding (iae, itae), or from a start that is taken as measured (type initial_state = "rest").'
+REMEDIES = (
+    "the step (type substeps = 2 in [fit], or take a method of higher order)",
+    "a cost that is biased by rounding (iae, itae)",
+    'a start that is taken as measured (type initial_state = "rest")',
 )
+"""What makes a bias."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +242,9 @@ class NoiseStudy:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
         found = (*self._of_the_search(), *(self._of_the_intervals(name) for name in self.problem.names))
         biased = any("times its spread" in sentence for sentence in found)
-        return (*found, REMEDY) if biased else found
+        missed = any(cell.stopped_short for cell in self.cells)
+        causes = (*(["a search that stops short (take another optimiser)"] if missed else []), *REMEDIES)
+        return (*found, f"What makes a bias: {'; '.join(causes)}.") if biased else found
 
     def _of_the_search(self) -> Iterator[str]:
         for cell in self.cells:
