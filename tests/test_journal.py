@@ -91,7 +91,7 @@ def test_a_header_torn_in_writing_is_written_again(path):
     [
         (
             {**STUDY, "seeds": 20},
-            r"another study: seeds was 50 and is 20\. Give this one another folder, .* fracid resume",
+            r"another study: seeds was 50 and is 20\. Give this one another folder: --out DIR.* fracid resume",
         ),
         ({**STUDY, "counts": 4096}, r"counts was null and is 4096"),
         ({"seeds": 50, "problem": "9f2c"}, r"levels was \[0.0, 0.05\] and is null"),

@@ -245,8 +245,8 @@ def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Js
     if differ:
         changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
         raise InputError(
-            f"{path.parent} holds the repetitions of another study: {changes}. Give this one another folder, --out DIR, "
-            f"or finish that one: fracid resume {path.parent}."
+            f"{path.parent} holds the repetitions of another study: {changes}. Give this one another folder: --out "
+            f"DIR; or finish that one: fracid resume {path.parent}."
         )
 
 
