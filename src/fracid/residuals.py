@@ -477,7 +477,7 @@ def _of_whiteness(n: int, T: float, seconds: float, lag_one: float, p: float, at
         return f"{said}at the encoder's floor that is the rounding of a slow motion, and no fault of the model."
     return (
         f"{said}the model lacks something. Were every sample taken for an independent one, "
-        f"intervals would be {math.sqrt(T):.2g} times too narrow; those of fracid fit are not."
+        f"intervals would be {_times(math.sqrt(T))} times too narrow; those of fracid fit are not."
     )
 
 
@@ -694,7 +694,7 @@ def _of_variance(contrasts: tuple[Contrast, ...], effective_samples: float) -> s
         worst = max((max(c.ratio, 1 / c.ratio) for c, _ in known), default=1.0)
         return f"It scatters alike early and late, near and far, slow and fast: within a factor of {worst:.2f}."
     sure = [(c, texts) for c, texts in uneven if c.sure]
-    said = ", ".join(f"{c.ratio:.2g} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
+    said = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
         return f"It is {said}; that may be chance, of {effective_samples:,.0f} samples that count."
     most, (_, larger, smaller) = _telling(sure)
@@ -732,13 +732,13 @@ def _level(e: FloatArray, step: float | None, *, white: bool) -> Level:
 
 def _of_level(mean: float, rms: float, step: float, white: bool) -> str:
     floor = step / math.sqrt(12)
-    said = f"rms {_degrees(rms)}, {rms / step:.2g} steps of the encoder{_offset(mean, rms)}"
+    said = f"rms {_degrees(rms)}, {_times(rms / step)} steps of the encoder{_offset(mean, rms)}"
     if rms < AT_THE_FLOOR * floor:
         return f"{said}: rounding alone leaves {floor / step:.2g}. A better model cannot be seen with this encoder."
     rest = "noise" if white else "the model or a disturbance"
     if rms < 2 * floor:
         return f"{said}: rounding has {_percent((floor / rms) ** 2)} of its power, the rest is {rest}."
-    return f"{said}, {rms / floor:.2g} times what rounding leaves: it is {rest}, not the encoder."
+    return f"{said}, {_times(rms / floor)} times what rounding leaves: it is {rest}, not the encoder."
 
 
 def _offset(mean: float, rms: float) -> str:
@@ -751,6 +751,10 @@ def _offset(mean: float, rms: float) -> str:
 
 def _p(p: float) -> str:
     return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
+
+
+def _times(factor: float) -> str:
+    return f"{factor:,.0f}" if factor >= 100 else f"{factor:.2g}"
 
 
 def _percent(share: float) -> str:

@@ -148,10 +148,11 @@ def _figures(found: _Analysed) -> Any:
     for heading in ("output", "rms", "steps", "correlated", "count", "PPCC", "late/early"):
         table.add_column(heading, no_wrap=True)
     for a in found.all:
+        steps, w = a.level.steps, a.whiteness
         table.add_row(
             escape(a.recording), escape(a.output), _number(degrees(a.level.rms), ".3g", "°"),
-            _number(a.level.steps, ".2g"), _number(a.whiteness.correlation_time, ".2g", " s"),
-            f"{_number(a.whiteness.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
+            _number(steps, ".2f" if steps < 10 else ",.0f"), _number(w.correlation_time, ".2g", " s"),
+            f"{_number(w.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
             _number(a.variance.late_to_early.ratio, ".2g"),
         )  # fmt: skip
     return table
