@@ -22,7 +22,7 @@ LAYERS = (
     {"right_hand_side"},
     {"simulate"},
     {"batch", "problem", "reduction"},
-    {"project"},
+    {"draft", "portable", "project"},
     {"uncertainty", "regression"},
     {"criteria", "profiles"},
     {"bootstrap", "diagnostics", "residuals"},

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fracid.compare import Comparison, compare
     from fracid.cut import CutCheck, cut_check
     from fracid.diagnostics import Verdict, identifiability
+    from fracid.draft import draft_project
     from fracid.errors import DataError, FracidError, InputError
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
@@ -73,6 +74,7 @@ _HOME = {
     "compare": "compare",
     "cut_check": "cut",
     "derivative": "fractional",
+    "draft_project": "draft",
     "identifiability": "diagnostics",
     "identify": "identify",
     "linear_multi_term": "reduction",
@@ -99,7 +101,8 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory",
            "Verdict", "__version__", "amplitude_test", "bootstrap", "compare", "cut_check",
-           "derivative", "identifiability", "identify", "linear_multi_term", "linear_system",
+           "derivative", "draft_project", "identifiability", "identify", "linear_multi_term",
+           "linear_system",
            "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile",
            "regress", "residual_analysis", "rotary_pendulum", "sensitivities", "simulate",
            "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip

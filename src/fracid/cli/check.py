@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-__all__ = ["check"]
+__all__ = ["check", "column_from_text", "print_check", "start_from_text", "time_from_text"]
 
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -60,9 +60,9 @@ def check(
 
     recording = inspect_recording(
         file,
-        dict(map(_column, column)) if column else None,
-        time=_time(time, rate),
-        start=_start(start),
+        dict(map(column_from_text, column)) if column else None,
+        time=time_from_text(time, rate),
+        start=start_from_text(start),
         stop=stop,
         variable=variable,
     )
@@ -70,7 +70,7 @@ def check(
     if json_:
         _print_json(recording, figure)
     else:
-        _print_check(recording, figure)
+        print_check(recording, figure)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 
@@ -78,7 +78,7 @@ def check(
 # ------------------------------------------------------------------ from text to arguments
 
 
-def _column(text: str) -> tuple[str, dict[str, Any]]:
+def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
     """Parse ``alpha=2,unit=deg,zero=rest``."""
     name, _, rest = text.partition("=")
     column, *fields = rest.split(",")
@@ -104,7 +104,8 @@ def _number(text: str) -> int | float | str | bool:
     return text
 
 
-def _time(column: str | None, rate: float | None) -> dict[str, Any] | None:
+def time_from_text(column: str | None, rate: float | None) -> dict[str, Any] | None:
+    """Parse ``0,unit=ms``, or take a rate."""
     if column is not None and rate is not None:
         raise InputError("give --time or --rate, not both.")
     if rate is not None:
@@ -115,7 +116,8 @@ def _time(column: str | None, rate: float | None) -> dict[str, Any] | None:
     return {"column": _number(position)} | dict(map(_field, fields))
 
 
-def _start(text: str | None) -> float | str | None:
+def start_from_text(text: str | None) -> float | str | None:
+    """Parse a time, or ``release``."""
     value = None if text is None else _number(text)
     if isinstance(value, str) and value != "release":
         raise InputError(f"--from {text!r} is not possible; expected a time [s] or release.")
@@ -142,7 +144,8 @@ def _print_json(recording: Recording, figure: Path | None) -> None:
     typer.echo(json.dumps(content, indent=2, ensure_ascii=False))
 
 
-def _print_check(recording: Recording, figure: Path | None) -> None:
+def print_check(recording: Recording, figure: Path | None) -> None:
+    """Show what a recording is worth."""
     from rich.console import Console
     from rich.markup import escape
 

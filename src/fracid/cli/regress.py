@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import Jobs, Json, Out, Seed, app
-from fracid.cli.check import _column, _start, _time
+from fracid.cli.check import column_from_text, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def _recordings(project: Project, start: str | None, stop: float | None) -> tupl
 
     fitted = {e.name for e in project.problem.experiments}
     given = project.recordings if start is None else whole_recordings(project)
-    return tuple(r.trim(_start(start), stop) for r in given if r.name in fitted)
+    return tuple(r.trim(start_from_text(start), stop) for r in given if r.name in fitted)
 
 
 def _in_motion(asked: _Asked) -> _Asked:
@@ -192,14 +192,14 @@ def _of_recording(path: Path, start: str | None, stop: float | None, options: Ma
     from fracid.problem import Free
     from fracid.regression import LUMPED
 
-    columns = dict(map(_column, options["column"] or ()))
+    columns = dict(map(column_from_text, options["column"] or ()))
     if "alpha" not in columns:
         raise InputError(
             f"Which column of {path} is the pendulum's angle? Type --column alpha=2,unit=deg and --column theta=1; "
             f"fracid check {path} shows the columns. Or give a project file, .toml."
         )
     recording = fracid.load_recording(
-        path, columns, time=_time(options["time"], options["rate"]), start=_start(start), stop=stop,
+        path, columns, time=time_from_text(options["time"], options["rate"]), start=start_from_text(start), stop=stop,
         variable=options["variable"], resample="needed",
     )  # fmt: skip
     words = {n: options[n] for n in ("rig", "zero") if options[n] is not None}
