@@ -16,8 +16,9 @@ from fracid.executor import run_tasks
 from fracid.memory import compressed, full, short
 from fracid.models.base import Model, Parameter
 from fracid.plots import noise_levels
+from fracid.portable import Portable
 from fracid.problem import Experiment, Free, Problem
-from fracid.studies import _Portable, binomial95, encoder, noise_study, planned, repetition, simulated
+from fracid.studies import binomial95, encoder, noise_study, planned, repetition, simulated
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 COUNT = 2 * np.pi / 4096
@@ -127,7 +128,7 @@ def test_processes_and_threads_find_the_same_to_the_bit():
 @pytest.mark.parametrize("memory", [compressed(), compressed(1e-8, lags=16), short(300), full()], ids=lambda m: m.name)
 def test_a_problem_travels_with_every_cost_and_memory(cost, memory):
     problem = simulated(release(cost_function=COSTS[cost], memory=memory, end=1.0), TRUTH)
-    carried = pickle.loads(pickle.dumps(_Portable(problem))).problem
+    carried = pickle.loads(pickle.dumps(Portable(problem))).problem
     assert carried.cost(np.array([1.0, 0.9])) == problem.cost(np.array([1.0, 0.9]))
     assert (carried.cost_function.name, carried.memory.name) == (cost, memory.name)
 
@@ -153,13 +154,11 @@ def test_binomial_limits_are_exact(held, trials):
     assert binomial95(held, trials) == pytest.approx(tuple(stats.binomtest(held, trials).proportion_ci(method="exact")))
 
 
-def test_noise_and_coarse_encoders_widen_spread_and_claims_alike():
-    found = study(levels=[0.0, NOISE, 4 * NOISE], resolutions=[2 * np.pi / 20_000, 2 * np.pi / 500], seeds=6)
-    spread, claimed = (np.array([getattr(c.unknowns["mu"], what) for c in found.cells]).reshape(3, 2)
-                       for what in ("spread", "claimed"))  # fmt: skip
+def test_noise_and_coarse_encoders_widen_what_is_claimed():
+    found = study(levels=[0.0, NOISE, 4 * NOISE], resolutions=[2 * np.pi / 20_000, 2 * np.pi / 500], seeds=3)
+    claimed = np.array([c.unknowns["mu"].claimed for c in found.cells]).reshape(3, 2)
     assert np.all(np.diff(claimed, axis=0) > 0)
     assert np.all(claimed[:2, 1] > claimed[:2, 0])  # beside strong noise it matters no more
-    assert spread[2, 0] > 2 * spread[1, 0]
     assert [cell.counts for cell in found.cells[:2]] == pytest.approx([20_000, 500])
 
 
@@ -185,7 +184,7 @@ def test_a_start_that_is_taken_as_measured_claims_too_little():
 
 
 def test_intervals_that_keep_their_word_are_said_to():
-    sentences = study(seeds=40).sentences()
+    sentences = study(seeds=25).sentences()
     assert len(sentences) == 2
     assert all(s.endswith("they can be believed.") for s in sentences)
 
@@ -260,7 +259,7 @@ def test_several_plans_run_together_and_each_gathers_its_own():
 
 
 def test_the_figure_has_a_row_for_each_unknown_and_a_mark_for_each_cell():
-    found = study(levels=[NOISE, 2 * NOISE], resolutions=[0.0, COUNT], seeds=3)
+    found = study(levels=[NOISE, 2 * NOISE], resolutions=[0.0, COUNT], seeds=2)
     figure = noise_levels(found)
     assert len(figure.axes) == 2 * 2
     left, right = figure.axes[:2]
