@@ -122,22 +122,19 @@ def spoil_data(folder):
     write_twin(folder / "data" / "ten.csv", 0.17, seed=3)
 
 
-def move_project(folder):
-    (folder / "rig.toml").rename(folder / "other.toml")
-
-
-def change_project(folder):
-    (folder / "rig.toml").write_text(PROJECT + "\nseed = 2\n", encoding="utf-8")
+def lose_data(folder):
+    shutil.rmtree(folder / "data")
 
 
 @pytest.mark.parametrize(("spoil", "words"), [
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
-    (move_project, "is not where it was, or has changed since, .* fit again: fracid fit PROJECT"),
-    (change_project, "is not where it was, or has changed since"),
+    (lose_data, "are not where the run found them: .* Put them back, or fit again: fracid fit PROJECT"),
     (lambda f: (f / "run" / "result.json").unlink(), "is no run folder: it has no result.json"),
     (lambda f: (f / "run" / "result.json").write_text("{"), "is no run folder: it has no result.json"),
     (lambda f: (f / "run" / "result.json").write_text("[]"), "is no run folder: it has no result.json"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
+    (lambda f: (f / "run" / "project.toml").write_text("[model"), "is not what fracid fit wrote there"),
+    (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "is not what fracid fit wrote there"),
 ])  # fmt: skip
 def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
     spoil(copy)
@@ -145,9 +142,24 @@ def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
         load_run(copy / "run")
 
 
-def test_a_run_with_the_recordings_beside_its_own_copy_of_the_project_needs_no_other(copy):
+def test_a_project_that_has_changed_since_counts_as_the_run_had_it_and_that_is_told(copy):
+    (copy / "rig.toml").write_text(PROJECT.replace('initial_state = "rest"', ""), encoding="utf-8")
+    run = load_run(copy / "run")
+    assert run.problem.initial_state == "rest"
+    (note,) = run.notes
+    assert "rig.toml has changed since the run; what counts here is the run's own copy of it" in note
+
+
+def test_a_project_that_is_gone_is_not_needed_where_its_recordings_are_found(copy, fitted):
     (copy / "rig.toml").unlink()
-    shutil.copytree(copy / "data", copy / "run" / "data")
+    run = load_run(copy / "run")
+    assert run.notes == ()
+    assert run.recordings["release 20°"].rmse == fitted[1].recordings["release 20°"].rmse
+
+
+def test_recordings_beside_the_runs_own_copy_of_the_project_are_found(copy):
+    (copy / "rig.toml").unlink()
+    (copy / "data").rename(copy / "run" / "data")
     assert load_run(copy / "run").notes == ()
 
 

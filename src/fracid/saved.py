@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -24,10 +25,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.errors import InputError
+from fracid.errors import FracidError, InputError
 from fracid.identify import Estimate, RecordingFit
 from fracid.problem import Experiment, Problem
-from fracid.project import Project, load_project
+from fracid.project import Project, _File
+from fracid.project import _project as _built
 
 __all__ = ["SavedRun", "load_run"]
 
@@ -89,6 +91,8 @@ class SavedRun:
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256)
 
     def _differences(self) -> Iterator[str]:
+        if _text(self.project.path) not in (None, self.project.text):
+            yield f"{self.project.path} has changed since the run; what counts here is the run's own copy of it."
         for name, r in self.recordings.items():
             saved = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
             for output, now in r.rmse.items():
@@ -115,7 +119,7 @@ def load_run(folder: str | Path) -> SavedRun:
     Raises
     ------
     InputError
-        If it is no run folder, the project or its recordings are not where they were, or a recording has changed.
+        If it is no run folder, its recordings are not where they were, or one has changed.
 
     Examples
     --------
@@ -148,22 +152,38 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _project(folder: Path, result: Mapping[str, Any]) -> Project:
-    """The project that a run used, from where its recordings' paths still hold."""
-    used, preset = folder / "project.toml", result.get("preset")
+    """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
     try:
-        text = used.read_text(encoding="utf-8")
+        text = (folder / "project.toml").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
-    for path in _places(folder):
-        if path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text:
-            return load_project(path, preset=preset)
     try:
-        return load_project(used, preset=preset)
-    except InputError as error:
+        said, preset = _File.model_validate(tomllib.loads(text)), result.get("preset")
+    except ValueError:
         raise InputError(
-            f"The project file of {folder} is not where it was, or has changed since, and its copy there does not "
-            f"find the recordings ({error}) Put it back, or fit again: fracid fit PROJECT."
+            f"{folder / 'project.toml'} is not what fracid fit wrote there: it was changed, or another version of "
+            "fracid wrote it. Fit again: fracid fit PROJECT."
         ) from None
+    there = [path for path in _places(folder) if path.parent.is_dir()]
+    there.sort(key=lambda path: _text(path) != text)  # the file itself first, then where it was
+    reason = ""
+    for path in (*there, folder / "project.toml"):
+        try:
+            return _built(path, text, said, preset)
+        except FracidError as error:
+            reason = reason or str(error)
+    raise InputError(
+        f"The recordings of {folder} are not where the run found them: {reason} Put them back, or fit again: "
+        "fracid fit PROJECT."
+    )
+
+
+def _text(path: Path) -> str | None:
+    """What a file says, None without one."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
 
 
 def _places(folder: Path) -> Iterator[Path]:
