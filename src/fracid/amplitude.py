@@ -271,8 +271,10 @@ def amplitude_test(
 
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
     """A recording that was not fitted, with its own unknowns found."""
-    alone = problem.with_shared(x, (e,))
-    return alone, growing(alone, alone.start, jobs, Watch()).best.point if alone.names else alone.start, e
+    alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
+    own = growing(alone, alone.start, jobs, Watch()).best.point if alone.names else alone.start
+    values = dict(zip((*problem.names, *alone.names), (*x.tolist(), *own.tolist()), strict=True))
+    return whole, np.array([values[n] for n in whole.names]), e
 
 
 def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
@@ -431,7 +433,7 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
 
     Q, _ = about()
     rest, line = min((about(1 / A), about(A)), key=lambda fit: fit[0])
-    return float(chi2.sf(Q, len(q) - 1)), 1 - rest / Q if Q > 0 else 0.0, float(line[-1] - line[0])
+    return float(chi2.sf(Q, len(q) - 1)), 1 - rest / Q if Q > 1e-9 else 0.0, float(line[-1] - line[0])
 
 
 def _degrees(angle: float) -> str:

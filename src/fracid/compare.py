@@ -53,6 +53,7 @@ from fracid.executor import Progress, Task, run_tasks
 from fracid.identify import RecordingFit
 from fracid.journal import Journal
 from fracid.ladder import Ladder, Structure, ladder
+from fracid.models.base import unknown_name
 from fracid.optimise import Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.project import Project, load_project
@@ -150,8 +151,11 @@ class Comparison:
     """Structure → whether its orders drift with amplitude, where that was asked for."""
 
     def __getitem__(self, name: str) -> Row:
-        """The row of that structure."""
-        return next(row for row in self.rows if row.name == name)
+        """The row of that structure; an InputError names those that there are."""
+        rows = {row.name: row for row in self.rows}
+        if name not in rows:
+            raise unknown_name("structure", name, tuple(rows))
+        return rows[name]
 
     @property
     def held_out(self) -> tuple[str, ...]:
@@ -403,7 +407,7 @@ def _fitted(
         onward = _descended(problem, x, jobs, watch, budget=WARM)
         ends.append((min(began, onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
     best, how = min(ends, key=lambda end: end[0].cost)
-    if how != ends[0][1]:
+    if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
     return best, how
 
@@ -597,16 +601,18 @@ def _verdict_held_out(found: Comparison, integer: Row, fractional: Row) -> str:
         return (
             f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them: {against}.{few}"
         )
+    if not math.isfinite(ratio):
+        return f"Orders fit better and do not predict: {against}.{few}"
     return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
 
 
 def _replaced(found: Comparison) -> str:
     """Orders help where viscous friction is alone, but dry friction helps more."""
-    try:
-        plain, paper, dry = (found[n] for n in ("viscous, orders 1", "viscous, orders free",
-                                                "viscous + Coulomb, orders 1"))  # fmt: skip
-    except StopIteration:
+    rows = {row.name: row for row in found.rows}
+    names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
+    if not all(name in rows for name in names):
         return ""
+    plain, paper, dry = (rows[name] for name in names)
     if not (_ratio(paper, plain) < 1 - MARGIN and _ratio(dry, paper) < 1 - MARGIN):
         return ""
     return (
@@ -618,7 +624,7 @@ def _replaced(found: Comparison) -> str:
 def _change(ratio: float) -> str:
     if abs(ratio - 1) <= MARGIN:
         return "make no difference"
-    return f"make the prediction worse by {100 * (ratio - 1):.2g} %"
+    return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
 
 
 def _ones(row: Row) -> str:

@@ -19,9 +19,9 @@ it is 0.  All else that the problem leaves free stays so: inertias, rests (each 
 Orders are free as the problem has them; where it fixes all, all are freed.  Ranges are widened to hold 0, and 1 for
 orders, so that each rung holds the ones below it, and can never fit worse.
 
-What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) keeps its
-start and is no parameter of the fit; that is said.  A rung of which the recordings see nothing, or that the model does
-not have, is left out.
+What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) is 0 if it
+is friction, else it keeps its start; it is no parameter of the fit, and that is said.  A rung of which the recordings
+see nothing, or that the model does not have, is left out.
 
 All structures are solved by one method, of second order or better: a scheme of first order manufactures orders.
 """
@@ -122,8 +122,11 @@ class Ladder:
     """What was left out or changed, in sentences."""
 
     def __getitem__(self, name: str) -> Structure:
-        """The structure of that name."""
-        return next(s for s in self.structures if s.name == name)
+        """The structure of that name; an InputError names those that there are."""
+        named = {s.name: s for s in self.structures}
+        if name not in named:
+            raise unknown_name("structure", name, tuple(named))
+        return named[name]
 
     @property
     def frictions(self) -> tuple[str, ...]:
@@ -175,12 +178,12 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
     problem, notes = _solved_well(problem)
     rungs, missing = _rungs(problem, keep)
     top = _free(problem, rungs, tuple(rungs))
-    blind = unseen(replace(top, experiments=(*top.experiments, *others)), SEEN)
-    lost = {rung: names for rung, names in rungs.items() if set(names) <= blind}
+    blind = unseen(top, SEEN)
+    nowhere = blind - {n for e in others for n in _seen_in(e, top)}
+    lost = {rung: names for rung, names in rungs.items() if set(names) <= nowhere}
     rungs = {rung: names for rung, names in rungs.items() if rung not in lost}
     if not rungs:
         raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
-    blind = unseen(top, SEEN)
     notes += missing
     notes += [f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in lost.items()]
     alone = sorted(
@@ -188,6 +191,14 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
     )
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
     return Ladder(tuple(_structures(problem, rungs, blind)), tuple(notes))
+
+
+def _seen_in(e: Experiment, top: Problem) -> set[str]:
+    """What a recording that is not fitted sees; nothing where the run fails."""
+    alone = replace(top, experiments=(e,))
+    if isinstance(alone.errors(alone.start), str):
+        return set()
+    return {u.target for u in alone.unknowns} - unseen(alone, SEEN)
 
 
 def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
@@ -261,13 +272,15 @@ def _holding(value: float | Free | Tied, point: float) -> float | Free | Tied:
 def _instead(problem: Problem, name: str) -> str:
     if name in problem.orders:
         return "it is 1"
+    if name.startswith(FRICTION):
+        return "it is 0"
     if name in problem.per_recording:
         return "it is found where a recording sees it"
     return f"it keeps {problem.parameter_starts[name]:.4g}"
 
 
 def held(problem: Problem, names: Collection[str]) -> Problem:
-    """The problem with some parameters fixed where the search would start, and some orders at 1.
+    """The problem with some values fixed: orders at 1, friction at 0, others where the search would start.
 
     Examples
     --------
@@ -279,7 +292,8 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     """
 
     orders = {n: 1.0 if n in names and isinstance(v, Free) else v for n, v in problem.orders.items()}
-    parameters = {n: v.start if n in names and isinstance(v, Free) else v for n, v in problem.parameters.items()}
+    parameters = {n: (0.0 if n.startswith(FRICTION) else v.start) if n in names and isinstance(v, Free) else v
+                  for n, v in problem.parameters.items()}  # fmt: skip
     own = tuple(n for n in problem.per_recording if n not in names)
     return replace(problem, orders=orders, parameters=parameters, per_recording=own)
 
