@@ -10,6 +10,7 @@ import fracid
 from fracid.bootstrap import Bootstrap, bootstrap, resampled, spread
 from fracid.costs import COSTS, Cost
 from fracid.errors import InputError
+from fracid.journal import Journal
 from fracid.problem import Experiment, Free, Problem
 from fracid.profiles import refit
 from fracid.uncertainty import residual_bandwidth, uncertainty
@@ -109,6 +110,18 @@ def test_the_seed_decides_and_jobs_do_not():
     one, three, other = (bootstrap(p, x, variant="refit", draws=6, seed=s, jobs=j) for s, j in ((1, 1), (1, 3), (2, 1)))
     assert np.array_equal(one.draws, three.draws)
     assert not np.array_equal(one.draws, other.draws)
+
+
+def test_refits_are_the_same_in_other_processes_and_none_is_done_twice(tmp_path):
+    p, x = fitted(swing(end=1.0))
+    same = {"variant": "refit", "draws": 4, "seed": 1}
+    here = bootstrap(p, x, **same)
+    assert np.array_equal(bootstrap(p, x, executor="processes", jobs=2, **same).draws, here.draws)
+    seen = []
+    for _ in range(2):
+        with Journal(tmp_path / "journal.jsonl", {}) as journal:
+            assert np.array_equal(bootstrap(p, x, journal=journal, progress=seen.append, **same).draws, here.draws)
+    assert [p.done for p in seen] == [0, 1, 2, 3, 4, 4]
 
 
 def test_the_record_says_its_method_its_block_and_too_few_blocks():

@@ -28,6 +28,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -37,8 +38,11 @@ from numpy.typing import NDArray
 
 from fracid.costs import ABSOLUTE
 from fracid.errors import InputError
+from fracid.executor import Progress, Task, run_tasks
+from fracid.journal import Journal
 from fracid.models.base import unknown_name
 from fracid.optimise.base import at_least
+from fracid.portable import Portable, portable_memory
 from fracid.problem import Experiment, Problem
 from fracid.profiles import refit
 from fracid.uncertainty import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
@@ -110,6 +114,9 @@ def bootstrap(
     block: int | None = None,
     seed: int = 1,
     jobs: int = 1,
+    executor: str = "threads",
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
 ) -> Bootstrap:
     """Draw the unknowns as often as if the experiment had been repeated.
 
@@ -127,12 +134,16 @@ def bootstrap(
     seed : int
         Each draw has its own stream, so that `jobs` changes nothing.
     jobs : int
-        Threads, of ``refit``.
+        Threads, or processes of ``refit``.
+    executor, journal, progress
+        Of ``refit``, as for :func:`fracid.executor.run_tasks`.
 
     Raises
     ------
     InputError
         For a user's own cost, nothing free, a run that fails at x, or an impossible option.
+    Unfinished
+        By ``refit``, as :func:`fracid.executor.run_tasks`.
 
     Examples
     --------
@@ -162,8 +173,13 @@ def bootstrap(
     length = round(residual_bandwidth(errors)) + 1 if block is None else at_least("block", block, 1)
     length = min(length, min(map(len, errors)))
     streams = np.random.default_rng(seed).spawn(draws)
-    again = _refitted if variant == "refit" else _stepped
-    drawn = again(problem, np.asarray(x, dtype=np.float64), errors, length, streams, at_least("jobs", jobs, 1))
+    x = np.asarray(x, dtype=np.float64)
+    drawn: Sequence[FloatArray | None]
+    if variant == "refit":
+        drawn = _refitted(problem, x, errors, length, streams, executor=executor, jobs=jobs, journal=journal,
+                          progress=progress)  # fmt: skip
+    else:
+        drawn = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
     good = [point for point in drawn if point is not None]
     if len(good) < 2:
         raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
@@ -233,27 +249,26 @@ def _stepped(
 
 
 def _refitted(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
+    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], **how: Any
 ) -> list[FloatArray | None]:
     """A few steps of least squares for each draw; None where every run fails."""
+    same = replace(problem, memory=portable_memory(problem.memory.name))
+    tasks = [Task(f"draw {i}", (Portable(same), x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
+    return [None if point is None else np.array(point) for point in run_tasks(_redrawn, tasks, **how).values()]
+
+
+def _redrawn(
+    portable: Portable, x: FloatArray, errors: list[FloatArray], length: int, rng: np.random.Generator
+) -> list[float] | None:
+    """One draw."""
+    problem = portable.problem
     median = problem.cost_function.loss is ABSOLUTE
-    effort = PATIENT if median else QUICK
-    fitted = [e.measured - error for e, error in zip(problem.experiments, errors, strict=True)]
-
-    def again(rng: np.random.Generator) -> FloatArray | None:
-        records = tuple(
-            replace(e, measured=y + resampled(error, length, rng, median=median))
-            for e, y, error in zip(problem.experiments, fitted, errors, strict=True)
-        )
-        found = refit(replace(problem, experiments=records), x, **effort)
-        return found.point if math.isfinite(found.cost) else None
-
-    with ThreadPoolExecutor(jobs) as pool:
-        try:
-            return list(pool.map(again, streams))
-        except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
-            raise
+    records = tuple(
+        replace(e, measured=e.measured - error + resampled(error, length, rng, median=median))
+        for e, error in zip(problem.experiments, errors, strict=True)
+    )
+    found = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))
+    return found.point.tolist() if math.isfinite(found.cost) else None
 
 
 # --- each recording alone ------------------------------------------------------------------------------

@@ -36,7 +36,6 @@ References
 from __future__ import annotations
 
 import math
-import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -52,9 +51,9 @@ from fracid.criteria import STRONG
 from fracid.errors import InputError
 from fracid.executor import Progress, Task, run_tasks
 from fracid.journal import Journal
-from fracid.memory import Memory, compressed, memory_from_name
 from fracid.optimise import optimiser_from_name
 from fracid.optimise.base import Evaluation, at_least
+from fracid.portable import Portable, portable_memory
 from fracid.problem import Problem
 from fracid.search import search
 from fracid.uncertainty import Uncertainty, uncertainty
@@ -376,7 +375,7 @@ class Plan:
     @property
     def tasks(self) -> list[Task]:
         """One for each repetition, of the function :func:`repetition`."""
-        twin = _Portable(simulated(self.problem, self.truth))
+        twin = Portable(simulated(self.problem, self.truth))
         return [Task(key, (twin, self.truth.tolist(), *cell, (self.seed, k), self.how)) for cell, k, key in self._keys]
 
     @property
@@ -422,7 +421,7 @@ def planned(
     '0.0572958° of noise, 4096 counts, repetition 2'
     """
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
-    problem = replace(problem, memory=_memory(problem.memory.name))  # its name has six digits: the same for all
+    problem = replace(problem, memory=portable_memory(problem.memory.name))  # its name has six digits: the same for all
     cells = _cells(levels, resolutions)
     at_least("seeds", seeds, 1)
     if optimiser != "multistart":
@@ -515,32 +514,8 @@ def binomial95(held: int, trials: int) -> tuple[float, float]:
 # --- one repetition ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Portable:
-    """A problem that can go to another process: cost and memory go by name, its caches stay behind."""
-
-    problem: Problem
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        parts = {f.name: getattr(self.problem, f.name) for f in fields(Problem)}
-        return _carried, (parts | {n: parts[n].name for n in ("cost_function", "memory")},)
-
-
-def _carried(parts: Mapping[str, Any]) -> _Portable:
-    named = {"cost_function": COSTS[parts["cost_function"]], "memory": _memory(parts["memory"])}
-    return _Portable(Problem(**{**parts, **named}))
-
-
-def _memory(name: str) -> Memory:
-    """The memory of that name, ``compressed(1e-10, lags=16)`` too."""
-    if found := re.fullmatch(r"compressed\(([^,]+)(?:, lags=(\d+))?\)", name):
-        tolerance, lags = found.groups()
-        return compressed(float(tolerance), **({"lags": int(lags)} if lags else {}))
-    return memory_from_name(name)
-
-
 def repetition(
-    twin: _Portable, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
+    twin: Portable, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
     how: Mapping[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """Read the truth with noise, identify it, and tell what was found: the work of one task.
