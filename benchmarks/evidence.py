@@ -210,13 +210,14 @@ def regression(seeds=6):
         print(f"  {orders['lambda']:7}, {orders['mu']:6} {degrees:6}°  {inertias:13.1f} {worst['C6']:6.1f} {arm:17.1f} "
               f"{worst['b_alpha']:8.1f} {worst['coulomb_alpha']:14.1f} {np.mean(shrunk):9.1f} ({np.mean(biases):.1f})",
               flush=True)  # fmt: skip
-    print("\nOrders that the regression finds: largest error and half the interval, three zeros of the encoder")
+    print("\nOrders searched, three zeros of the encoder: largest error, half the interval; J_theta, C3, C1 then")
     for orders, degrees in cases:
         found = [fracid.regress(release(degrees, orders, seed), rig, known=known) for seed in (1, 2, 3)]
         off = {n: max(abs(f.orders[n] - orders[n]) for f in found) for n in orders}
         half = {n: max(np.ptp(f.search.interval95[n]) / 2 for f in found) for n in orders}
-        print(f"  {orders['lambda']:7}, {orders['mu']:6} {degrees:6}°  "
-              + ", ".join(f"{n} {off[n]:.4f} (± {half[n]:.3f})" for n in orders), flush=True)  # fmt: skip
+        inertias = max(abs(f.parameters[n].value / true[n] - 1) for f in found for n in ("J_theta", "C3", "C1"))
+        words = ", ".join(f"{n} {off[n]:.4f} (± {half[n]:.3f})" for n in orders)
+        print(f"  {orders['lambda']:7}, {orders['mu']:6} {degrees:6}°  {words}; {100 * inertias:.1f} %", flush=True)
 
 
 SECTIONS = {"genetic": genetic_against_random, "rounding": rounding_bias, "coverage": coverage, "swing": mid_swing,

@@ -54,8 +54,8 @@ When to believe it
 
     So: inertias and arm friction from 30° on, at orders far from 1 from 60° on; b_alpha from 60° on; coulomb_alpha
     (2.5·10⁻⁴ N m, 0.1 % of gravity's torque) to 20–50 % only; C6, which acts as α³, not at 10°.  Orders, when searched:
-    within 0.004 from 60° on, 0.02 at 30° (intervals ± 0.06), not at 10°: there the profile is flat, and no constant
-    is called identified.
+    within 0.004 from 60° on, 0.02 at 30° (intervals ± 0.06), the inertias then within 3 and 12 %; not at 10°: there
+    the profile is flat, and no constant is called identified.
     Each value carries a standard error (of correlated residuals) *and* a bias estimated by adding the noise once
     more (SIMEX), at the size that explains the residual, and a verdict that weighs both.  Neither knows of what
     the model lacks: on a real SRV02 whose arm sticks, C1 agrees with an output-error fit within 2 %, the arm's

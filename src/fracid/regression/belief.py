@@ -23,10 +23,12 @@ MIDDLE, LARGE = math.radians(20), math.radians(45)
 SAID = {
     0.0: "the inertias came out up to 14 % off, b_alpha and C6 as anything, and the orders could not be seen: release "
          "from 60° or more, or trust a fit of the whole trajectory only",
-    MIDDLE: "the inertias and the arm's friction came out within 3 % at orders of 1 and within 12 % at 0.86, C6 within "
-            "10 %, the orders within 0.02; b_alpha was 20 to 130 % off and coulomb_alpha 50 %",
-    LARGE: "the inertias came out within 1 %, C6 and the arm's friction within 4 %, b_alpha within 13 %, the orders "
-           "within 0.005; coulomb_alpha was up to 40 % off",
+    MIDDLE: "at given orders the inertias and the arm's friction came out within 3 % where the orders were 1 and "
+            "within 12 % where they were 0.86, C6 within 10 %; b_alpha was 20 to 130 % off, coulomb_alpha 50 %; orders "
+            "that were searched came out within 0.02, the inertias then within 12 %",
+    LARGE: "at given orders the inertias came out within 1 %, C6 and the arm's friction within 4 %, b_alpha within "
+           "13 %, coulomb_alpha was up to 40 % off; orders that were searched came out within 0.005, the inertias then "
+           "within 3 %",
 }  # fmt: skip
 """From which amplitude on [rad]: what the table says."""
 

@@ -573,15 +573,16 @@ def start_of(problem: Problem, found: Regression) -> FloatArray:
     ----------
     problem : Problem
     found : Regression
-        Of its recordings; only what it calls identified is taken, within the bounds, and orders whose interval
-        is narrow enough to say something.
+        Of its recordings.  What it calls identified is taken, within the bounds, with the orders that it belongs to:
+        those given, and those searched whose interval is narrow enough to say something.
 
     Examples
     --------
     See :func:`start_values`.
     """
-    searched = {n: i for n, i in (found.search.interval95 if found.search else {}).items() if np.ptp(i) < WIDE}
-    best = {n: c.value for n, c in found.parameters.items() if c.identified} | {n: found.orders[n] for n in searched}
+    intervals = found.search.interval95 if found.search else {}
+    best = {n: c.value for n, c in found.parameters.items() if c.identified}
+    best |= {n: v for n, v in found.orders.items() if n not in intervals or np.ptp(intervals[n]) < WIDE}
     if "cable_stiffness" in best:
         best |= theta_rest_of({n: c.value for n, c in found.parameters.items()})
     shared = {n for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
