@@ -112,6 +112,12 @@ def test_the_zero_is_where_the_pendulum_comes_to_rest(tmp_path, rest, zero):
     assert draft.columns["alpha"].get("zero") == zero
 
 
+def test_an_arm_that_is_turns_away_is_brought_back(tmp_path):
+    draft = draft_project(written(tmp_path, theta=ARM + 326.0, alpha=SWING), folder=tmp_path)
+    assert draft.columns["theta"]["zero"] == pytest.approx(326.0, abs=0.01)
+    assert any("theta ends at 326 rad" in note for note in draft.notes)
+
+
 def test_init_writes_a_file_that_fits_as_it_is_and_overwrites_none(tmp_path):
     path, target = written(tmp_path, alpha=SWING), tmp_path / "rigs" / "rig.toml"
     target.parent.mkdir()

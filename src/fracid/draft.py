@@ -179,16 +179,18 @@ def draft_project(
     if columns is None:
         raw = inspect_recording(file, time=time, variable=variable)
         said, notes = guess_columns(raw, read_table(Path(file), variable).names)
+        notes += tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
     else:
         said, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in said:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
     recording = inspect_recording(file, said, time=time, variable=variable)
-    if "zero" not in said["alpha"]:
-        zero, why = _zero(recording)
-        said["alpha"] |= zero
-        notes += (why,) if why else ()
-        recording = inspect_recording(file, said, time=time, variable=variable)
+    for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
+        if name in said and "zero" not in said[name]:
+            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name))
+            said[name] |= zero
+            notes += (why,) if why else ()
+    recording = inspect_recording(file, said, time=time, variable=variable)
     page = _Page(recording, said, rig_name, time, variable, Path(folder), rig is None)
     return Draft(page.text(), said, notes)
 
@@ -239,9 +241,8 @@ def _familiar(counts: float) -> bool:
     return any(abs(counts / known - 1) < 2e-3 for known in FAMILIAR_COUNTS)
 
 
-def _zero(recording: Recording) -> tuple[dict[str, Any], str]:
+def _zero(s: SignalReport) -> tuple[dict[str, Any], str]:
     """Where alpha is zero when it hangs: at the end of the record, where it is at rest there."""
-    s = next(s for s in recording.report.signals if s.name == "alpha")
     if not s.at_rest:
         return {}, "alpha does not come to rest, so its zero is the file's: is it 0 where the pendulum hangs?"
     turns = round(s.rest / math.pi)
@@ -252,6 +253,13 @@ def _zero(recording: Recording) -> tuple[dict[str, Any], str]:
     return {"zero": round(turns * math.pi, 9)}, (
         f"alpha rests at {180 * turns}°: the encoder's zero is {'upright' if turns % 2 else 'some turns away'}."
     )
+
+
+def _arm_zero(s: SignalReport) -> tuple[dict[str, Any], str]:
+    """An arm that is turns away from zero is brought back: nothing depends on its angle but the cable."""
+    if abs(s.rest) < 1.0:
+        return {}, ""
+    return {"zero": round(s.rest, 6)}, f"theta ends at {s.rest:.4g} rad, which is taken for its zero."
 
 
 # --- the page ------------------------------------------------------------------------------------------
@@ -312,10 +320,12 @@ class _Page:
                 continue
             lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
-            most = 0.2 * gravity
-            lines.append(_range(f"b_{joint}", own[f"b_{joint}"], 0.0, max(most, SPAN * own[f"b_{joint}"]),
-                                self._meaning(f"b_{joint}")))  # fmt: skip
-            lines.append(_range(f"coulomb_{joint}", 1e-3 * gravity, 0.0, most, f"dry friction of the {_joint(joint)}"))
+            viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
+            lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
+            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, 0.5 * gravity, dry))
+        if self.arm:
+            lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
+            lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
         if self.driven:
             k = own["torque_per_volt"] or 0.05
             low, high = sorted((k / SPAN, k * SPAN))
@@ -369,8 +379,11 @@ class _Page:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}",
                  _line("initial_state", "estimate", "# angles and speeds at the start are found too")]  # fmt: skip
-        own = [n for n, used in (("theta_rest", self.arm and self.model.parameter("cable_stiffness").value > 0),
-                                 ("alpha_rest", self.columns["alpha"].get("zero") != "rest")) if used]  # fmt: skip
+        own = [
+            n
+            for n, used in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
+            if used
+        ]
         if own:
             where = "# where it rests differs from recording to recording"
             lines.append(f"per_recording = {json.dumps(own)}".ljust(40) + where)
