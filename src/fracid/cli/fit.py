@@ -246,7 +246,7 @@ def show_fit(ran: Ran, console: Console) -> None:
     if found.cut is not None and not found.cut.warnings:
         console.print(f"  cut: {escape(found.cut.verdict)}", soft_wrap=True)
     elif found.cut is None and _begins_in_motion(found):
-        console.print("  cut: the record begins in motion; --cut shows how far the orders move with where it begins")
+        console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
     if found.alternative is not None and not found.alternative.warning:
         console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
@@ -305,7 +305,12 @@ def _interval(e: Estimate) -> str:
 
 
 def _begins_in_motion(found: Fit) -> bool:
-    return found.problem.initial_state == "estimate" and bool(found.problem.order_indices)
+    """Whether an order is free, and the speed at some start was found to be other than zero."""
+    speeds = [
+        e for r in found.recordings.values() if r.use == "fit" for n, e in r.initial.items() if n.startswith("D^")
+    ]
+    surely = any(e.interval95 is not None and not e.interval95[0] <= 0 <= e.interval95[1] for e in speeds)
+    return surely and bool(found.problem.order_indices)
 
 
 def _starts(found: Fit) -> str:
