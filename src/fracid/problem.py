@@ -812,7 +812,7 @@ class Problem:
             rows.append(balance * (self._floor if self.cost_function.root else np.sqrt(self._floor)))
         if self._priors:
             total = sum(float(np.sum(r**2)) for r in rows)
-            rows.append(math.sqrt(total / self._prior_samples) * self.prior_residuals(x))
+            rows.append(math.sqrt(total / self.prior_samples) * self.prior_residuals(x))
         return np.concatenate(rows)
 
     @cached_property
@@ -825,7 +825,7 @@ class Problem:
         return np.array([(x[i] - prior.mean) / prior.sd for i, prior in self._priors.items()])
 
     @cached_property
-    def _prior_samples(self) -> float:
+    def prior_samples(self) -> float:
         """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
         n = sum(e.weight * e.measured.size for e in self.experiments)
         return 2 * n if self.cost_function.loss is ABSOLUTE else n
@@ -833,7 +833,7 @@ class Problem:
     def _prior_factor(self, x: FloatArray) -> float:
         if not self._priors:
             return 1.0
-        factor = 1 + float(np.sum(self.prior_residuals(x) ** 2)) / self._prior_samples
+        factor = 1 + float(np.sum(self.prior_residuals(x) ** 2)) / self.prior_samples
         return math.sqrt(factor) if self.cost_function.root else factor
 
     # --- variants ----------------------------------------------------------------------------------

@@ -348,7 +348,7 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
         return np.zeros(len(free)), 0.0
     loss, weights = _loss_and_weights(problem, errors)
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
-    level = total / problem._prior_samples
+    level = total / problem.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 
