@@ -1,8 +1,11 @@
 """``fracid resid``: of a run folder, as sentences, JSON and figures; exit codes, no traceback."""
 
 import json
+import os
+import re
 import shutil
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -193,3 +196,33 @@ def test_a_run_that_never_reached_the_end_ends_with_3(capsys, good, tmp_path, un
     assert code == 3
     assert "No run of the model reached the end of release 20° or again: there is no residual." in err
     assert "There is no residual: the simulation failed" in out
+
+
+# --- a real rig --------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[1]
+RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (RECORDINGS / "srv02-rotpen").is_dir(),
+    reason=f"no recordings of real rigs in {RECORDINGS}; say where with FRACID_RECORDINGS=FOLDER",
+)
+def test_what_the_page_says_of_a_real_rig_is_what_is_found(capsys, tmp_path, monkeypatch):
+    text = (ROOT / "examples" / "srv02-release.toml").read_text(encoding="utf-8")
+    text = re.sub(
+        r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(RECORDINGS.rglob(m[2])).as_posix()}"', text, flags=re.M
+    )
+    (tmp_path / "srv02.toml").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+    monkeypatch.setattr("fracid.plots.save", lambda *_: ())
+    monkeypatch.setattr(sys, "argv", ["fracid", "fit", "srv02.toml"])
+    run(capsys, "fit", tmp_path / "srv02.toml", "--out", tmp_path / "run", "--json")
+    code, _, _ = run(capsys, "resid", tmp_path / "run", "--recording", "release 92°", "--output", "alpha")
+    assert code == 0
+    record = json.loads((tmp_path / "run" / "residuals.json").read_text(encoding="utf-8"))
+    found = record["recordings"]["release 92°"]["alpha"]
+    page = (ROOT / "docs" / "residuals.md").read_text(encoding="utf-8")
+    for question in ("whiteness", "spectrum", "normality", "variance", "level"):
+        assert f"| {question} | {found[question]['sentence']} |" in page

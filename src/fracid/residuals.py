@@ -95,6 +95,9 @@ DRIFT = 0.5
 AT_THE_FLOOR = 1.3
 """Of rounding's own rms: below it the encoder is all there is to see."""
 
+FAST = 0.05
+"""Of the swing's period: a correlation shorter than that is not of what swings."""
+
 NAN = math.nan
 
 
@@ -339,11 +342,12 @@ def residual_analysis(
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(e, quantum, white=False))
     ρ, speed = autocorrelation(e), np.gradient(fitted, step)
-    whiteness = _whiteness(e, ρ, step, quantum)
+    spectrum = _spectrum(e, speed, step)
+    whiteness = _whiteness(e, ρ, step, quantum, spectrum.swing)
     thin = slice(None, None, whiteness.thinning)
     variance = _variance(e, fitted, speed, whiteness)
     return ResidualAnalysis(
-        *head, whiteness, _spectrum(e, speed, step), _normality(e, e[thin], variance), variance,
+        *head, whiteness, spectrum, _normality(e, e[thin], variance), variance,
         _level(e, quantum, white=whiteness.white),
     )  # fmt: skip
 
@@ -435,13 +439,14 @@ def correlation_time(ρ: FloatArray) -> float:
     return max(1.0, time(ρ), time(ρ**2))
 
 
-def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None) -> Whiteness:
-    T, at_floor = correlation_time(ρ), float(np.mean(e**2)) < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12
+def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None) -> Whiteness:
+    T = correlation_time(ρ)
+    cause = _cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum, swing)
     lags, Q, p = _ljung_box(ρ, e.size)
     k = max(2, round(2 * T))
     thin = e[::k]
     return Whiteness(
-        _of_whiteness(e.size, T, T * step, float(ρ[1]), p, at_floor), p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1,
+        _of_whiteness(e.size, T, T * step, float(ρ[1]), p, cause), p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1,
         lags, Q, p, float(ρ[1]), T * step, e.size / T, k, thin.size,
         _ljung_box(autocorrelation(thin), thin.size)[2] if _enough(thin) else NAN,
     )  # fmt: skip
@@ -461,7 +466,24 @@ def _ljung_box(ρ: FloatArray, n: int) -> tuple[int, float, float]:
     return lags, float(Q[-1]), float(p[-1])
 
 
-def _of_whiteness(n: int, T: float, seconds: float, lag_one: float, p: float, at_floor: bool) -> str:
+def _cause(power: float, lag_one: float, T: float, step: float, quantum: float | None, swing: float | None) -> str:
+    """Where a correlation comes from, most likely."""
+    if lag_one < 0 and T < 10:
+        return "neighbours alternate, as after differentiating or sharpening: look at how it was recorded."
+    if power < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12:
+        return "at the encoder's floor that is the rounding of a slow motion, and no fault of the model."
+    if swing and T * step * swing < FAST:
+        return (
+            f"beside the swing's {_seconds(1 / swing)} that is so short that it is rather the sensor, its filter or a "
+            "vibration than the model."
+        )
+    return (
+        "the model lacks something. Were every sample taken for an independent one, intervals would be "
+        f"{_times(math.sqrt(T))} times too narrow; those of fracid fit are not."
+    )
+
+
+def _of_whiteness(n: int, T: float, seconds: float, lag_one: float, p: float, cause: str) -> str:
     count = n / T
     if p >= SIGNIFICANT:
         return f"White, as far as {n:,} samples tell (Ljung-Box {_p(p)}): the model leaves nothing that repeats."
@@ -470,15 +492,7 @@ def _of_whiteness(n: int, T: float, seconds: float, lag_one: float, p: float, at
             f"Next to white: neighbours correlate by {_signed(lag_one)}, which shows because there are {n:,} "
             f"(Ljung-Box {_p(p)}); {count:,.0f} of them count, and nothing need be done."
         )
-    said = f"Correlated over {_seconds(seconds)}: of {n:,} samples {count:,.0f} count (Ljung-Box {_p(p)}); "
-    if lag_one < 0 and T < 10:
-        return f"{said}neighbours alternate, as after differentiating or sharpening: look at how it was recorded."
-    if at_floor:
-        return f"{said}at the encoder's floor that is the rounding of a slow motion, and no fault of the model."
-    return (
-        f"{said}the model lacks something. Were every sample taken for an independent one, "
-        f"intervals would be {_times(math.sqrt(T))} times too narrow; those of fracid fit are not."
-    )
+    return f"Correlated over {_seconds(seconds)}: of {n:,} samples {count:,.0f} count (Ljung-Box {_p(p)}); {cause}"
 
 
 # --- spectrum --------------------------------------------------------------------------------------
