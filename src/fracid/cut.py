@@ -22,8 +22,9 @@ not of what the model lacks.  And where the past makes the residual smaller, it 
 
 On a real SRV02 (release from 92°, cut 0.19 s after it, 18 unknowns) the fit says μ = 1.008 ± 0.035; with the past μ is
 1.053, from the plateau 1.045.  All three fit to 0.20 … 0.22°: a long flat valley runs from the one to the others, and
-the first half second decides about the place in it.  The valley is curved, so a refit takes as long as a search, and
-:func:`cut_check` is asked for, not part of every fit.  ``python benchmarks/evidence.py cut`` prints these figures.
+what is taken for the first 0.2 s decides about the place in it.  The valley is curved, so a refit takes as long as a
+search, and :func:`cut_check` is asked for (``fracid fit --cut``), not part of every fit.
+``python benchmarks/evidence.py cut`` prints these figures.
 """
 
 from __future__ import annotations
