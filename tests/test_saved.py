@@ -122,6 +122,14 @@ def spoil_data(folder):
     write_twin(folder / "data" / "ten.csv", 0.17, seed=3)
 
 
+def lose_result(kind, rest):
+    def spoil(folder):
+        (folder / "run" / "result.json").write_text(rest, encoding="utf-8")
+        (folder / "run" / "run.json").write_text(json.dumps({"kind": kind}), encoding="utf-8")
+
+    return spoil
+
+
 def lose_data(folder):
     shutil.rmtree(folder / "data")
 
@@ -129,9 +137,10 @@ def lose_data(folder):
 @pytest.mark.parametrize(("spoil", "words"), [
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
     (lose_data, "are not where the run found them: .* Put them back, or fit again: fracid fit PROJECT"),
-    (lambda f: (f / "run" / "result.json").unlink(), "is no run folder: it has no result.json"),
-    (lambda f: (f / "run" / "result.json").write_text("{"), "is no run folder: it has no result.json"),
-    (lambda f: (f / "run" / "result.json").write_text("[]"), "is no run folder: it has no result.json"),
+    (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run is not finished; type fracid resume .*run"),
+    (lose_result("fit", "{"), "The fit in .*run is not finished"),
+    (lose_result("noise", "[]"), "run is the folder of fracid noise; give one that fracid fit wrote"),
+    (lose_result("", "{"), "is no run folder: it has no result.json that can be read"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
     (lambda f: (f / "run" / "project.toml").write_text("[model"), "is not what fracid fit wrote there"),
     (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "is not what fracid fit wrote there"),

@@ -146,6 +146,11 @@ def _read(path: Path) -> dict[str, Any]:
             return content
     except (OSError, ValueError):
         pass
+    kind = _optional(path.parent / "run.json", "kind", "")
+    if kind == "fit":
+        raise InputError(f"The fit in {path.parent} is not finished; type fracid resume {path.parent}.")
+    if kind:
+        raise InputError(f"{path.parent} is the folder of fracid {kind}; give one that fracid fit wrote.")
     raise InputError(
         f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote."
     )
