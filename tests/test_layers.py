@@ -34,6 +34,7 @@ LAYERS = (
     {"plots"},
     {"amplitude", "studies"},
     {"compare"},
+    {"report"},
     {"cli"},
 )
 """From the ground up.  A package counts as one module; `fracid` itself and `__main__` stand outside."""

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fracid.recording import Recording, load_recording
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.regression import Regression, regress
+    from fracid.report import write_report
     from fracid.residuals import ResidualAnalysis, residual_analysis
     from fracid.saved import SavedRun, load_run
     from fracid.simulate import simulate, solve_fde
@@ -93,6 +94,7 @@ _HOME = {
     "solve_fde": "simulate",
     "solve_fde_batch": "batch",
     "spread": "bootstrap",
+    "write_report": "report",
 }
 """Which module each public name lives in."""
 
@@ -105,7 +107,7 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "linear_system",
            "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile",
            "regress", "residual_analysis", "rotary_pendulum", "sensitivities", "simulate",
-           "solve_fde", "solve_fde_batch", "spread"]  # fmt: skip
+           "solve_fde", "solve_fde_batch", "spread", "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

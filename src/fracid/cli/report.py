@@ -1,0 +1,38 @@
+"""``fracid report RUN``: the run as one HTML page that opens offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, app
+
+__all__ = ["report"]
+
+REPORT_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid report runs/rig  [dim](writes runs/rig/report.html)[/dim]",
+    "fracid report runs/rig --out rig.html  [dim](one file: send it to whom you like)[/dim]",
+    "fracid profile runs/rig && fracid report runs/rig  [dim](with the profiles)[/dim]",
+)
+
+
+@app.command(epilog="\n\n".join(REPORT_EXAMPLE))
+def report(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Where to; report.html in the folder if left out.")
+    ] = None,
+    jobs: Jobs = CORES,
+) -> None:
+    """Write a run as one HTML page: verdict, data, equations, values, curves, residuals, and the rig in motion.
+
+    The page is one file, opens offline and asks nobody for anything.  Profiles and the ladder of structures are on it
+    where fracid profile and fracid compare wrote them into the folder.
+    """
+    from fracid.report import write_report
+
+    path = write_report(run, jobs=jobs, out=out)
+    typer.echo(f"report   {path}")

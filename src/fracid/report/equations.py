@@ -1,0 +1,228 @@
+r"""The model's equations as MathML, which browsers draw by themselves: with symbols, and with the numbers found.
+
+For the rotary pendulum those of :mod:`fracid.models.rotary_pendulum`,
+
+.. math::
+
+    D^λ θ = ω_θ, \qquad D^μ α = ω_α, \qquad
+    \begin{aligned}
+    (J_θ + C_6 \sin^2 α)\,D^λ ω_θ + C_3 \cos α\,D^μ ω_α &= f_θ \\
+    C_3 \cos α\,D^λ ω_θ + C_1\,D^μ ω_α &= f_α
+    \end{aligned}
+
+with the terms that the fit has: a constant that is fixed at zero takes its term away.  Of any other model, whose
+right-hand side is a program, each state with its order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup, escape
+
+from fracid.report.words import LETTERS, digits
+
+if TYPE_CHECKING:
+    from fracid.models import Model
+
+__all__ = ["equations"]
+
+SYMBOLS = {
+    "C1": ("C", "1"), "C3": ("C", "3"), "C4": ("C", "4"), "C6": ("C", "6"), "J_theta": ("J", "θ"),
+    "b_theta": ("b", "θ"), "b_alpha": ("b", "α"), "coulomb_theta": ("τ", "Cθ"), "coulomb_alpha": ("τ", "Cα"),
+    "drag_theta": ("d", "θ"), "drag_alpha": ("d", "α"), "cable_stiffness": ("k", ""), "theta_rest": ("θ", "0"),
+    "alpha_rest": ("α", "0"), "torque_per_volt": ("k", "u"), "slip_speed": ("v", "s"), "time_scale": ("τ", "0"),
+}  # fmt: skip
+"""Letter and index of each constant of the rotary pendulum, as in the model's docstring."""
+
+
+def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str, Markup]:
+    """The equations by heading, each an element ``<math>``.
+
+    Parameters
+    ----------
+    model : Model
+    result : mapping
+        The content of result.json.
+    driven : bool
+        Whether a recording has an input: without one its term is left out.
+
+    Returns
+    -------
+    dict
+        ``With symbols`` and ``With the numbers found``; of a model that is not ours ``Its states``.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum(b_alpha=2e-4)
+    >>> result = {"orders": {n: {"value": 0.9, "free": True} for n in ("lambda", "mu")},
+    ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters}}
+    >>> found = equations(rig, result, driven=False)
+    >>> list(found), "0.0002" in found["With the numbers found"]
+    (['With symbols', 'With the numbers found'], True)
+    """
+    if model.name != "rotary-pendulum":
+        return {"Its states": _block(_states(model, result["orders"]))}
+    constants = {**result["parameters"], **_of_each_recording(result)}
+    return {
+        "With symbols": _block(_pendulum(_Writer(constants, numbers=False), model, result["orders"], driven)),
+        "With the numbers found": _block(_pendulum(_Writer(constants, numbers=True), model, result["orders"], driven)),
+    }
+
+
+def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:
+    """What each recording has for itself stands as its symbol."""
+    names = {n for r in result["recordings"].values() for n in r["parameters"]}
+    return {n: {"value": None, "free": True} for n in names}
+
+
+# --- the rotary pendulum -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Constants, as symbols or as numbers."""
+
+    constants: Mapping[str, Any]
+    numbers: bool
+
+    def there(self, name: str) -> bool:
+        """Whether its term is in the equations."""
+        e = self.constants.get(name, {"value": 0.0, "free": False})
+        return bool(e["free"] or e["value"])
+
+    def __call__(self, name: str) -> Markup:
+        e = self.constants.get(name)
+        if self.numbers and e and e["value"] is not None:
+            return _number(digits(e), brackets=e["value"] < 0)
+        return _sub(*SYMBOLS[name])
+
+    def order(self, name: str, estimate: Mapping[str, Any]) -> Markup:
+        return _number(digits(estimate)) if self.numbers else _i(LETTERS[name])
+
+
+def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Markup, Markup]]:
+    """Left and right side of each equation."""
+    λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
+    θ, α, ω_θ, ω_α = _i("θ"), _i("α"), _sub("ω", "θ"), _sub("ω", "α")
+    a = _bracket(_row(α, _o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
+    sin, cos, sin2 = _f("sin", a), _f("cos", a), _f("sin", _row(_n("2"), a))
+    M11 = _bracket(_row(c("J_theta"), _o("+"), c("C6"), _power(_i("sin"), _n("2")), a))
+    M12 = _row(c("C3"), cos)
+    two, minus, plus = _n("2"), _o("−"), _o("+")
+
+    yield _D(λ, θ), ω_θ
+    yield _D(μ, α), ω_α
+    arm = [
+        (driven and c.there("torque_per_volt"), plus, lambda: _row(c("torque_per_volt"), _i("u"))),
+        (c.there("b_theta"), minus, lambda: _row(c("b_theta"), ω_θ)),
+        (True, minus, lambda: _row(c("C6"), sin2, ω_α, ω_θ)),
+        (True, plus, lambda: _row(c("C3"), sin, _power(ω_α, two))),
+        (c.there("coulomb_theta"), minus, lambda: _row(c("coulomb_theta"), _tanh(ω_θ, c("slip_speed")))),
+        (c.there("drag_theta"), minus, lambda: _row(c("drag_theta"), ω_θ, _size(ω_θ))),
+        (c.there("cable_stiffness"), minus, lambda: _row(c("cable_stiffness"), _from_rest(c, θ))),
+    ]
+    pendulum = [
+        (True, plus if model.zero == "upright" else minus, lambda: _row(c("C4"), sin)),
+        (True, plus, lambda: _row(_half(), c("C6"), sin2, _power(ω_θ, two))),
+        (c.there("b_alpha"), minus, lambda: _row(c("b_alpha"), ω_α)),
+        (c.there("coulomb_alpha"), minus, lambda: _row(c("coulomb_alpha"), _tanh(ω_α, c("slip_speed")))),
+        (c.there("drag_alpha"), minus, lambda: _row(c("drag_alpha"), ω_α, _size(ω_α))),
+    ]
+    yield _row(M11, _D(λ, ω_θ), plus, M12, _D(μ, ω_α)), _sum(arm)
+    yield _row(M12, _D(λ, ω_θ), plus, c("C1"), _D(μ, ω_α)), _sum(pendulum)
+
+
+Term = tuple[bool, Markup, Callable[[], Markup]]
+"""Whether it is there, its sign, and what writes it."""
+
+
+def _sum(terms: list[Term]) -> Markup:
+    there = [(sign, write()) for present, sign, write in terms if present]
+    first = [there[0][1]] if there[0][0] == _o("+") else list(there[0])
+    return _row(*first, *(part for term in there[1:] for part in term))
+
+
+def _from_rest(c: _Writer, θ: Markup) -> Markup:
+    return _bracket(_row(θ, _o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
+
+
+def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, Markup]]:
+    """Each state of a model that is not ours, with its order."""
+    arguments = _row(_i("t"), _o(","), _i("x"), _o(","), _i("u"), _o(","), _i("p"))
+    for i, (state, order) in enumerate(zip(model.states, model.orders, strict=True), 1):
+        f = _row(Markup("<msub>{}{}</msub>").format(_i("f"), _n(str(i))), _bracket(arguments))
+        yield _D(_number(digits(orders[order])), Markup("<mtext>{}</mtext>").format(state)), f
+
+
+# --- MathML --------------------------------------------------------------------------------------
+
+
+def _block(lines: Iterator[tuple[Markup, Markup]]) -> Markup:
+    rows = Markup("").join(
+        Markup('<mtr><mtd class="left">{}</mtd><mtd>{}</mtd><mtd class="right">{}</mtd></mtr>').format(
+            left, _o("="), right
+        )
+        for left, right in lines
+    )
+    return Markup('<math display="block"><mtable>{}</mtable></math>').format(rows)
+
+
+def _row(*parts: Markup) -> Markup:
+    return Markup("<mrow>{}</mrow>").format(Markup("").join(parts))
+
+
+def _i(name: str) -> Markup:
+    return Markup("<mi>{}</mi>").format(name)
+
+
+def _n(text: str) -> Markup:
+    return Markup("<mn>{}</mn>").format(text)
+
+
+def _o(sign: str) -> Markup:
+    return Markup("<mo>{}</mo>").format(escape(sign))
+
+
+def _sub(letter: str, index: str) -> Markup:
+    return Markup("<msub>{}<mi>{}</mi></msub>").format(_i(letter), index) if index else _i(letter)
+
+
+def _power(base: Markup, exponent: Markup) -> Markup:
+    return Markup("<msup>{}{}</msup>").format(base, exponent)
+
+
+def _number(text: str, *, brackets: bool = False) -> Markup:
+    """A number, its power of ten raised; then a thin space, for factors follow it."""
+    mantissa, dot, raised = text.partition("·10")
+    plain = raised.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "−0123456789"))
+    n = _row(_n(mantissa), _o("·"), _power(_n("10"), _n(plain))) if dot else _n(mantissa)
+    return _row(_bracket(n) if brackets else n, Markup('<mspace width="0.17em"></mspace>'))
+
+
+def _bracket(inner: Markup) -> Markup:
+    return _row(_o("("), inner, _o(")"))
+
+
+def _size(inner: Markup) -> Markup:
+    return _row(_o("|"), inner, _o("|"))
+
+
+def _half() -> Markup:
+    return Markup("<mfrac><mn>1</mn><mn>2</mn></mfrac>")
+
+
+def _f(name: str, argument: Markup) -> Markup:
+    return _row(_i(name), Markup('<mspace width="0.17em"></mspace>'), argument,
+                Markup('<mspace width="0.17em"></mspace>'))  # fmt: skip
+
+
+def _tanh(rate: Markup, slip: Markup) -> Markup:
+    return _row(_i("tanh"), _bracket(_row(rate, _o("/"), slip)))
+
+
+def _D(order: Markup, what: Markup) -> Markup:
+    return _row(_power(_i("D"), order), what)

@@ -1,0 +1,199 @@
+"use strict";
+// A surface over two values: colours by the logarithm, lines of equal height, marks, and the values under the cursor.
+
+// cividis, which people who see no red or no green read as well: https://doi.org/10.1371/journal.pone.0199239
+const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"]
+  .map(c => [1, 3, 5].map(i => parseInt(c.slice(i, i + 2), 16)));
+
+function cividis(share) {
+  const at = Math.min(Math.max(share, 0), 1) * (CIVIDIS.length - 1), i = Math.min(Math.floor(at), CIVIDIS.length - 2);
+  return CIVIDIS[i].map((c, k) => Math.round(c + (at - i) * (CIVIDIS[i + 1][k] - c)));
+}
+
+class Plane {
+  // spec: { first, second, height: [[…]], names, levels: [{ at, label }], low, high, best, intervals, tried, read }
+  constructor(canvas, said, spec) {
+    Object.assign(this, { canvas, said, spec });
+    this.cell = [Math.floor(spec.first.length / 2), Math.floor(spec.second.length / 2)];
+    canvas.addEventListener("pointermove", e => this.hover(e));
+    canvas.addEventListener("keydown", e => this.walk(e));
+    Plane.all.push(this);
+    this.draw();
+    this.tell(...spec.best);
+  }
+
+  draw() {
+    const { canvas, spec } = this, ratio = devicePixelRatio || 1;
+    const width = canvas.clientWidth, height = canvas.clientHeight;
+    canvas.width = width * ratio;
+    canvas.height = height * ratio;
+    const ctx = this.ctx = canvas.getContext("2d");
+    ctx.scale(ratio, ratio);
+    this.box = { left: 58, top: 10, width: width - 68, height: height - 54 };
+    this.surface();
+    this.contours();
+    this.axes();
+    if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
+    this.cross();
+    this.star();
+  }
+
+  x(a) { const { first } = this.spec, { left, width } = this.box; return left + (a - first[0]) / (first.at(-1) - first[0]) * width; }
+  y(b) { const { second } = this.spec, { top, height } = this.box; return top + height - (b - second[0]) / (second.at(-1) - second[0]) * height; }
+
+  inside(a, b) {
+    const { first, second } = this.spec;
+    return a >= first[0] && a <= first.at(-1) && b >= second[0] && b <= second.at(-1);
+  }
+
+  // Between the points: linear in each direction.  null where a run failed.
+  height(a, b) {
+    const { first, second, height } = this.spec;
+    const [i, u] = place(first, a), [j, v] = place(second, b);
+    const h = [height[i][j], height[i + 1][j], height[i][j + 1], height[i + 1][j + 1]];
+    if (h.some(v => v === null)) return null;
+    return (1 - u) * (1 - v) * h[0] + u * (1 - v) * h[1] + (1 - u) * v * h[2] + u * v * h[3];
+  }
+
+  surface() {
+    const { box, ctx, spec } = this, { first, second } = spec, n = 160;
+    const image = ctx.createImageData(n, n), log = Math.log;
+    for (let row = 0; row < n; row++) for (let column = 0; column < n; column++) {
+      const a = first[0] + (column + 0.5) / n * (first.at(-1) - first[0]);
+      const b = second.at(-1) - (row + 0.5) / n * (second.at(-1) - second[0]);
+      const h = this.height(a, b), at = 4 * (row * n + column);
+      const share = h === null ? null : log(Math.max(h, spec.low) / spec.low) / log(spec.high / spec.low);
+      image.data.set(share === null ? [128, 128, 128, 90] : [...cividis(share), 255], at);
+    }
+    const small = Object.assign(document.createElement("canvas"), { width: n, height: n });
+    small.getContext("2d").putImageData(image, 0, 0);
+    ctx.drawImage(small, box.left, box.top, box.width, box.height);
+  }
+
+  // Marching squares on the grid itself, straight within a cell.
+  contours() {
+    const { ctx, spec } = this, { first, second, height } = spec;
+    ctx.lineWidth = 1;
+    ctx.font = "11px system-ui, sans-serif";
+    for (const { at, label } of spec.levels) {
+      ctx.strokeStyle = "rgba(255, 255, 255, 0.85)";
+      ctx.beginPath();
+      let last = null;
+      for (let i = 0; i + 1 < first.length; i++) for (let j = 0; j + 1 < second.length; j++) {
+        const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
+        if (corners.some(([k, l]) => height[k][l] === null)) continue;
+        const cuts = [];
+        corners.forEach(([k, l], c) => {
+          const [m, o] = corners[(c + 1) % 4], h = height[k][l], g = height[m][o];
+          if ((h < at) === (g < at)) return;
+          const s = (at - h) / (g - h);
+          cuts.push([this.x(first[k] + s * (first[m] - first[k])), this.y(second[l] + s * (second[o] - second[l]))]);
+        });
+        for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); last = cuts[c + 1]; }
+      }
+      ctx.stroke();
+      if (last) {
+        ctx.textAlign = last[0] > this.box.left + this.box.width - 30 ? "right" : "left";
+        ctx.lineWidth = 3;
+        ctx.strokeStyle = "rgba(0, 0, 0, 0.75)";
+        ctx.strokeText(label, last[0] + 2, last[1] + 12);
+        ctx.lineWidth = 1;
+        ctx.fillStyle = "#fff";
+        ctx.fillText(label, last[0] + 2, last[1] + 12);
+      }
+    }
+  }
+
+  axes() {
+    const { box, ctx, spec } = this;
+    ctx.fillStyle = css("soft");
+    ctx.strokeStyle = css("line");
+    ctx.strokeRect(box.left, box.top, box.width, box.height);
+    ctx.font = "12px system-ui, sans-serif";
+    ctx.textAlign = "center";
+    for (const v of ticks(spec.first, 5)) ctx.fillText(round(v, 5), this.x(v), box.top + box.height + 16);
+    ctx.fillText(spec.names[0], box.left + box.width / 2, box.top + box.height + 36);
+    ctx.textAlign = "right";
+    for (const v of ticks(spec.second, 6)) ctx.fillText(round(v, 5), box.left - 6, this.y(v) + 4);
+    ctx.save();
+    ctx.translate(14, box.top + box.height / 2);
+    ctx.rotate(-Math.PI / 2);
+    ctx.textAlign = "center";
+    ctx.fillText(spec.names[1], 0, 0);
+    ctx.restore();
+  }
+
+  dot(a, b) {
+    if (!this.inside(a, b)) return;
+    const { ctx } = this;
+    ctx.fillStyle = "rgba(255, 255, 255, 0.8)";
+    ctx.beginPath();
+    ctx.arc(this.x(a), this.y(b), 1.2, 0, 7);
+    ctx.fill();
+  }
+
+  // The two intervals as bars.
+  cross() {
+    const { box, ctx, spec } = this, [a, b] = spec.best;
+    const within = (v, low, high) => Math.min(Math.max(v, low), high);
+    ctx.strokeStyle = "#000";
+    ctx.lineWidth = 2;
+    (spec.intervals || []).forEach((ends, k) => {
+      if (!ends) return;
+      ctx.beginPath();
+      if (k === 0) for (const e of ends) ctx.lineTo(within(this.x(e), box.left, box.left + box.width), this.y(b));
+      else for (const e of ends) ctx.lineTo(this.x(a), within(this.y(e), box.top, box.top + box.height));
+      ctx.stroke();
+    });
+  }
+
+  star() {
+    const { ctx, spec } = this, x = this.x(spec.best[0]), y = this.y(spec.best[1]);
+    ctx.beginPath();
+    for (let k = 0; k < 10; k++) {
+      const r = k % 2 ? 3.6 : 9, angle = -Math.PI / 2 + k * Math.PI / 5;
+      ctx.lineTo(x + r * Math.cos(angle), y + r * Math.sin(angle));
+    }
+    ctx.closePath();
+    ctx.fillStyle = "#d55e00";
+    ctx.strokeStyle = "#000";
+    ctx.lineWidth = 1;
+    ctx.fill();
+    ctx.stroke();
+  }
+
+  hover(event) {
+    const { first, second } = this.spec, { left, top, width, height } = this.box;
+    const u = (event.offsetX - left) / width, v = 1 - (event.offsetY - top) / height;
+    if (u < 0 || u > 1 || v < 0 || v > 1) return this.tell(...this.spec.best);
+    return this.tell(first[0] + u * (first.at(-1) - first[0]), second[0] + v * (second.at(-1) - second[0]));
+  }
+
+  walk(event) {
+    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const { first, second } = this.spec;
+    this.cell = [first, second].map((axis, k) => Math.min(Math.max(this.cell[k] + step[k], 0), axis.length - 1));
+    this.tell(first[this.cell[0]], second[this.cell[1]]);
+  }
+
+  tell(a, b) {
+    const { names } = this.spec, h = this.inside(a, b) ? this.height(a, b) : null;
+    this.said.textContent = `${names[0]} ${round(a, 4)}, ${names[1]} ${round(b, 4)}: ${h === null ? "no run ended" : this.spec.read(h)}`;
+  }
+}
+
+Plane.all = [];
+
+function place(axis, v) {
+  let i = 0;
+  while (i < axis.length - 2 && axis[i + 1] < v) i++;
+  return [i, Math.min(Math.max((v - axis[i]) / (axis[i + 1] - axis[i]), 0), 1)];
+}
+
+function ticks(axis, count) {
+  const low = axis[0], high = axis.at(-1), raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= raw);
+  return Array.from({ length: count + 2 }, (_, k) => (Math.ceil(low / step) + k) * step).filter(v => v <= high + 1e-9 * step);
+}

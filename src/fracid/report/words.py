@@ -1,0 +1,258 @@
+"""What the report says in words: numbers with the digits that they are worth, and the verdict in five lines.
+
+Each of the five lines answers one question that decides whether the next is worth asking:
+
+==========  ==================================================================
+fit         how near does the model come to what it was fitted to?
+orders      are they fractional, and does an integer-order rival do as well?
+prediction  how near to recordings that it was not fitted to?
+values      which of them do the recordings tell, and which not?
+checks      did the search end, does the step matter, what is left over?
+==========  ==================================================================
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import degrees, floor, isfinite, log10
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fracid.report.material import Material
+
+__all__ = ["Line", "digits", "half_width", "joined", "letter", "number", "unit", "verdict"]
+
+LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
+POOR = 20.0
+"""A fit of less than this [%] explains next to nothing."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the verdict."""
+
+    about: str
+    sentence: str
+    good: bool
+    """Whether there is nothing to look at."""
+
+
+def letter(name: str) -> str:
+    """The Greek letter of an angle or an order, other names as they are.
+
+    Examples
+    --------
+    >>> letter("lambda"), letter("C1")
+    ('λ', 'C1')
+    """
+    return LETTERS.get(name, name)
+
+
+def number(value: float | None, form: str = ".4g") -> str:
+    """A number with a true minus; a dash for none.
+
+    Examples
+    --------
+    >>> number(-0.00123, ".2g"), number(None), number(1.2e-05)
+    ('−0.0012', '–', '1.2·10⁻⁵')
+    """
+    if value is None or not isfinite(value):
+        return "–"
+    mantissa, _, exponent = f"{value:{form}}".partition("e")
+    raised = "·10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) if exponent else ""
+    return mantissa.replace("-", "−") + raised
+
+
+def digits(estimate: Mapping[str, Any]) -> str:
+    """A value of result.json with two digits more than its standard error makes sure.
+
+    Examples
+    --------
+    >>> digits({"value": 0.0042925934, "standard_error": 0.000296}), digits({"value": 1.0})
+    ('0.004293', '1')
+    """
+    value, error = estimate.get("value"), estimate.get("standard_error")
+    if value is None or not error or value == 0:
+        return number(value, ".6g")
+    wanted = floor(log10(abs(value))) - floor(log10(error)) + 2
+    return number(value, f".{min(10, max(2, wanted))}g")
+
+
+def half_width(estimate: Mapping[str, Any]) -> float | None:
+    """Half of the 95 % interval; None where there is none.
+
+    Examples
+    --------
+    >>> half_width({"interval95": [0.9, 1.1]})
+    0.1
+    """
+    ends = estimate.get("interval95")
+    return None if ends is None else round((ends[1] - ends[0]) / 2, 15)
+
+
+def unit(said: str) -> str:
+    """A unit with raised exponents.
+
+    Examples
+    --------
+    >>> unit("kg m^2"), unit("N m s^2/rad^2")
+    ('kg m²', 'N m s²/rad²')
+    """
+    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], said)
+
+
+def joined(words: list[str], last: str = "and") -> str:
+    """Words in a row.
+
+    Examples
+    --------
+    >>> joined(["a", "b", "c"])
+    'a, b and c'
+    """
+    return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1] if words else "")))
+
+
+# --- the five lines ------------------------------------------------------------------------------
+
+
+def verdict(material: Material) -> tuple[Line, ...]:
+    """The report's first screen: fit, orders, prediction, values, checks."""
+    return _fit(material), _orders(material), _prediction(material), _values(material), _checks(material)
+
+
+def _fit(material: Material) -> Line:
+    recordings = material.used("fit")
+    what = "the recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
+    if any(v is None for r in recordings.values() for v in r["rmse"].values()):
+        return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
+    percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
+    explained = f" It explains {_range(percents)} % of the motion." if percents else ""
+    poor = not percents or min(percents) < POOR
+    doubt = " For one signal that is next to nothing." if poor and percents else ""
+    return Line("Fit", f"The model follows {what} to {_errors(material, recordings)} rms.{explained}{doubt}", not poor)
+
+
+def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
+    """``0.22° (θ) and 0.21° (α)``, over recordings the worst."""
+    worst: dict[str, float] = {}
+    for r in recordings.values():
+        for output, value in r["rmse"].items():
+            worst[output] = max(worst.get(output, 0.0), value)
+    said = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
+    return f"{joined(said)}{' at worst' if len(recordings) > 1 else ''}"
+
+
+def _range(values: list[float]) -> str:
+    low, high = min(values), max(values)
+    ends = dict.fromkeys((number(low, ".3g"), number(high, ".3g")))
+    return " to ".join(ends)
+
+
+def _orders(material: Material) -> Line:
+    orders, rival = material.result["orders"], material.result.get("alternative")
+    said = joined([_order(n, e) for n, e in orders.items()]) + "."
+    free = {n: e for n, e in orders.items() if e["free"]}
+    if not free:
+        return Line("Orders", f"{said} They were given, not found.", True)
+    if rival and rival["warning"]:
+        return Line("Orders", f"{said} {rival['warning']}", False)
+    if rival:
+        return Line("Orders", f"{said} {_against_integers(material, rival)}", True)
+    unknown = [letter(n) for n, e in free.items() if not e["interval95"]]
+    if unknown:
+        return Line("Orders", f"{said} How sure {joined(unknown)} {_is(unknown)} is not known.", False)
+    one = [letter(n) for n, e in free.items() if e["interval95"][0] <= 1 <= e["interval95"][1]]
+    if len(one) == len(free):
+        held = "Its interval holds 1" if len(one) == 1 else "Their intervals hold 1"
+        return Line("Orders", f"{said} {held}: nothing here says that the rig is fractional.", True)
+    off = [letter(n) for n in free if letter(n) not in one]
+    return Line("Orders", f"{said} {joined(off)} {_is(off)} off 1; no integer-order rival was tried.", False)
+
+
+def _order(name: str, e: Mapping[str, Any]) -> str:
+    half = half_width(e)
+    return f"{letter(name)} = {digits(e)}" + (f" ± {number(half, '.2g')}" if half is not None else "")
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
+    cost, own = rival["cost"], material.result["cost"]["value"]
+    times = f"{number(cost / own, '.3g')} times the cost" if cost and own else "no fit at all"
+    return (
+        f"With every order 1 and friction free the best integer-order model has {times} "
+        f"(BIC {number(rival['bic_gain_of_the_fractional_model'], '.3g')} worse): the orders explain more."
+    )
+
+
+def _prediction(material: Material) -> Line:
+    held = material.used("validate")
+    if not held:
+        return Line(
+            "Prediction",
+            'No recording was held out, so nothing shows that the model predicts. Give one with use = "validate".',
+            False,
+        )
+    failed = [n for n, r in held.items() if any(v is None for v in r["rmse"].values())]
+    if failed:
+        return Line("Prediction", f"No run reached the end of {joined(failed)}, which was not fitted.", False)
+    what = next(iter(held)) if len(held) == 1 else f"{len(held)} recordings"
+    was = "was" if len(held) == 1 else "were"
+    return Line("Prediction", f"{what}, which {was} not fitted, it predicts to {_errors(material, held)} rms.", True)
+
+
+def _values(material: Material) -> Line:
+    free = {n: e for n, e in (*material.result["orders"].items(), *material.result["parameters"].items()) if e["free"]}
+    own = [e for r in material.used("fit").values() for b in ("parameters", "initial_state") for e in r[b].values()]
+    known = [e["identifiable"] == "identifiable" for e in (*free.values(), *(e for e in own if e["free"]))]
+    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
+    if all(known):
+        return Line("Values", f"The recordings tell all {len(known)} values that were left free.", True)
+    said = f"The recordings tell {sum(known)} of the {len(known)} values that were left free"
+    return Line("Values", f"{said}; not, or not for sure: {joined(unknown)}." if unknown else f"{said}.", False)
+
+
+def _checks(material: Material) -> Line:
+    said = [*_search(material), *_step(material), *_left_over(material)]
+    return Line("Checks", " ".join(sentence for sentence, _ in said), all(good for _, good in said))
+
+
+def _search(material: Material) -> Iterator[tuple[str, bool]]:
+    outcome = material.result["outcome"]
+    converged = outcome.startswith("converged")
+    yield ("The search converged." if converged else f"The search ended so: {outcome}.", converged)
+
+
+def _step(material: Material) -> Iterator[tuple[str, bool]]:
+    check = material.result.get("discretisation")
+    if check is None:
+        yield "What the step does was not checked.", False
+    elif check["warning"]:
+        yield check["warning"], False
+    elif check["shift"]:
+        most = max(map(abs, check["shift"].values()))
+        yield f"Solved at half the step, no order moves by more than {number(most, '.1g')}.", True
+
+
+def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
+    found = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
+    if found:
+        worst = max(found, key=lambda a: a.whiteness.correlation_time if isfinite(a.whiteness.correlation_time) else 0)
+        floor_ = all(isfinite(a.level.floor) and a.level.rms < 1.3 * a.level.floor for a in found)
+        where = f"What is left over of {letter(worst.output)}"
+        if worst.whiteness.white:
+            yield f"{where} is white noise.", True
+        elif floor_:
+            yield "What is left over is the encoder's rounding.", True
+        elif isfinite(worst.whiteness.correlation_time):
+            time = number(worst.whiteness.correlation_time, ".2g")
+            yield f"{where} is correlated over {time} s: not noise alone, the model lacks something.", False
+
+
+def angle(value: float) -> str:
+    """An angle [rad] in degrees, two digits."""
+    return f"{number(degrees(value), '.2g')}°"
