@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from matplotlib.patches import StepPatch
@@ -464,6 +464,7 @@ def test_of_a_residual_with_a_gap_the_longest_stretch_is_looked_at():
     assert found.sentences == analysed(e[9010:], FITTED[9010:]).sentences
 
 
+@settings(max_examples=50)
 @given(hnp.arrays(float, st.integers(0, 120), elements=st.floats(-1e3, 1e3), fill=st.floats(-1, 1)))
 def test_any_residual_is_told_of_without_a_nan(residual):
     found = analysed(residual)

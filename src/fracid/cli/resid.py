@@ -145,7 +145,7 @@ def _figures(found: _Analysed) -> Any:
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("recording", overflow="fold")
-    for heading in ("output", "rms", "steps", "correlated", "count", "PPCC", "late/early"):
+    for heading in ("output", "rms", "steps", "correlated", "count", "PPCC"):
         table.add_column(heading, no_wrap=True)
     for a in found.all:
         steps, w = a.level.steps, a.whiteness
@@ -153,7 +153,6 @@ def _figures(found: _Analysed) -> Any:
             escape(a.recording), escape(a.output), _number(degrees(a.level.rms), ".3g", "°"),
             _number(steps, ".2f" if steps < 10 else ",.0f"), _number(w.correlation_time, ".2g", " s"),
             f"{_number(w.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
-            _number(a.variance.late_to_early.ratio, ".2g"),
         )  # fmt: skip
     return table
 
