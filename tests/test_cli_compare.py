@@ -2,7 +2,10 @@
 
 import csv
 import json
+import os
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,3 +195,62 @@ def test_a_folder_of_somebody_else_is_refused(capsys, folder):
     code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "other")
     assert code == 2
     assert "holds files that are not a run's" in err
+
+
+def test_a_fit_is_not_cleared_away(capsys, folder):
+    (folder / "run" / "result.json").write_text("{}", encoding="utf-8")
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)
+    assert code == 2
+    assert "holds a fit; give the comparison a folder of its own" in err
+    assert (folder / "run" / "result.json").exists()
+
+
+# --- a real rig -------------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[1]
+FOLDER = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """A function that compares the structures on the recordings of a real SRV02 by the command line."""
+    if not (FOLDER / "srv02-rotpen").is_dir():
+        pytest.skip(f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER")
+    folder = tmp_path_factory.mktemp("real")
+    text = (ROOT / "examples" / "real" / "srv02-compare.toml").read_text(encoding="utf-8")
+    text = re.sub(r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(FOLDER.rglob(m[2])).as_posix()}"', text, flags=re.M)
+    (folder / "srv02.toml").write_text(text, encoding="utf-8")
+
+    def compared(name, *options):
+        with pytest.raises(SystemExit) as stop:
+            main(["compare", str(folder / "srv02.toml"), "--out", str(folder / name), "--json", *options])
+        assert not stop.value.code
+        return json.loads((folder / name / "compare.json").read_text(encoding="utf-8"))
+
+    return compared
+
+
+@pytest.mark.slow
+def test_a_real_rig_needs_dry_friction_and_cable_and_no_orders_and_the_numbers_repeat(real, capsys):
+    record = real("one", "--jobs", "2", "--amplitude")
+    assert len(record["structures"]) == 8
+    by_name = {s["name"]: s for s in record["structures"]}
+    plain, paper, dry, ladder, free = (
+        by_name[f"viscous{more}"] for more in (", orders 1", ", orders free", " + Coulomb, orders 1",
+                                               " + Coulomb + drag + cable, orders 1",
+                                               " + Coulomb + drag + cable, orders free")
+    )  # fmt: skip
+    fitted, low = ({s["name"]: np.degrees([*s[use][name]["rmse"].values()]) for s in record["structures"]}
+                   for use, name in (("in_sample", "release 92°"), ("held_out", "release 16°")))  # fmt: skip
+    assert fitted[ladder["name"]].max() < 0.24  # a good ladder
+    assert low[ladder["name"]].max() < 0.2
+    assert low[paper["name"]].max() > 5 * low[dry["name"]].max()  # the paper's structure
+    assert low[plain["name"]].max() > low[paper["name"]].max()
+    assert free["bic_above_best"] > 0  # two more unknowns that explain nothing
+    for order in free["orders"].values():
+        assert order["interval95"][0] <= 1 <= order["interval95"][1]
+    assert "The paper's structure" in record["verdict"]
+    assert record["amplitude"]["viscous, orders free"]["friction_in_disguise"]
+    assert not record["amplitude"][free["name"]]["friction_in_disguise"]
+    again = real("two", "--jobs", "1", "--amplitude")
+    assert again == record

@@ -123,6 +123,8 @@ def _begin(folder: Path, study: Mapping[str, Any]) -> None:
     from fracid.runs import JOURNAL, open_folder
 
     journal = folder / JOURNAL
+    if (folder / "result.json").exists():
+        raise InputError(f"{folder} holds a fit; give the comparison a folder of its own: --out DIR.")
     if (folder / RESULT).exists() and journal.exists() and _header(journal) != study:
         with FolderLock(folder):
             (folder / RESULT).unlink()
