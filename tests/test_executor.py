@@ -118,6 +118,20 @@ def test_what_the_journal_has_is_not_done_again(tmp_path):
     assert whole == run_tasks(drawn, STUDY[:6])
 
 
+def test_journals_of_slices_of_a_study_are_joined_by_joining_their_lines(tmp_path):
+    whole = run_tasks(drawn, STUDY)
+    for shard in range(3):
+        with Journal(tmp_path / f"{shard}.jsonl", {"seeds": 12}) as journal:
+            run_tasks(drawn, STUDY[shard::3], journal=journal)
+    header, *lines = (tmp_path / "0.jsonl").read_text().splitlines(keepends=True)
+    for shard in (1, 2):
+        lines += (tmp_path / f"{shard}.jsonl").read_text().splitlines(keepends=True)[1:]
+    (tmp_path / "all.jsonl").write_text(header + "".join(lines))
+    with Journal(tmp_path / "all.jsonl", {"seeds": 12}) as journal:
+        assert run_tasks(refuses, STUDY, journal=journal) == whole
+        assert list(run_tasks(refuses, STUDY, journal=journal)) == list(whole)
+
+
 def test_progress_counts_those_done_before_apart_and_knows_the_lowest_cost(tmp_path):
     seen = []
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
