@@ -623,6 +623,8 @@ def _why(cell: Cell, s: Statistics) -> str:
         return f"{said}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
     if s.claimed and s.spread and s.spread > 1.15 * s.claimed:
         return f"{said}: the spread is {s.spread / s.claimed:.1f} times the standard error)"
+    if cell.stopped_short > 0.1 * cell.repetitions:
+        return f"{said}: the search stopped short in {cell.stopped_short})"
     return f"{said})"
 
 
