@@ -50,6 +50,7 @@ def folder(tmp_path_factory):
         "moving": FREE + SWING + "from = 1.45\n",
         "orders": '[model]\nrig = "srv02-rotpen"\n' + SWING,
         "tied": FREE + 'C3 = "C1"\n' + SWING,
+        "alone": FREE + SWING + '[fit]\noutputs = ["alpha"]\n',
         "two": FREE + SWING + 'name = "one"\n' + SWING + 'name = "two"\n',
     }
     for name, text in texts.items():
@@ -160,6 +161,14 @@ def test_a_start_in_motion_is_not_searched_for_orders_and_the_release_mends_it(c
     assert released["parameters"]["C1"]["value"] == pytest.approx(TRUE["C1"], rel=0.02)
     (whole,) = whole_recordings(fracid.load_project(folder / "moving.toml"))
     assert whole.time[0] == 0.0
+
+
+def test_an_arm_that_is_not_scored_is_left_out(capsys, folder):
+    code, out, _ = run(capsys, folder / "alone.toml", *GIVEN, "--json")
+    found = json.loads(out)
+    assert code == 3  # for this arm moves
+    assert set(found["parameters"]) == {"C1", "C4", "b_alpha", "coulomb_alpha"}
+    assert any("its arm is taken as clamped" in w for w in found["warnings"])
 
 
 def test_ties_are_let_go_and_it_says_so(capsys, folder):

@@ -12,6 +12,7 @@ from fracid.errors import InputError
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, regressor, start_values
+from fracid.regression.rows import swing_of
 
 COUNT = 2 * np.pi / 4096
 RIG = fracid.rotary_pendulum(
@@ -202,6 +203,27 @@ def test_a_small_release_does_not_show_the_orders_and_no_constant_is_called_iden
     found = regress(release(10, "integer", 2, end=4.0), RIG, orders=at, known=C4)
     assert any("mu is hardly seen" in w for w in found.warnings)
     assert not any(c.identified for c in found.parameters.values())
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-3])
+def test_the_swing_is_found_in_noise_and_so_is_that_it_starts_at_rest(noise):
+    states = exact(10, "integer", 6.0).copy()
+    states[:, [0, 2]] += noise * np.random.default_rng(3).standard_normal((len(states), 2))
+    swing = swing_of(recording(states), RIG)
+    spectrum = np.abs(np.fft.rfft(np.diff(exact(10, "integer", 6.0)[:, 2])))
+    assert swing.frequency == pytest.approx(np.argmax(spectrum) / 6.0, abs=0.35)
+    assert not swing.in_motion
+
+
+def test_where_no_response_is_like_the_measured_one_no_constant_is_called_identified():
+    upside_down = fracid.rotary_pendulum("srv02-rotpen", zero="upright")
+    found, asked = (
+        regress(release(30), upside_down, orders=orders("near"), known=C4, estimator=e) for e in ("iv", "huber")
+    )
+    assert found.estimator == "huber"
+    assert any("No estimate's simulated response is like the measured one" in w for w in found.warnings)
+    assert not any(c.identified for c in found.parameters.values())
+    assert {n: c.value for n, c in asked.parameters.items()} == {n: c.value for n, c in found.parameters.items()}
 
 
 # --- what cannot be told apart --------------------------------------------------------------------------

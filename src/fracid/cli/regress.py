@@ -166,7 +166,9 @@ def _recordings(project: Project, start: str | None, stop: float | None) -> tupl
 
     fitted = {e.name for e in project.problem.experiments}
     given = project.recordings if start is None else whole_recordings(project)
-    return tuple(r.trim(start_from_text(start), stop) for r in given if r.name in fitted)
+    seen = (*project.problem.outputs, *project.problem.model.inputs)  # an arm that is not scored may stand still
+    trimmed = (r.trim(start_from_text(start), stop) for r in given if r.name in fitted)
+    return tuple(replace(r, signals={n: x for n, x in r.signals.items() if n in seen}) for r in trimmed)
 
 
 def _in_motion(asked: _Asked) -> _Asked:

@@ -281,7 +281,7 @@ def _regress(
     found = _at(data, gauge, names, known, model, at, estimator, spread)
     late = search is not None and any(s.in_motion for s in swings)
     return replace(
-        _doubted(found, search, late), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
+        _doubted(found, search, late, estimator), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
     )  # fmt: skip
 
 
@@ -491,10 +491,12 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     return found
 
 
-def _doubted(found: Regression, search: OrderSearch | None, late: bool) -> Regression:
+def _doubted(found: Regression, search: OrderSearch | None, late: bool, asked: Estimator) -> Regression:
     """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
 
     ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.
+    Where another estimator than the one asked for was taken, for there are no instruments, the estimate does not
+    even reproduce the motion: its own bias says too little then.
     """
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in found.fit_percent.items() if percent < POOR]
@@ -505,6 +507,7 @@ def _doubted(found: Regression, search: OrderSearch | None, late: bool) -> Regre
     why = [f"moves with {' and '.join(wide)}, which the data hardly see"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]
+    why += ["its simulated response is not like the measured one"] if found.estimator != asked else []
     verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in found.parameters.items()}
     return replace(found, parameters=verdicts, warnings=(*found.warnings, *said))
 

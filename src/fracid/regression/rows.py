@@ -37,6 +37,8 @@ STICKS = 1.0
 """Below this many slip speeds a joint may stick, and its friction is anything: left out."""
 DRAWS = 4
 """Pairs of noisy repeats for the noise's covariance in W and for the bias."""
+LOUD = 30.0
+"""So many times its mean power no single frequency of a white noise comes by, but once in e^30."""
 OVERSAMPLED = 20.0
 """Samples a period of the cut-off, after the low-pass."""
 KAISER = 5.65
@@ -231,9 +233,10 @@ class Swing:
 
     @cached_property
     def frequency(self) -> float:
-        """Of the swing [Hz]: where the speed of α has most power."""
+        """Of the swing [Hz]: where the speed of α has most power, among what stands out of the noise."""
         f, power = _spectrum(self.angles[self.start :, 1], self.step)
-        return float(f[np.argmax(f**2 * power)])
+        loud = power > LOUD * self.noise[1] ** 2
+        return float(f[np.argmax(f**2 * power * (loud if loud.any() else 1.0))])
 
     @cached_property
     def cutoff(self) -> float:
@@ -253,7 +256,9 @@ class Swing:
         at_rest = np.linalg.lstsq(np.column_stack([np.ones_like(t), t**2]), first, rcond=None)[0][0]
         moving = np.polynomial.polynomial.polyfit(t, first, 2)
         top = np.ptp(self.angles, axis=0) * math.pi * self.frequency
-        released = bool(np.all(np.abs(moving[1]) < 0.25 * top.max()))
+        powers = np.vander(t, 3)
+        of_noise = 3.0 * self.noise * math.sqrt(np.linalg.inv(powers.T @ powers)[1, 1])
+        released = bool(np.all(np.abs(moving[1]) < np.maximum(0.25 * top.max(), of_noise)))
         return (at_rest, np.zeros(2)) if released or self.start else (moving[0], moving[1])
 
     @property
