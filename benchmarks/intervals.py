@@ -1,6 +1,6 @@
 """How often does a 95 % interval hold the truth?  Twins of every built-in rig, identified again: ``make coverage``.
 
-    python benchmarks/intervals.py                 # prints the tables; goes on where an earlier run was cut short
+    python benchmarks/intervals.py                 # prints the tables; goes on from what runs/coverage has
     python benchmarks/intervals.py --write         # also puts them into docs/uncertainty.md
     python benchmarks/intervals.py --seeds 20 --only srv02
 
@@ -239,9 +239,11 @@ def main() -> None:
     asked = parser.parse_args()
     began = time.perf_counter()
     planned_cases = plans(asked.seeds, asked.only)
-    tasks = [Task(f"{case.name}: {t.key}", t.arguments) for case, plan in planned_cases.items() for t in plan.tasks]
+    own = [[Task(f"{case.name}: {t.key}", t.arguments) for t in plan.tasks] for case, plan in planned_cases.items()]
+    tasks = [task for round_ in zip(*own, strict=True) for task in round_]  # one of each case, then the next of each
     FOLDER.mkdir(parents=True, exist_ok=True)
-    study = {"seeds": asked.seeds, "only": asked.only, "steps": [p.problem.substeps for p in planned_cases.values()]}
+    study = {"fracid": fracid.__version__, "only": asked.only, "level": LEVEL, "resolution": COUNT, "end": END,
+             "steps": [plan.problem.substeps for plan in planned_cases.values()]}  # fmt: skip
     with Journal(FOLDER / "journal.jsonl", study) as journal:
         found = run_tasks(repetition, tasks, executor="processes", jobs=asked.jobs, journal=journal, progress=shown)
     studies = {
