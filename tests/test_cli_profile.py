@@ -172,14 +172,6 @@ def test_a_run_whose_recording_has_changed_is_told(capsys, folder, tmp_path):
     assert "The recording 'release 20°' is not the one that" in err
 
 
-def test_a_run_whose_project_is_gone_is_told_what_to_type(capsys, folder, tmp_path):
-    shutil.copytree(folder / "run", tmp_path / "run")
-    code, _, err = run(capsys, "profile", tmp_path / "run")
-    assert code == 2
-    assert "is not where it was, or has changed since" in err
-    assert "Type fracid profile PROJECT" in err
-
-
 def test_a_model_that_never_reaches_the_end_ends_with_3(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     (tmp_path / "bad.toml").write_text(

@@ -136,14 +136,14 @@ def lose_data(folder):
 
 @pytest.mark.parametrize(("spoil", "words"), [
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
-    (lose_data, "are not where the run found them: .* Put them back, or fit again: fracid fit PROJECT"),
+    (lose_data, "cannot be read as the run read it: .* Put its recordings back, or fit again: fracid fit PROJECT"),
     (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run is not finished; type fracid resume .*run"),
     (lose_result("fit", "{"), "The fit in .*run is not finished"),
     (lose_result("noise", "[]"), "run is the folder of fracid noise; give one that fracid fit wrote"),
     (lose_result("", "{"), "is no run folder: it has no result.json that can be read"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
-    (lambda f: (f / "run" / "project.toml").write_text("[model"), "is not what fracid fit wrote there"),
-    (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "is not what fracid fit wrote there"),
+    (lambda f: (f / "run" / "project.toml").write_text("[model"), "cannot be read as the run read it"),
+    (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "cannot be read as the run read it"),
 ])  # fmt: skip
 def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
     spoil(copy)

@@ -51,7 +51,7 @@ from fracid.optimise import optimiser_from_name
 from fracid.problem import Experiment, Free, Prior, Problem, Tied, Value
 from fracid.recording import Recording, load_recording
 
-__all__ = ["PRESETS", "Project", "load_project"]
+__all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
 
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
@@ -207,6 +207,20 @@ def load_project(path: str | Path, *, preset: str | None = None) -> Project:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise InputError(f"The project file {path} cannot be read: {reason}.") from None
+    return project_from_text(text, path, preset=preset)
+
+
+def project_from_text(text: str, path: Path, *, preset: str | None = None) -> Project:
+    """Read a project from the text of a file; `path` says where its relative paths lead from, and is not read.
+
+    Errors are those of :func:`load_project`.
+
+    Examples
+    --------
+    >>> project_from_text("[[recording]]", Path("rig.toml"))
+    Traceback (most recent call last):
+    fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
+    """
     try:
         said = _File.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:

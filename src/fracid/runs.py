@@ -66,6 +66,9 @@ EVALUATIONS = "evaluations.jsonl"
 MEMO = ".memo"
 FIGURES = "figures"
 
+LATER = ("residuals.json", "profiles.json", "report.html")
+"""What other commands have made of a run: no longer true of a new one."""
+
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
 
 
@@ -237,7 +240,7 @@ def open_folder(folder: Path) -> Path:
     _refuse_strangers(folder)
     with FolderLock(folder):
         try:
-            for old in (EVALUATIONS, MEMO, "result.json"):
+            for old in (EVALUATIONS, MEMO, "result.json", *LATER):
                 (folder / old).unlink(missing_ok=True)
             for path in (*_figures(folder), *_halves(folder)):
                 path.unlink(missing_ok=True)

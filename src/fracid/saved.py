@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -28,8 +27,7 @@ from numpy.typing import NDArray
 from fracid.errors import FracidError, InputError
 from fracid.identify import Estimate, RecordingFit
 from fracid.problem import Experiment, Problem
-from fracid.project import Project, _File
-from fracid.project import _project as _built
+from fracid.project import Project, project_from_text
 
 __all__ = ["SavedRun", "load_run"]
 
@@ -162,25 +160,16 @@ def _project(folder: Path, result: Mapping[str, Any]) -> Project:
         text = (folder / "project.toml").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
-    try:
-        said, preset = _File.model_validate(tomllib.loads(text)), result.get("preset")
-    except ValueError:
-        raise InputError(
-            f"{folder / 'project.toml'} is not what fracid fit wrote there: it was changed, or another version of "
-            "fracid wrote it. Fit again: fracid fit PROJECT."
-        ) from None
     there = [path for path in _places(folder) if path.parent.is_dir()]
     there.sort(key=lambda path: _text(path) != text)  # the file itself first, then where it was
     reason = ""
     for path in (*there, folder / "project.toml"):
         try:
-            return _built(path, text, said, preset)
+            return project_from_text(text, path, preset=result.get("preset"))
         except FracidError as error:
             reason = reason or str(error)
-    raise InputError(
-        f"The recordings of {folder} are not where the run found them: {reason} Put them back, or fit again: "
-        "fracid fit PROJECT."
-    )
+    raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
+                     "or fit again: fracid fit PROJECT.")  # fmt: skip
 
 
 def _text(path: Path) -> str | None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from fracid.optimise.base import FloatArray
     from fracid.problem import Problem
     from fracid.profiles import Profiles
-    from fracid.project import Project
     from fracid.uncertainty import Uncertainty
 
 __all__ = ["profile"]
@@ -96,9 +95,14 @@ def _profiled(
     from fracid.bootstrap import bootstrap, spread
     from fracid.diagnostics import identifiability
     from fracid.profiles import profile as library_profile
+    from fracid.saved import load_run
     from fracid.uncertainty import uncertainty
 
-    problem, x = _of_run(source) if source.is_dir() else _of_project(source, seed, jobs)
+    if source.is_dir():
+        saved = load_run(source)
+        problem, x = saved.problem, saved.x
+    else:
+        problem, x = _of_project(source, seed, jobs)
     found = library_profile(problem, x, parameters=names, joint=joint, points=points, jobs=jobs)
     known = uncertainty(problem, found.x, jobs=jobs)
     drawn = known if isinstance(known, str) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
@@ -122,62 +126,6 @@ def _of_project(path: Path, seed: int, jobs: int) -> tuple[Problem, FloatArray]:
     if not isfinite(fit.cost):
         raise DataError(f"{path}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
     return fit.problem, fit.x
-
-
-# ------------------------------------------------------------------ a run folder
-
-
-def _of_run(folder: Path) -> tuple[Problem, FloatArray]:
-    """The problem of a run and where it ended; its recordings are read again, and must be the same."""
-    import numpy as np
-
-    result = _read(folder / "result.json")
-    project = _project(folder, result.get("preset"))
-    for r in project.recordings:
-        if result["data_sha256"].get(r.name) != r.sha256:
-            raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
-    ended, problem = _values(result), project.problem
-    return problem, np.array([ended.get(u.name, u.range.start) for u in problem.unknowns])
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return {} if not isinstance(content, dict) else content
-    except (OSError, ValueError):
-        raise InputError(
-            f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote, "
-            "or a project file."
-        ) from None
-
-
-def _project(folder: Path, preset: str | None) -> Project:
-    """The project that a run used, from where its recordings' paths still hold."""
-    from fracid.project import load_project
-
-    used = folder / "project.toml"
-    text = used.read_text(encoding="utf-8") if used.exists() else None
-    said = _read(folder / "environment.json").get("command", [])
-    places = [Path(), *folder.resolve().parents]
-    for path in (place / word for word in said if str(word).endswith(".toml") for place in places):
-        if path.is_file() and path.read_text(encoding="utf-8") == text:
-            return load_project(path, preset=preset)
-    try:
-        return load_project(used, preset=preset)
-    except InputError as error:
-        raise InputError(
-            f"The project file of {folder} is not where it was, or has changed since, and its copy there does not "
-            f"find the recordings ({error}) Type fracid profile PROJECT, which fits again."
-        ) from None
-
-
-def _values(result: dict[str, Any]) -> dict[str, float]:
-    """Name of each unknown → its value in result.json."""
-    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result.get(block, {}).items()}
-    for name, r in result.get("recordings", {}).items():
-        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
-        shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
-    return {n: float(v) for n, v in shared.items() if v is not None}
 
 
 # ------------------------------------------------------------------ from results to files and text
