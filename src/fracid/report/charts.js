@@ -11,7 +11,11 @@ const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charC
 // uPlot knows a gap as null.
 const line = values => Array.from(values, v => (Number.isFinite(v) ? v : null));
 
-const round = (v, digits = 4) => (v === null || v === undefined ? "–" : String(+v.toPrecision(digits)).replace("-", "−"));
+function round(v, digits = 4) {
+  if (v === null || v === undefined) return "–";
+  const small = v !== 0 && Math.abs(v) < 1e-4;
+  return (small ? (+v.toPrecision(digits)).toExponential() : String(+v.toPrecision(digits))).replaceAll("-", "−");
+}
 
 const KINDS = {
   measured: { colour: "measured", width: 3 },
@@ -56,16 +60,17 @@ class Chart {
     const { spec } = this;
     const axis = (label, more) => ({
       label, labelSize: 22, labelFont: "12px system-ui, sans-serif", font: "12px system-ui, sans-serif",
-      stroke: css("soft"), grid: { stroke: css("grid"), width: 1 }, ticks: { stroke: css("grid"), width: 1, size: 4 }, gap: 4,
+      stroke: css("soft"), ticks: { stroke: css("grid"), width: 1, size: 4 }, gap: 4,
       values: (u, ticks) => ticks.map(v => (v === null ? "" : round(v, 6))), ...more,
     });
+    const grid = log => ({ stroke: css("grid"), width: log ? 0.5 : 1 });
     return {
       width: this.width, height: spec.height,
       scales: {
         x: { time: false, distr: spec.logx ? 3 : 1 },
         y: { distr: spec.logy ? 3 : 1, range: spec.yrange },
       },
-      axes: [axis(spec.xlabel, { size: 26, space: 60 }), axis(spec.ylabel, { size: 52, space: 28 })],
+      axes: [axis(spec.xlabel, { size: 26, space: 60, grid: grid(spec.logx) }), axis(spec.ylabel, { size: 52, space: 28, grid: grid(spec.logy) })],
       series: [
         { label: spec.xname || spec.xlabel, value: (u, v) => round(v, 5) },
         ...spec.series.map(s => {
@@ -122,7 +127,7 @@ class Chart {
       const room = mark.axis === "x" && at + ctx.measureText(mark.text).width + 8 * uPlot.pxRatio > left + width;
       ctx.textAlign = room || mark.axis === "y" ? "right" : "left";
       const gap = 4 * uPlot.pxRatio;
-      if (mark.axis === "x") ctx.fillText(mark.text, at + (room ? -gap : gap), top + 13 * uPlot.pxRatio);
+      if (mark.axis === "x") ctx.fillText(mark.text, at + (room ? -gap : gap), top + (13 + 15 * (mark.row || 0)) * uPlot.pxRatio);
       else ctx.fillText(mark.text, left + width - gap, at - gap);
     }
     ctx.restore();

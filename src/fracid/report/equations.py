@@ -104,8 +104,8 @@ class _Writer:
         return _number(digits(estimate)) if self.numbers else _i(LETTERS[name])
 
 
-def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Markup, Markup]]:
-    """Left and right side of each equation."""
+def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Markup, ...]]:
+    """Left side of each equation, and the rows of its right side."""
     λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
     θ, α, ω_θ, ω_α = _i("θ"), _i("α"), _sub("ω", "θ"), _sub("ω", "α")
     a = _bracket(_row(α, _o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
@@ -132,25 +132,33 @@ def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool)
         (c.there("coulomb_alpha"), minus, lambda: _row(c("coulomb_alpha"), _tanh(ω_α, c("slip_speed")))),
         (c.there("drag_alpha"), minus, lambda: _row(c("drag_alpha"), ω_α, _size(ω_α))),
     ]
-    yield _row(M11, _D(λ, ω_θ), plus, M12, _D(μ, ω_α)), _sum(arm)
-    yield _row(M12, _D(λ, ω_θ), plus, c("C1"), _D(μ, ω_α)), _sum(pendulum)
+    yield _row(M11, _D(λ, ω_θ), plus, M12, _D(μ, ω_α)), *_sum(arm)
+    yield _row(M12, _D(λ, ω_θ), plus, c("C1"), _D(μ, ω_α)), *_sum(pendulum)
 
+
+IN_A_ROW = 3
+"""Terms of a sum."""
+
+SHORT = 400
+"""Characters of MathML: a left side that leaves room for the right one."""
 
 Term = tuple[bool, Markup, Callable[[], Markup]]
 """Whether it is there, its sign, and what writes it."""
 
 
-def _sum(terms: list[Term]) -> Markup:
+def _sum(terms: list[Term]) -> Iterator[Markup]:
+    """The terms that are there, as many in a row as a screen has room for."""
     there = [(sign, write()) for present, sign, write in terms if present]
-    first = [there[0][1]] if there[0][0] == _o("+") else list(there[0])
-    return _row(*first, *(part for term in there[1:] for part in term))
+    for k in range(0, len(there), IN_A_ROW):
+        row = [part for term in there[k : k + IN_A_ROW] for part in term]
+        yield _row(*(row[1:] if k == 0 and row[0] == _o("+") else row))
 
 
 def _from_rest(c: _Writer, θ: Markup) -> Markup:
     return _bracket(_row(θ, _o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
 
 
-def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, Markup]]:
+def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, ...]]:
     """Each state of a model that is not ours, with its order."""
     arguments = _row(_i("t"), _o(","), _i("x"), _o(","), _i("u"), _o(","), _i("p"))
     for i, (state, order) in enumerate(zip(model.states, model.orders, strict=True), 1):
@@ -161,14 +169,16 @@ def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, M
 # --- MathML --------------------------------------------------------------------------------------
 
 
-def _block(lines: Iterator[tuple[Markup, Markup]]) -> Markup:
-    rows = Markup("").join(
-        Markup('<mtr><mtd class="left">{}</mtd><mtd>{}</mtd><mtd class="right">{}</mtd></mtr>').format(
-            left, _o("="), right
-        )
-        for left, right in lines
-    )
-    return Markup('<math display="block"><mtable>{}</mtable></math>').format(rows)
+def _block(lines: Iterator[tuple[Markup, ...]]) -> Markup:
+    """One below the other; a long right side begins a row of its own, which a narrow screen has room for."""
+    row = Markup('<mtr><mtd class="{}">{}</mtd></mtr>')
+    rows = []
+    for left, first, *more in lines:
+        equals = _row(_o("="), first)
+        short = not more and "mfrac" not in first and len(left) < SHORT
+        rows += [row.format("eq", _row(left, equals))] if short else [row.format("eq", left), row.format("rhs", equals)]
+        rows += [row.format("rhs", rest) for rest in more]
+    return Markup('<math display="block"><mtable>{}</mtable></math>').format(Markup("").join(rows))
 
 
 def _row(*parts: Markup) -> Markup:
@@ -212,7 +222,7 @@ def _size(inner: Markup) -> Markup:
 
 
 def _half() -> Markup:
-    return Markup("<mfrac><mn>1</mn><mn>2</mn></mfrac>")
+    return _row(Markup("<mfrac><mn>1</mn><mn>2</mn></mfrac>"), Markup('<mspace width="0.17em"></mspace>'))
 
 
 def _f(name: str, argument: Markup) -> Markup:

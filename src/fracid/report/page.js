@@ -36,6 +36,21 @@ const traceOf = (() => {
   return k => { if (!made.has(k)) made.set(k, new Trace(DATA.recordings[k])); return made.get(k); };
 })();
 
+// What is drawn of a recording: each output measured and fitted, and its residual.
+function curves(trace) {
+  const x = line(trace.t), shared = { x, xlabel: `time from ${round(trace.said.start, 6)} s on [s]`, xname: "time" };
+  return trace.outputs.flatMap(o => {
+    const residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]), unit = o.unit ? ` [${o.unit}]` : "";
+    const band = o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [];
+    return [
+      { title: `${o.letter}, measured and fitted`, ylabel: o.letter + unit, height: 230, ...shared,
+        series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "fitted", y: line(o.fitted), kind: "fitted" }] },
+      { title: `${o.letter}, residual${o.step ? `; one encoder step of ${round(o.step, 3)}${o.unit} shaded` : ""}`, ylabel: `residual${unit}`,
+        height: 140, ...shared, bands: band, series: [{ label: "measured − fitted", y: line(residual), kind: "residual", digits: 3 }] },
+    ];
+  });
+}
+
 // --- the player
 
 class Player {
@@ -70,28 +85,22 @@ class Player {
 
   open(k) {
     this.trace = traceOf(k);
+    const poses = which => Array.from(this.trace.t, t => this.trace.angle("alpha", which, t) - this.rest());
+    for (const rig of this.rigs) rig.frame([...poses("measured"), ...poses("fitted")]);
     this.window = [0, this.trace.end];
     const old = new Set(this.charts);
     Chart.all = Chart.all.filter(c => !old.has(c));
+    element("shown").textContent = this.trace.said.name;
     element("traces").replaceChildren();
-    this.charts = this.trace.outputs.flatMap(o => this.curves(o));
+    this.charts = curves(this.trace).map(spec => this.chart(spec));
     const slider = element("time");
     slider.max = this.trace.end;
     slider.step = this.trace.step();
     this.seek(0);
   }
 
-  curves(o) {
-    const { trace } = this, x = line(trace.t), residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]);
-    const band = o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [];
-    const unit = o.unit ? ` [${o.unit}]` : "", shared = { x, xlabel: `time from ${round(trace.said.start, 6)} s on [s]`, xname: "time" };
-    return [
-      { title: `${o.letter}, measured and fitted`, ylabel: o.letter + unit, height: 230, ...shared,
-        series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "fitted", y: line(o.fitted), kind: "fitted" }] },
-      { title: `${o.letter}, residual${o.step ? `; one encoder step of ${round(o.step, 3)}${o.unit} shaded` : ""}`, ylabel: `residual${unit}`, height: 140, ...shared,
-        bands: band, series: [{ label: "measured − fitted", y: line(residual), kind: "residual", digits: 3 }] },
-    ].map(spec => this.chart(spec));
-  }
+  // The offset of the pendulum's encoder [°].
+  rest() { return DATA.rig ? DATA.rig.alphaRest[this.trace.said.name] || 0 : 0; }
 
   chart(spec) {
     const host = element("traces").appendChild(document.createElement("div"));
@@ -152,7 +161,7 @@ class Player {
     const { now, trace } = this;
     element("clock").textContent = `${now.toFixed(2)} s`;
     element("time").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
-    const rest = DATA.rig ? DATA.rig.alphaRest[trace.said.name] || 0 : 0;
+    const rest = this.rest();
     for (const rig of this.rigs) {
       const pose = time => [trace.angle("theta", rig.which, time), trace.angle("alpha", rig.which, time) - rest];
       const moments = this.playing ? 24 : 0, trail = Array.from({ length: moments }, (_, k) => pose(Math.max(0, now - 0.35 * (1 - k / (moments - 1 || 1)))));
@@ -217,12 +226,12 @@ function whole(k) {
   const kinds = ["first", "second", "third"], units = [...new Set(w.signals.map(s => s.unit))];
   return units.map(unit => ({
     title: w.signals.filter(s => s.unit === unit).map(s => s.letter).join(" and "),
-    x, xlabel: "time on the recording's clock [s]", xname: "time", ylabel: unit ? `[${unit}]` : "", height: 200,
+    x, xlabel: "time on the recording's clock [s]", xname: "time", ylabel: `${unit === "°" ? "angle" : "input"} [${unit}]`.replace(" []", ""), height: 200,
     series: w.signals.filter(s => s.unit === unit).map((s, i) => ({ label: s.letter, y: line(floats(s.y)), kind: kinds[i % 3] })),
     bands: [{ axis: "x", from: w.window[0], to: w.window[1], kind: "window" }],
     marks: [
       { axis: "x", at: w.window[0], text: "used", kind: "link" }, { axis: "x", at: w.window[1], kind: "link" },
-      ...(w.release === null ? [] : [{ axis: "x", at: w.release, text: "release", kind: "mark", solid: true }]),
+      ...(w.release === null ? [] : [{ axis: "x", at: w.release, text: "release", kind: "mark", solid: true, row: 1 }]),
     ],
   }));
 }
@@ -295,8 +304,18 @@ addEventListener("resize", () => {
   waiting = setTimeout(() => { Chart.resize(); Plane.all.forEach(p => p.draw()); player.show(); }, 120);
 });
 
+// On paper there is no choosing: the curves of the other recordings as well, all notes open, light colours.
+const MOST_ON_PAPER = 12;
+const onPaper = [];
 addEventListener("beforeprint", () => {
+  player.play(false);
   document.documentElement.dataset.print = "";
+  DATA.recordings.slice(0, MOST_ON_PAPER).forEach((said, k) => {
+    if (traceOf(k) === player.trace) return;
+    const host = element("player").appendChild(document.createElement("div"));
+    host.appendChild(document.createElement("h3")).textContent = said.name;
+    onPaper.push(host, ...curves(traceOf(k)).map(spec => new Chart(host.appendChild(document.createElement("div")), spec)));
+  });
   for (const d of document.querySelectorAll("details:not([open])")) { d.open = true; d.dataset.opened = ""; }
   Chart.rebuild(true);
   Plane.all.forEach(p => p.draw());
@@ -304,6 +323,9 @@ addEventListener("beforeprint", () => {
 });
 addEventListener("afterprint", () => {
   delete document.documentElement.dataset.print;
+  const printed = new Set(onPaper.splice(0));
+  Chart.all = Chart.all.filter(chart => !printed.has(chart));
+  for (const one of printed) if (one instanceof Element) one.remove();
   for (const d of document.querySelectorAll("[data-opened]")) { d.open = false; delete d.dataset.opened; }
   redraw();
 });

@@ -242,8 +242,10 @@ def _context(material: Material) -> dict[str, Any]:
         "outputs": project.problem.outputs,
         "recordings": [_recording(material, name) for name in result["recordings"]],
         "equations": equations(project.problem.model, result, _driven(material)),
+        "no_rival": _no_rival(result),
         "own_model": project.problem.model.name != "rotary-pendulum",
-        "parameters": list(_parameters(material)),
+        "free": [row for row in _parameters(material) if row["free"]],
+        "fixed": [row for row in _parameters(material) if not row["free"]],
         "per_recording": list(_per_recording(material)),
         "residuals": [_residual(a) for outputs in material.analyses.values() for a in outputs.values()],
         "rig": _rig(material),
@@ -255,6 +257,16 @@ def _context(material: Material) -> dict[str, Any]:
         "project_file": project.path.name,
         "command": _command(material.beside("environment.json") or {}),
     }  # fmt: skip
+
+
+def _no_rival(result: Mapping[str, Any]) -> str:
+    """Why there is no integer-order rival."""
+    free = [e for e in result["orders"].values() if e["free"]]
+    if not free:
+        return "None was tried: no order was free."
+    if all(e["interval95"] and e["interval95"][0] <= 1 <= e["interval95"][1] for e in free):
+        return "None was needed: 1 lies in the interval of every order."
+    return "None was tried."
 
 
 def _driven(material: Material) -> bool:
@@ -282,12 +294,12 @@ def _recording(material: Material, name: str) -> dict[str, Any]:
 
 
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:
-    """A row of the table for each order and shared constant, the free ones first."""
+    """A row for each order and each constant that the recordings share."""
     model, result = material.project.problem.model, material.result
     says = {p.name: p.description for p in model.parameters}
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
     rows = [*result["orders"].items(), *result["parameters"].items()]
-    for name, e in sorted(rows, key=lambda row: not row[1]["free"]):
+    for name, e in rows:
         yield {"name": name, "says": says.get(name, ""), **e}
 
 

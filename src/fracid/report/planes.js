@@ -75,6 +75,7 @@ class Plane {
     const { ctx, spec } = this, { first, second, height } = spec;
     ctx.lineWidth = 1;
     ctx.font = "11px system-ui, sans-serif";
+    const labels = []; // where there is one already
     for (const { at, label } of spec.levels) {
       ctx.strokeStyle = "rgba(255, 255, 255, 0.85)";
       ctx.beginPath();
@@ -92,7 +93,8 @@ class Plane {
         for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); last = cuts[c + 1]; }
       }
       ctx.stroke();
-      if (last) {
+      if (last && !labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) {
+        labels.push(last);
         ctx.textAlign = last[0] > this.box.left + this.box.width - 30 ? "right" : "left";
         ctx.lineWidth = 3;
         ctx.strokeStyle = "rgba(0, 0, 0, 0.75)";

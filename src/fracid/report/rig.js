@@ -24,9 +24,17 @@ class Camera {
 
 class Rig {
   constructor(canvas, lengths, camera) {
-    Object.assign(this, { canvas, lengths, camera, trail: [] });
+    Object.assign(this, { canvas, lengths, camera });
     this.column = 1.08 * lengths.pendulum;
-    this.radius = 1.02 * Math.max(Math.hypot(lengths.arm, lengths.pendulum), Math.hypot(this.column, 0.5 * lengths.arm));
+    this.frame([0]);
+  }
+
+  // Put into the picture all that is reached: from the foot up to the highest tip.
+  frame(alphas) {
+    const { arm, pendulum } = this.lengths;
+    const top = alphas.reduce((high, a) => Math.max(high, this.pose(0, a).tip[2]), 0.12 * pendulum);
+    this.middle = (top - this.column) / 2;
+    this.radius = 1.06 * Math.hypot(arm, (top + this.column) / 2);
   }
 
   // Ends of arm and pendulum [m] at θ and α [°].
@@ -61,7 +69,7 @@ class Rig {
     for (const [, paint] of parts.map(([middle, paint]) => [this.at(middle).depth, paint]).sort((a, b) => b[0] - a[0])) paint();
   }
 
-  at(point) { return this.camera.project(point, this.size, this.radius); }
+  at([x, y, z]) { return this.camera.project([x, y, z - this.middle], this.size, this.radius); }
 
   bar(from, to, thickness, fill, edge) {
     const { ctx } = this, a = this.at(from), b = this.at(to), width = thickness * this.radius * (a.scale + b.scale) / 2;

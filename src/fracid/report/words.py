@@ -16,8 +16,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import degrees, floor, isfinite, log10
+from math import floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
+
+from fracid.residuals import AT_THE_FLOOR
 
 if TYPE_CHECKING:
     from fracid.report.material import Material
@@ -128,10 +130,16 @@ def _fit(material: Material) -> Line:
     if any(v is None for r in recordings.values() for v in r["rmse"].values()):
         return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
-    explained = f" It explains {_range(percents)} % of the motion." if percents else ""
     poor = not percents or min(percents) < POOR
-    doubt = " For one signal that is next to nothing." if poor and percents else ""
-    return Line("Fit", f"The model follows {what} to {_errors(material, recordings)} rms.{explained}{doubt}", not poor)
+    doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
+    said = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
+    return Line("Fit", said, not poor)
+
+
+def _fits(percents: list[float]) -> str:
+    """``, a fit of 86 to 98 %``."""
+    ends = dict.fromkeys((number(min(percents), ".3g"), number(max(percents), ".3g"))) if percents else ()
+    return f", a fit of {' to '.join(ends)} %" if ends else ""
 
 
 def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
@@ -142,12 +150,6 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
             worst[output] = max(worst.get(output, 0.0), value)
     said = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
     return f"{joined(said)}{' at worst' if len(recordings) > 1 else ''}"
-
-
-def _range(values: list[float]) -> str:
-    low, high = min(values), max(values)
-    ends = dict.fromkeys((number(low, ".3g"), number(high, ".3g")))
-    return " to ".join(ends)
 
 
 def _orders(material: Material) -> Line:
@@ -200,9 +202,13 @@ def _prediction(material: Material) -> Line:
     failed = [n for n, r in held.items() if any(v is None for v in r["rmse"].values())]
     if failed:
         return Line("Prediction", f"No run reached the end of {joined(failed)}, which was not fitted.", False)
-    what = next(iter(held)) if len(held) == 1 else f"{len(held)} recordings"
-    was = "was" if len(held) == 1 else "were"
-    return Line("Prediction", f"{what}, which {was} not fitted, it predicts to {_errors(material, held)} rms.", True)
+    what, was = (next(iter(held)), "was") if len(held) == 1 else (f"{len(held)} recordings", "were")
+    percents = [v for r in held.values() for v in r["fit_percent"].values() if v is not None]
+    said = f"It predicts {what}, which {was} not fitted, to {_errors(material, held)} rms{_fits(percents)}"
+    poor = not percents or min(percents) < POOR
+    return Line(
+        "Prediction", f"{said}{'; for one signal that is hardly better than a constant' if poor else ''}.", not poor
+    )
 
 
 def _values(material: Material) -> Line:
@@ -240,19 +246,15 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
     found = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
-    if found:
-        worst = max(found, key=lambda a: a.whiteness.correlation_time if isfinite(a.whiteness.correlation_time) else 0)
-        floor_ = all(isfinite(a.level.floor) and a.level.rms < 1.3 * a.level.floor for a in found)
-        where = f"What is left over of {letter(worst.output)}"
-        if worst.whiteness.white:
-            yield f"{where} is white noise.", True
-        elif floor_:
-            yield "What is left over is the encoder's rounding.", True
-        elif isfinite(worst.whiteness.correlation_time):
-            time = number(worst.whiteness.correlation_time, ".2g")
-            yield f"{where} is correlated over {time} s: not noise alone, the model lacks something.", False
-
-
-def angle(value: float) -> str:
-    """An angle [rad] in degrees, two digits."""
-    return f"{number(degrees(value), '.2g')}°"
+    tested = [a for a in found if a.whiteness.thinning]
+    if not tested:
+        return
+    worst = max(tested, key=lambda a: a.whiteness.correlation_time)
+    if all(a.whiteness.white for a in tested):
+        yield "What is left over is white noise.", True
+    elif all(a.level.rms < AT_THE_FLOOR * a.level.floor for a in tested):
+        yield "What is left over is the encoder's rounding.", True
+    else:
+        time = number(worst.whiteness.correlation_time, ".2g")
+        what = f"What is left over of {letter(worst.output)}"
+        yield f"{what} is correlated over {time} s: not noise alone, the model lacks something.", False
