@@ -170,6 +170,14 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     assert "they promise too much at 0.1° of noise, 4096 counts" in sentence
     assert "times its spread" in sentence
     assert "substeps = 2" in found.sentences()[-1]
+    assert 'initial_state = "rest"' in found.sentences()[-1]
+
+
+def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
+    found = study(release(method="gl", cost_function=COSTS["itae"]), seeds=12)
+    assert found.cells[0].unknowns["mu"].coverage < 0.2
+    assert 'the scheme gl, of first order (type method = "pi2" in [fit])' in found.sentences()[-1]
+    assert "the cost itae, which rounding biases" in found.sentences()[-1]
 
 
 def test_a_start_that_is_taken_as_measured_claims_too_little():

@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.alternative import OFF, integer_alternative
-from fracid.costs import COSTS, cost_from_name
+from fracid.costs import ABSOLUTE, COSTS, cost_from_name
 from fracid.criteria import STRONG
 from fracid.errors import InputError
 from fracid.executor import Progress, Task, run_tasks
@@ -56,6 +56,7 @@ from fracid.optimise.base import Evaluation, at_least
 from fracid.portable import Portable, portable_memory
 from fracid.problem import Problem
 from fracid.search import search
+from fracid.simulate import METHODS
 from fracid.uncertainty import Uncertainty, uncertainty
 
 if TYPE_CHECKING:
@@ -87,13 +88,6 @@ ENOUGH = 20
 
 BIASED = 0.5
 """A bias above this part of the spread is what spoils a coverage."""
-
-REMEDIES = (
-    "the step (type substeps = 2 in [fit], or take a method of higher order)",
-    "a cost that is biased by rounding (iae, itae)",
-    'a start that is taken as measured (type initial_state = "rest")',
-)
-"""What makes a bias."""
 
 
 @dataclass(frozen=True)
@@ -241,9 +235,20 @@ class NoiseStudy:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
         found = (*self._of_the_search(), *(self._of_the_intervals(name) for name in self.problem.names))
         biased = any("times its spread" in sentence for sentence in found)
-        missed = any(cell.stopped_short for cell in self.cells)
-        causes = (*(["a search that stops short (take another optimiser)"] if missed else []), *REMEDIES)
-        return (*found, f"What makes a bias: {'; '.join(causes)}.") if biased else found
+        return (*found, f"What may make a bias: {'; '.join(self._causes())}.") if biased else found
+
+    def _causes(self) -> Iterator[str]:
+        """What makes a bias, and what to do about it."""
+        if any(cell.stopped_short for cell in self.cells):
+            yield "a search that stops short (take another optimiser)"
+        if METHODS[self.problem.method].convergence_order < 2:
+            yield f'the scheme {self.problem.method}, of first order (type method = "pi2" in [fit])'
+        else:
+            yield f"the step (type substeps = {2 * self.problem.substeps} in [fit])"
+        if self.problem.cost_function.loss is ABSOLUTE:
+            yield f'the cost {self.problem.cost_function.name}, which rounding biases (type cost = "rmse")'
+        if self.problem.initial_state in ("held", "measured"):
+            yield 'a first sample that is taken for the start (type initial_state = "rest")'
 
     def _of_the_search(self) -> Iterator[str]:
         for cell in self.cells:
