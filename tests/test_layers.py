@@ -32,7 +32,7 @@ LAYERS = (
     {"identify"},
     {"runs", "saved"},
     {"plots"},
-    {"amplitude", "studies"},
+    {"amplitude", "export", "studies"},
     {"compare"},
     {"report"},
     {"cli"},

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from fracid.diagnostics import Verdict, identifiability
     from fracid.draft import draft_project
     from fracid.errors import DataError, FracidError, InputError
+    from fracid.export import export_run
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
     from fracid.models import Model, Parameter, rotary_pendulum
@@ -76,6 +77,7 @@ _HOME = {
     "cut_check": "cut",
     "derivative": "fractional",
     "draft_project": "draft",
+    "export_run": "export",
     "identifiability": "diagnostics",
     "identify": "identify",
     "linear_multi_term": "reduction",
@@ -103,7 +105,7 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory",
            "Verdict", "__version__", "amplitude_test", "bootstrap", "compare", "cut_check",
-           "derivative", "draft_project", "identifiability", "identify", "linear_multi_term",
+           "derivative", "draft_project", "export_run", "identifiability", "identify", "linear_multi_term",
            "linear_system",
            "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile",
            "regress", "residual_analysis", "rotary_pendulum", "sensitivities", "simulate",

@@ -1,0 +1,54 @@
+"""``fracid export RUN``: the result for MATLAB, C, spreadsheets and control design."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fracid.cli.app import Json, Out, app
+
+__all__ = ["export"]
+
+EXPORT_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid export runs/rig  [dim](everything, into runs/rig/export)[/dim]",
+    "fracid export runs/rig --to matlab --out ~/rig  [dim](then, in Octave: [t, x] = model();)[/dim]",
+    "fracid export runs/rig --to c --steps 10000000  [dim](a controller that runs for hours)[/dim]",
+)
+
+
+@app.command(epilog="\n\n".join(EXPORT_EXAMPLE))
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    to: Annotated[
+        list[str] | None, typer.Option(metavar="FORMAT", help="matlab; may be given again. All if left out.")
+    ] = None,
+    steps: Annotated[
+        int | None, typer.Option(metavar="N", help="Longest run that the memory of the programs must hold.", min=1)
+    ] = None,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Write the identified model and its curves for other programs.
+
+    matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
+    """
+    from fracid.export import export_run
+    from fracid.saved import load_run
+
+    found = export_run(load_run(run), out or run / "export", to or (), steps=steps)
+    if json_:
+        record = {"files": [str(path) for path in found.files], "notes": list(found.notes)}
+        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        return
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(highlight=False)
+    for note in found.notes:
+        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    for path in found.files:
+        console.print(f"written  {escape(str(path))}", soft_wrap=True)

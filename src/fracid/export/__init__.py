@@ -1,0 +1,101 @@
+"""A run taken elsewhere: MATLAB and Octave, C, spreadsheets, control design.
+
+=============  ==========================================  =====================================================
+format         files                                       module
+=============  ==========================================  =====================================================
+``matlab``     ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
+=============  ==========================================  =====================================================
+
+Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
+:mod:`fracid.export.recursion` takes out of the compiled loops.  Nothing is written outside of the folder that is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fracid.errors import InputError
+from fracid.models.base import unknown_name
+
+if TYPE_CHECKING:
+    from fracid.saved import SavedRun
+
+__all__ = ["FORMATS", "Export", "export_run"]
+
+
+@dataclass(frozen=True)
+class Export:
+    """What :func:`export_run` wrote."""
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+    """What could not be written, and why; what to know of what was."""
+
+
+def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *, steps: int | None = None) -> Export:
+    """Write a run for other programs.
+
+    Parameters
+    ----------
+    run : SavedRun
+        From :func:`fracid.load_run`.
+    folder : str or Path
+        Where the files go; made where it is missing.
+    formats : sequence of str
+        Of :data:`FORMATS`; all of them if empty.
+    steps : int, optional
+        Longest run that the memory of the programs must hold; see :class:`fracid.export.recursion.Recursion`.
+
+    Returns
+    -------
+    Export
+
+    Raises
+    ------
+    InputError
+        For an unknown format, or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> sorted(FORMATS)[-1]
+    'matlab'
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise unknown_name("format", name, FORMATS)
+    folder = Path(folder)
+    written: list[Path] = []
+    notes = list(run.notes)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in formats or FORMATS:
+            for thing in FORMATS[name](run, folder, steps):
+                if isinstance(thing, Path):
+                    written.append(thing)
+                else:
+                    notes.append(thing)
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+    return Export(tuple(written), tuple(dict.fromkeys(notes)))
+
+
+def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
+    from fracid.export.recursion import Recursion
+    from fracid.runs import write_text
+
+    write_results(folder / "results.mat", matlab_results(run))
+    yield folder / "results.mat"
+    if reason := no_program(run):
+        yield reason
+        return
+    case = of_recording(run, run.problem.experiments[0].name)
+    write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name))
+    yield folder / "model.m"
+
+
+FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab}
+"""(run, folder, longest run) → the files that it wrote, and sentences."""

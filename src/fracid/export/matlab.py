@@ -1,0 +1,311 @@
+"""``model.m``: the identified model as one plain file for MATLAB and Octave; ``results.mat``: all that was found.
+
+``model.m`` steps as fracid does, with the tables of :mod:`fracid.export.recursion` written out: the same scheme, the
+same memory, the same corrections of the start.  Its right-hand side is the rotary pendulum's with the numbers found; a
+user's own model is a Python program, which cannot be translated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fracid import __version__
+from fracid.errors import InputError
+from fracid.export.recursion import Case, Recursion, is_pendulum
+from fracid.models.rotary_pendulum import GRAVITY
+from fracid.problem import LIMIT
+
+if TYPE_CHECKING:
+    from fracid.saved import SavedRun
+
+__all__ = ["matlab_model", "matlab_results", "no_program", "write_results"]
+
+FloatArray = NDArray[np.float64]
+
+SCHEMES = {
+    "pi2": "product trapezoidal rule, second order",
+    "pi3": "product rule of third order",
+    "pi2-implicit": "product trapezoidal rule, Newton's method at every step",
+    "gl": "Grünwald-Letnikov on x - x(0), explicit",
+    "gl-sequential": "Grünwald-Letnikov on x - x(0), the last state first",
+    "gl-paper": "Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it",
+}
+"""In words, for the head of a file."""
+
+RHS = """\
+function f = rhs(x, u, p)
+% Right-hand side of the rotary pendulum, alpha = 0 is $zero: D^lambda theta = x(2), D^mu alpha = x(4).
+  theta_rate = x(2);  alpha = x(3) - p.alpha_rest;  alpha_rate = x(4);
+  s = sin(alpha);  c = cos(alpha);  s2 = 2 * s * c;
+  f_theta = p.torque_per_volt * u(1) - p.cable_stiffness * (x(1) - p.theta_rest) ...
+    - (p.b_theta + p.drag_theta * abs(theta_rate) + p.C6 * s2 * alpha_rate) * theta_rate ...
+    + p.C3 * s * alpha_rate ^ 2 - p.coulomb_theta * tanh(theta_rate / p.slip_speed);                      % (9)
+  f_alpha = $gravity p.C4 * s + 0.5 * p.C6 * s2 * theta_rate ^ 2 ...
+    - (p.b_alpha + p.drag_alpha * abs(alpha_rate)) * alpha_rate ...
+    - p.coulomb_alpha * tanh(alpha_rate / p.slip_speed);                                                  % (10)
+  M11 = p.J_theta + p.C6 * s ^ 2;  M12 = p.C3 * c;                                                        % (8)
+  d = max(M11 * p.C1 - M12 ^ 2, 0);  % det(M)
+  f = [theta_rate; (p.C1 * f_theta - M12 * f_alpha) / d; alpha_rate; (M11 * f_alpha - M12 * f_theta) / d]; % (1)
+end
+"""
+
+
+def no_program(run: SavedRun) -> str:
+    """Why a run's model cannot be written in another language; empty if it can.
+
+    Examples
+    --------
+    >>> no_program.__name__
+    'no_program'
+    """
+    if is_pendulum(run.problem.model):
+        return ""
+    return (
+        f"The model {run.problem.model.name!r} is a Python program of yours, which fracid does not translate: there is "
+        "no model.m and no C function. Its values, curves and matrices are exported."
+    )
+
+
+def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
+    """Write ``model.m``.
+
+    Parameters
+    ----------
+    tables : Recursion
+    case : Case
+        The recording that ``model()`` without arguments simulates.
+    run_name : str
+        For the head of the file.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If the model is a user's own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
+    >>> x = problem.start
+    >>> text = matlab_model(Recursion.of(problem, x), Case.of(problem, x, swing), "runs/twin")
+    >>> text.splitlines()[0]
+    'function [t, x] = model(x0, u, n, h, p)'
+    """
+    if not is_pendulum(tables.model):
+        raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as MATLAB code.")
+    third, implicit, raw = tables.method == "pi3", tables.method == "pi2-implicit", tables.method == "gl-paper"
+    model = tables.model
+    template = "model_gl.m.in" if tables.method.startswith("gl") else "model_pi.m.in"
+    rows = np.array(tables.row)
+    return Template((files("fracid.export") / template).read_text(encoding="utf-8")).substitute(
+        what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
+        states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
+        state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
+        order_values=", ".join(dict.fromkeys(f"{n} = {q!r}" for n, q in
+                                             zip(model.orders, tables.orders.tolist(), strict=True))),
+        method=tables.method, scheme=SCHEMES[tables.method], memory=tables.memory, longest=tables.steps,
+        x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
+        predictor="in a parabola" if third else "in a straight line",
+        extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
+        sweeps="0" if implicit else "1", always="true" if third else "false",
+        origin="zeros(states, 1)" if raw else "past(:, 1)", update=_UPDATES[tables.method == "gl-sequential"],
+        rhs=Template(RHS).substitute(zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
+        parameters=_parameters(tables), tables=_tables(tables, rows),
+    )  # fmt: skip
+
+
+_UPDATES = (
+    "      xn = origin + g .* rhs(xn, now, p) - H;",
+    "      for j = states:-1:1\n        f = rhs(xn, now, p);\n"
+    "        xn(j) = origin(j) + g(j) * f(j) - H(j);\n      end",
+)
+
+
+def _parameters(tables: Recursion) -> str:
+    lines = ["function p = parameters()", "% The constants that were identified, or that the rig has."]
+    for parameter, value in zip(tables.model.parameters, tables.parameters.tolist(), strict=True):
+        lines.append(f"  p.{parameter.name} = {value!r};  % [{parameter.unit}] {_comment(parameter.description)}")
+    return "\n".join([*lines, "end", ""])
+
+
+def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
+    """The function that gives k, a row for each distinct order, spread over the states."""
+    gl = tables.method.startswith("gl")
+    M = tables.modes
+
+    def wide(name: str) -> FloatArray:
+        return np.array([_padded(getattr(k, name), M) for k in tables.kernels])
+
+    entries: list[tuple[str, str, str]] = [
+        ("orders", _literal(tables.orders[:, None]), "of each state"),
+        ("row", _literal(rows + 1), "of each state: the rows of what follows hold distinct orders"),
+        ("weights", _literal(np.array([k.weights[1:] for k in tables.kernels])), "of the last samples"),
+        ("start", _literal(np.array([k.start[1:] for k in tables.kernels])), "of the first sample, while it is one"),
+        ("decay", _literal(wide("decay")), "of the exponentials, z - 1"),
+        ("amplitude", _literal(wide("amplitude")), "what each adds"),
+        ("start_ratio", _literal(wide("start_ratio")), "what the first sample counts there"),
+    ]
+    per_state = ["weights", "start", "decay", "amplitude", "start_ratio"]
+    if not gl:
+        entries += [
+            ("newest", _literal([[k.weights[0]] for k in tables.kernels]), "of the newest sample"),
+            ("ramp", _literal([[k.ramp] for k in tables.kernels]), "a linear part of the weights"),
+            ("start_shift", _literal([[k.start_shift] for k in tables.kernels]), "where the first panel's centre is"),
+        ]
+        per_state += ["newest", "ramp", "start_shift"]
+    lines = ["function k = tables()", "% Memory and start in units of the step, as fracid steps with them."]
+    for name, value, why in entries:
+        lines += [f"  % {why}", f"  k.{name} = {value};"]
+    lines += [f"  k.{name} = k.{name}(k.row, :);" for name in per_state]
+    if not gl:
+        shape = ", ".join(map(str, tables.errors.shape))
+        lines += [
+            "  % corrections of the start: c = fit (f_k - f_0), and what they add, known at the knots",
+            f"  k.fit = {_literal(tables.fit)};",
+            f"  k.starting = {{{', '.join(_literal(starting) for starting in tables.starting)}}};",
+            f"  k.knots = {_literal(tables.knots)};",
+            f"  k.errors = reshape({_literal(tables.errors.ravel(order='F'))}, {shape});",
+        ]
+    return "\n".join([*lines, "end", ""])
+
+
+def _padded(values: FloatArray, length: int) -> FloatArray:
+    return np.concatenate([values, np.zeros(length - len(values))])
+
+
+def _literal(values: ArrayLike) -> str:
+    """A matrix as MATLAB reads it, to the last bit, six numbers a line."""
+    matrix = np.atleast_2d(np.asarray(values))
+    if matrix.size == 0:
+        return "zeros({}, {})".format(*matrix.shape)
+    rows = []
+    for row in matrix.tolist():
+        words = [repr(v) for v in row]
+        rows.append(", ...\n    ".join(", ".join(words[i : i + 6]) for i in range(0, len(words), 6)))
+    return "[" + "; ...\n    ".join(rows) + "]"
+
+
+def _comment(text: str) -> str:
+    """On one line, so that nothing of it is read as code."""
+    return " ".join(str(text).split())
+
+
+# --- results.mat -------------------------------------------------------------------------------------
+
+
+def matlab_results(run: SavedRun, **more: Any) -> dict[str, Any]:
+    """What ``results.mat`` holds; `more` goes into it as it is.
+
+    Parameters
+    ----------
+    run : SavedRun
+    **more
+        Further variables, such as the matrices of a linear model.
+
+    Returns
+    -------
+    dict
+        For :func:`scipy.io.savemat`.
+
+    Examples
+    --------
+    >>> matlab_results.__name__
+    'matlab_results'
+    """
+    p, result = run.problem, run.result
+    recordings = []
+    for name, fit in run.recordings.items():
+        case = of_recording(run, name)
+        recordings.append({
+            "name": name, "use": fit.use, "time": fit.time[:, None],
+            "measured": _columns(fit.measured), "fitted": _columns(fit.fitted),
+            "residual": _columns({n: fit.residual(n) for n in fit.measured}),
+            "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.inputs, "step": case.step,
+            "steps": float(case.steps), "start": case.start,
+            "constants": dict(zip(p.model.parameter_names, case.parameters.tolist(), strict=True)),
+        })  # fmt: skip
+    content = {
+        "about": f"fracid {__version__}: {run.folder.name}; angles in rad, time in s",
+        "model": {"name": p.model.name, "zero": p.model.zero, "source": p.model.source,
+                  "states": list(p.model.states), "inputs": list(p.model.inputs), "outputs": list(p.outputs)},
+        "orders": _estimates(result["orders"]), "parameters": _estimates(result["parameters"]),
+        "cost": result["cost"], "recordings": _cell(recordings),
+        "options": {"method": p.method, "memory": p.memory.name, "substeps": float(p.substeps),
+                    "initial_state": p.initial_state, "weights": p.weights, "cost": p.cost_function.name,
+                    "preset": result.get("preset")},
+        **more,
+    }  # fmt: skip
+    return {name: _plain(value) for name, value in content.items()}
+
+
+def write_results(path: Path, content: Mapping[str, Any]) -> None:
+    """Write a ``.mat`` file (version 5) whole."""
+    from io import BytesIO
+
+    from scipy.io import savemat
+
+    from fracid.runs import write_whole
+
+    memory = BytesIO()
+    savemat(memory, dict(content), do_compression=True, oned_as="column", long_field_names=True)
+    write_whole(path, memory.getvalue())
+
+
+def of_recording(run: SavedRun, name: str) -> Case:
+    """One recording of a run as it was simulated, validation recordings with their own values."""
+    p, experiments = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
+    e = experiments[name]
+    if e in p.experiments:
+        return Case.of(p, run.x, e)
+    problem = p.with_shared(run.x, (e,))
+    return Case.of(problem, np.array([run.values.get(u.name, u.range.start) for u in problem.unknowns]), e)
+
+
+def _columns(signals: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    return {n: y[:, None] for n, y in signals.items()}
+
+
+def _estimates(said: Mapping[str, Any]) -> dict[str, Any]:
+    """By name: value, unit, interval and what is said of it."""
+    fields = ("value", "unit", "free", "standard_error", "interval95", "identifiable")
+    return {n: {f: e.get(f) for f in fields} for n, e in said.items()}
+
+
+def _cell(values: list[Any]) -> NDArray[Any]:
+    """A column of a cell array."""
+    cell = np.empty((len(values), 1), dtype=object)
+    for i, value in enumerate(values):
+        cell[i, 0] = _plain(value)
+    return cell
+
+
+def _plain(value: Any) -> Any:
+    """As savemat takes it: None becomes an empty matrix, a list of texts a cell array, truth a logical."""
+    if isinstance(value, Mapping):
+        return {_field(n): _plain(v) for n, v in value.items()} or np.zeros((0, 0))
+    if value is None:
+        return np.zeros((0, 0))
+    if isinstance(value, str):
+        return value or np.zeros((0, 0))
+    if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
+        return _cell(list(value))
+    return math.nan if value is math.nan else value
+
+
+def _field(name: str) -> str:
+    """A name that MATLAB takes for a field: letters, digits and underscores, a letter first, 63 at most."""
+    kept = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
+    return kept if kept[:1].isalpha() else f"x_{kept}"[:63]

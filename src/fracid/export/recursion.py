@@ -1,0 +1,257 @@
+r"""A scheme, its memory and its start as plain numbers: what ``model.m`` and the C function step with.
+
+A run of :mod:`fracid.stepping` needs nothing but tables, all in units of the step, so that they hold for any step:
+
+=====================  ==========================================================================================
+table                  for what
+=====================  ==========================================================================================
+``weights``, ``start`` the last L samples: :math:`\sum_{k=1}^{L} w_k v_{n-k}`; the first sample has weights of its own
+``decay``, …           all older ones: :math:`\sum_m a_m Y_m`, :math:`Y_m ← z_m Y_m + v_{n-L-1}` (:mod:`fracid.memory`)
+``fit``, ``errors``    :math:`C(n) = \sum_e c_e E_e(n)`, :math:`c = F\,(f_1 - f_0, …, f_s - f_0)` (`starting`)
+``starting``           the first s steps together: :math:`x_n = x_0 + h^q \sum_{k=0}^{s} M_{nk} f_k`
+=====================  ==========================================================================================
+
+The last two are Lubich's corrections for the orders of the model (:mod:`fracid.starting`), all of whose states are
+taken to move.  Of ``pi3`` what corrects :math:`δ^2 f_0` is two rows more of `fit` and `errors`.  A memory of
+exponentials is exported as it is; a full one as exponentials within 10⁻¹², for nothing else runs for ever in fixed memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from fracid.compiling import when_called
+from fracid.errors import InputError
+from fracid.memory import Kernel, compressed
+from fracid.memory import _third_weights as third_weights
+from fracid.memory import _trapezoidal_weights as trapezoidal_weights
+from fracid.models import Model
+from fracid.models.rotary_pendulum import hanging, upright
+from fracid.problem import Experiment, Problem
+from fracid.simulate import METHODS, time_scale
+from fracid.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
+
+__all__ = ["Case", "Recursion", "is_pendulum"]
+
+FloatArray = NDArray[np.float64]
+
+TIGHT = 1e-12
+"""Tolerance of the exponentials in whose place a full memory stood."""
+
+SHORTEST = 10_000
+"""Steps that an exported memory holds at least: below 65 :mod:`fracid.memory` would keep all."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording as a run: all that the model does not hold."""
+
+    name: str
+    past: FloatArray
+    """Known states up to the start, the last row is that at the start, shape (n_past + 1, n_states)."""
+    inputs: FloatArray
+    """u on the grid from the first known state on, shape (n_past + steps + 1, n_inputs), or one row for all."""
+    parameters: FloatArray
+    """p, shape (n_parameters,)."""
+    step: float
+    """h [s]."""
+    steps: int
+    start: float
+    """Time of the start, from the recording's first sample [s]."""
+
+    @classmethod
+    def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
+        """As :meth:`Problem.simulate` takes it."""
+        orders, values, initial, (release,) = problem._unpack(x, e)
+        steps = (len(e.measured) - 1) * problem.substeps + problem._more_steps(e)
+        past = initial[None]
+        if e.past is not None:
+            past = np.vstack([problem._past_states(e, orders, values)[:-1], initial])
+        inputs = problem._inputs_from(release, steps, e)
+        return cls(e.name, past, inputs, values, e.step / problem.substeps, steps, float(release))
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """The tables; rows stand for the distinct orders, in the order of first appearance."""
+
+    model: Model
+    method: str
+    orders: FloatArray
+    """Of each state, shape (n_states,)."""
+    parameters: FloatArray
+    """p, shape (n_parameters,)."""
+    time_scale: float
+    """τ₀ [s]: the weight of a step is h^q τ₀^(1−q)."""
+    memory: str
+    """Name of the memory that is exported."""
+    steps: int
+    """Up to so many steps the memory is as good as it says."""
+    row: tuple[int, ...]
+    """Of each state, its row."""
+    kernels: tuple[Kernel, ...]
+    """Of each row, all with the same number L of exact lags."""
+    fit: FloatArray
+    """F, shape (n_corrections, s)."""
+    starting: FloatArray
+    """M, shape (n_rows, s + 1, s + 1)."""
+    knots: NDArray[np.int64]
+    """The n at which the corrections are known; parabolas between, shape (n_knots,), an odd number."""
+    errors: FloatArray
+    """E, shape (n_rows, n_corrections, n_knots)."""
+
+    @property
+    def lags(self) -> int:
+        """L."""
+        return self.kernels[0].lags
+
+    @property
+    def modes(self) -> int:
+        """Exponentials of the row that has most."""
+        return max(1, *(len(k.decay) for k in self.kernels))
+
+    @property
+    def together(self) -> int:
+        """s, the steps that are solved together at the start."""
+        return int(self.fit.shape[1])
+
+    @classmethod
+    def of(cls, problem: Problem, x: FloatArray, steps: int | None = None) -> Recursion:
+        """Make the tables for the values x of a problem's unknowns.
+
+        Parameters
+        ----------
+        problem : Problem
+        x : ndarray, shape (n_unknowns,)
+        steps : int, optional
+            Longest run that the memory must hold; the longest recording's if left out, 10,000 at least.
+
+        Raises
+        ------
+        InputError
+            If `steps` is no whole number above 0.
+
+        Examples
+        --------
+        >>> import fracid
+        >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+        >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+        >>> tables = Recursion.of(fracid.Problem(rig, (swing,), {"lambda": 0.9, "mu": 0.95}), np.zeros(4))
+        >>> tables.row, tables.lags, tables.together
+        ((0, 0, 1, 1), 8, 1)
+        """
+        if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
+            raise InputError(f"steps = {steps!r}: give the longest run that the memory must hold, a number of steps.")
+        first = problem.experiments[0]
+        cases = [Case.of(problem, x, e) for e in problem.experiments]
+        orders, parameters, _ = problem.unpack(x, first)
+        longest = max(steps or max(c.steps + len(c.past) for c in cases), SHORTEST)
+        memory = compressed(TIGHT) if problem.memory.name == "full" else problem.memory
+        distinct = list(dict.fromkeys(orders.tolist()))
+        family = METHODS[problem.method].family
+        kernels = _of_same_lags([memory.kernel(family, q, longest) for q in distinct])
+        return cls(
+            problem.model, problem.method, orders, parameters, time_scale(problem.model, parameters), memory.name,
+            longest, tuple(distinct.index(q) for q in orders.tolist()), tuple(kernels),
+            *_start(family, orders, distinct, longest),
+        )  # fmt: skip
+
+
+def is_pendulum(model: Model) -> bool:
+    """Tell whether the right-hand side is the rotary pendulum's, which can be written out in other languages."""
+    return getattr(model.rhs, "py_func", model.rhs) in (hanging, upright)
+
+
+# --- memory ------------------------------------------------------------------------------------------
+
+
+def _of_same_lags(kernels: list[Kernel]) -> Iterator[Kernel]:
+    """Let each take as many lags for exact as the one that has most; its exponentials give those it lacks."""
+    L = max(k.lags for k in kernels)
+    for k in kernels:
+        more = np.arange(L - k.lags)
+        z = np.exp(np.outer(more, np.log1p(k.decay)))
+        weights = z @ k.amplitude + k.ramp * more
+        start = z @ (k.amplitude * k.start_ratio) + k.ramp * (more / 2 - k.start_shift)
+        amplitude = k.amplitude * np.exp(len(more) * np.log1p(k.decay))
+        amplitude[:1] += k.ramp * len(more)  # the constant's
+        yield replace(
+            k, weights=np.concatenate([k.weights, weights]), start=np.concatenate([k.start, start]), amplitude=amplitude
+        )
+
+
+# --- start -------------------------------------------------------------------------------------------
+
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+
+
+@when_called(_matrix(types.float64, _vector, types.int64[::1], types.boolean))
+def _errors(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool) -> FloatArray:
+    """E_σ(n), kept compiled on disk."""
+    found: FloatArray = errors_of_powers(q, sigma, knots, third)
+    return found
+
+
+@when_called(_vector(_vector, _vector, types.boolean))
+def _exponents(orders: FloatArray, powers: FloatArray, third: bool) -> FloatArray:
+    """The exponents with which f begins, kept compiled on disk."""
+    found: FloatArray = exponents(orders, powers, third)
+    return found
+
+
+def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -> tuple[Any, ...]:
+    """F, M, the knots and E."""
+    third = family == "pi3"
+    nothing = np.zeros((0, 0)), np.zeros((len(distinct), 1, 1)), np.array([0, 1, 2]), np.zeros((len(distinct), 0, 3))
+    if family == "gl":
+        return nothing
+    sigma = np.asarray(_exponents(orders, np.zeros(len(orders)), third))
+    s = max(len(sigma), 2) if third else len(sigma)
+    if s == 0:
+        return nothing
+    knots = np.asarray(knots_up_to.py_func(steps + 8))
+    fit = _fit_of_powers(sigma, s)
+    E = np.array([np.asarray(_errors(q, sigma, knots, third)) for q in distinct]).reshape(
+        len(distinct), len(sigma), len(knots)
+    )
+    if not third:
+        return fit, np.array([_together(q, e, fit, False) for q, e in zip(distinct, E, strict=True)]), knots, E
+    ends = np.array([-_ends.py_func(q, knots).T for q in distinct])
+    bend_and_rise = np.zeros((2, s))
+    bend_and_rise[0, :2], bend_and_rise[1, 0] = (-2, 1), 1  # f_2 − 2f_1 + f_0 and f_1 − f_0, of f_k − f_0
+    F, both = np.vstack([fit, bend_and_rise]), np.concatenate([E, ends], axis=1)
+    return F, np.array([_together(q, e, F, True) for q, e in zip(distinct, both, strict=True)]), knots, both
+
+
+def _fit_of_powers(sigma: FloatArray, s: int) -> FloatArray:
+    """From f_1 − f_0 … f_s − f_0 to the c of f_k − f_0 = Σ c_m k^σ_m; as :mod:`fracid.starting` does it."""
+    k = np.arange(1.0, s + 1)
+    if len(sigma) < s:
+        return np.array([k**power / (1 + 4.0**power) for power in sigma]).reshape(len(sigma), s)
+    fit: FloatArray = np.linalg.inv(k[:, None] ** sigma)
+    return fit
+
+
+def _together(q: float, E: FloatArray, fit: FloatArray, third: bool) -> FloatArray:
+    """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers."""
+    s = fit.shape[1]
+    M = np.zeros((s + 1, s + 1))
+    w, start = third_weights(q, s) if third else trapezoidal_weights(q, s)
+    for n in range(1, s + 1):
+        parabola = third and n <= 2
+        if parabola:
+            M[n, :3] = _parabola_weights.py_func(q, n)
+        else:
+            M[n, 0], M[n, 1 : n + 1] = start[n], w[:n][::-1]
+        rows = slice(None, -2 if parabola else None)
+        corrected = E[rows, n] @ fit[rows]
+        M[n, 1:] += corrected
+        M[n, 0] -= corrected.sum()
+    return M
