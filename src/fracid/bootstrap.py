@@ -252,8 +252,8 @@ def _refitted(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], **how: Any
 ) -> list[FloatArray | None]:
     """A few steps of least squares for each draw; None where every run fails."""
-    same = replace(problem, memory=portable_memory(problem.memory.name))
-    tasks = [Task(f"draw {i}", (Portable(same), x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
+    same = Portable(replace(problem, memory=portable_memory(problem.memory.name)))
+    tasks = [Task(f"draw {i}", (same, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
     return [None if point is None else np.array(point) for point in run_tasks(_redrawn, tasks, **how).values()]
 
 

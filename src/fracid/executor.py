@@ -29,6 +29,7 @@ import json
 import logging
 import multiprocessing
 import os
+import pickle
 import queue
 import signal
 import threading
@@ -49,7 +50,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
-from pickle import PickleError
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
@@ -248,14 +248,51 @@ def _do(work: Work, arguments: tuple[Any, ...]) -> _Ended:
     return _Ended(text, time.perf_counter() - began)
 
 
-def _do_elsewhere(version: str, work: Work, arguments: tuple[Any, ...]) -> _Ended:
+@dataclass(frozen=True)
+class _Job:
+    """What a study's tasks have in common: sent to a worker once, and not with every task."""
+
+    version: str
+    work: Work
+    common: dict[int, Any]
+    """Position → the argument, one object in all tasks: a problem with its samples, mostly."""
+
+    @classmethod
+    def of(cls, work: Work, tasks: Sequence[Task]) -> _Job:
+        from fracid import __version__
+
+        first, *others = tasks
+        common = {i: value for i, value in enumerate(first.arguments)
+                  if others and all(len(t.arguments) > i and t.arguments[i] is value for t in others)}  # fmt: skip
+        return cls(__version__, work, common)
+
+    def own(self, task: Task) -> dict[int, Any]:
+        """The arguments that are a task's own."""
+        return {i: value for i, value in enumerate(task.arguments) if i not in self.common}
+
+    def packed(self) -> bytes:
+        try:
+            return pickle.dumps(self)
+        except (TypeError, AttributeError, pickle.PickleError) as error:
+            raise InputError(
+                f"This study cannot be sent to other processes: {error}. Type --executor threads."
+            ) from None
+
+
+def _do_elsewhere(own: dict[int, Any], job: _Job) -> _Ended:
     """In another process, whose fracid must be ours."""
     from fracid import __version__
 
-    if version != __version__:
-        return _Ended("", 0.0, f"the worker has fracid {__version__}, this is {version}: install the same")
+    if job.version != __version__:
+        return _Ended("", 0.0, f"the worker has fracid {__version__}, this is {job.version}: install the same")
     _settle()
-    return _do(work, arguments)
+    arguments = {**job.common, **own}
+    return _do(job.work, tuple(arguments[i] for i in range(len(arguments))))
+
+
+def _unpacked(packed: bytes) -> _Job:
+    job: _Job = pickle.loads(packed)
+    return job
 
 
 @cache
@@ -311,7 +348,7 @@ def _in_flight(submit: Callable[[Task], Future[_Ended]], tasks: Iterator[Task], 
             if stopped:
                 raise
             stopped, ended = interruption, set()
-        for future in ended:
+        for future in [future for future in waiting if future in ended]:  # in their order
             task = waiting.pop(future)
             if isinstance(future.exception(), BrokenExecutor):
                 lost.append(task)
@@ -342,24 +379,33 @@ def _on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[
 
 def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, _Ended]]:
     """A worker that dies takes its pool along; what was under way is then done one by one, to find who kills."""
-    left = iter(tasks)
-    while lost := (yield from _in_a_pool(work, left, jobs, 2 * jobs)):
-        if killers := (yield from _in_a_pool(work, iter(lost), 1, 1)):
+    job, left = _Job.of(work, tasks), iter(tasks)
+    packed = job.packed()
+    while lost := (yield from _in_a_pool(job, packed, left, jobs, 2 * jobs)):
+        if killers := (yield from _in_a_pool(job, packed, iter(lost), 1, 1)):
             raise _Stopped(
                 f"The repetition {killers[0].key!r} was given up: a worker process died twice while it ran, the second "
                 "time with nothing beside it (killed from outside, out of memory, or a crash in compiled code)."
             )
 
 
-def _in_a_pool(work: Work, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
-    from fracid import __version__
-
-    def submit(task: Task) -> Future[_Ended]:
-        return pool.submit(_do_elsewhere, __version__, work, task.arguments)
-
+def _in_a_pool(job: _Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
     fresh = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
-    with _closing(ProcessPoolExecutor(jobs, mp_context=fresh, initializer=_prepare_worker)) as pool:
-        return (yield from _in_flight(submit, tasks, window))
+    with _closing(ProcessPoolExecutor(jobs, fresh, _prepare_worker, (packed,))) as pool:
+        return (yield from _in_flight(lambda task: pool.submit(_do_here, job.own(task)), tasks, window))
+
+
+_PACKED: list[bytes] = []
+"""In a worker process: its job, unpacked by the first task, whose failure can be told."""
+
+
+@cache
+def _job_here() -> _Job:
+    return _unpacked(_PACKED[0])
+
+
+def _do_here(own: dict[int, Any]) -> _Ended:
+    return _do_elsewhere(own, _job_here())
 
 
 @contextmanager
@@ -370,8 +416,9 @@ def _closing(pool: Executor) -> Iterator[Executor]:
         pool.shutdown(cancel_futures=True)
 
 
-def _prepare_worker() -> None:
+def _prepare_worker(packed: bytes) -> None:
     """Ctrl-C is the parent's business; and a worker whose parent is gone goes too."""
+    _PACKED.append(packed)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 
@@ -402,20 +449,25 @@ def _on_cluster(work: Work, tasks: Sequence[Task], address: str) -> Iterator[tup
     """Tasks as Dask's; a worker that is lost is Dask's business too, which does its tasks again elsewhere."""
     with _client(address) as client:
         try:
-            yield from _from_cluster(client, work, iter(tasks), address)
+            yield from _from_cluster(client, _Job.of(work, tasks), iter(tasks), address)
         except (CancelledError, OSError):  # OSError: also every broken connection
             raise _Stopped(f"The Dask scheduler at {address} is gone.") from None
 
 
-def _from_cluster(client: Any, work: Work, tasks: Iterator[Task], address: str) -> Iterator[tuple[Task, _Ended]]:
+def _from_cluster(client: Any, job: _Job, tasks: Iterator[Task], address: str) -> Iterator[tuple[Task, _Ended]]:
     """Send and fetch many at once: a message for each would cost twice the time."""
+    packed = client.submit(_unpacked, job.packed(), pure=False)  # a task too: it comes back if its worker dies
     ends: queue.SimpleQueue[Any] = queue.SimpleQueue()
     waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
     window = WINDOW * max(16, sum(client.nthreads().values()))
     alone = _Alone(client, address)
     while True:
         batch = list(islice(tasks, window - len(waiting))) if len(waiting) <= window // 2 else []
-        futures = _sent(client, work, batch) if batch else []
+        own = [job.own(task) for task in batch]
+        try:
+            futures = client.map(_do_elsewhere, own, job=packed, pure=False) if batch else []
+        except (TypeError, AttributeError, pickle.PickleError) as error:
+            raise _Stopped(f"The repetition {batch[0].key!r}, or one after it, cannot be sent: {error}.") from None
         for future, task in zip(futures, batch, strict=True):
             waiting[future.key] = future, task
             future.add_done_callback(ends.put)
@@ -432,16 +484,6 @@ def _from_cluster(client: Any, work: Work, tasks: Iterator[Task], address: str) 
                 yield task, result
         if failures:
             raise failures[0]
-
-
-def _sent(client: Any, work: Work, batch: list[Task]) -> list[Any]:
-    from fracid import __version__
-
-    ours = ([value] * len(batch) for value in (__version__, work))
-    try:
-        return list(client.map(_do_elsewhere, *ours, [t.arguments for t in batch], pure=False))
-    except (TypeError, AttributeError, PickleError) as error:
-        raise _Stopped(f"The repetition {batch[0].key!r}, or one after it, cannot be sent: {error}.") from error
 
 
 def _drained(ends: queue.SimpleQueue[Any], idle: Callable[[], None]) -> list[Any]:

@@ -182,10 +182,12 @@ def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
     try:
         while left:
             left = left[file.write(left) :]
-    except OSError as error:
+    except BaseException as error:  # Ctrl-C too leaves no half of a line
         with suppress(OSError):
             file.truncate(end)  # also a full disk can take back
-        raise _cut_short(Path(str(getattr(file, "name", "the log"))), error) from None
+        if isinstance(error, OSError):
+            raise _cut_short(Path(str(getattr(file, "name", "the log"))), error) from None
+        raise
     return end + len(content)
 
 
