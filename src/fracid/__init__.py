@@ -23,10 +23,12 @@ if TYPE_CHECKING:
     from fracid.cut import CutCheck, cut_check
     from fracid.diagnostics import Verdict, identifiability
     from fracid.draft import draft_project
-    from fracid.errors import DataError, FracidError, InputError
+    from fracid.errors import DataError, FracidError, InputError, Unfinished
+    from fracid.executor import Task, run_tasks
     from fracid.export import export_run
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
+    from fracid.journal import Journal
     from fracid.models import Model, Parameter, rotary_pendulum
     from fracid.problem import Experiment, Free, Problem
     from fracid.profiles import Profile, Profiles, profile
@@ -54,6 +56,7 @@ _HOME = {
     "FracidError": "errors",
     "Free": "problem",
     "InputError": "errors",
+    "Journal": "journal",
     "Model": "models",
     "NoiseStudy": "studies",
     "Outcome": "trajectory",
@@ -69,7 +72,9 @@ _HOME = {
     "Sensitivities": "batch",
     "Spread": "bootstrap",
     "System": "reduction",
+    "Task": "executor",
     "Trajectory": "trajectory",
+    "Unfinished": "errors",
     "Verdict": "diagnostics",
     "amplitude_test": "amplitude",
     "bootstrap": "bootstrap",
@@ -91,6 +96,7 @@ _HOME = {
     "regress": "regression",
     "residual_analysis": "residuals",
     "rotary_pendulum": "models",
+    "run_tasks": "executor",
     "sensitivities": "batch",
     "simulate": "simulate",
     "solve_fde": "simulate",
@@ -101,15 +107,15 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
-           "FracidError", "Free", "InputError", "Model", "NoiseStudy", "Outcome", "Parameter",
-           "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
-           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Trajectory",
-           "Verdict", "__version__", "amplitude_test", "bootstrap", "compare", "cut_check",
-           "derivative", "draft_project", "export_run", "identifiability", "identify", "linear_multi_term",
-           "linear_system",
-           "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile",
-           "regress", "residual_analysis", "rotary_pendulum", "sensitivities", "simulate",
-           "solve_fde", "solve_fde_batch", "spread", "write_report"]  # fmt: skip
+           "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "Outcome",
+           "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
+           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
+           "Trajectory", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
+           "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
+           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
+           "load_run", "multi_term", "noise_study", "profile", "regress", "residual_analysis",
+           "rotary_pendulum", "run_tasks", "sensitivities", "simulate", "solve_fde",
+           "solve_fde_batch", "spread", "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
