@@ -158,7 +158,7 @@ def test_multi_start_replaces_the_files_starts_and_optimiser(capsys, project, tm
     assert (content["optimiser"], len(content["starts"])) == ("multistart", 2)
 
 
-def test_a_record_that_begins_in_motion_is_cut_elsewhere_where_that_is_asked_for(capsys, project, undrawn, tmp_path):
+def test_a_record_that_begins_in_motion_is_cut_elsewhere_where_that_is_asked_for(capsys, project, tmp_path):
     moving = RECORDING.replace("initial =", "from = 0.2\n# initial =") + '[fit]\ninitial_state = "estimate"\n'
     path = project("[model.orders]\nlambda = 0.9\nmu = { start = 0.9, lower = 0.5, upper = 1.2 }\n" + moving)
     code, out, _ = run(capsys, "fit", path, "--out", tmp_path / "run")
@@ -170,6 +170,7 @@ def test_a_record_that_begins_in_motion_is_cut_elsewhere_where_that_is_asked_for
     assert "--cut shows" not in out
     found = json.loads((tmp_path / "run" / "result.json").read_text())["cut"]
     assert "with the past" in found["treatments"]  # the samples before `from` are in the file
+    assert (tmp_path / "run" / "figures" / "cut.svg").exists()
 
 
 def test_a_validation_recording_is_drawn_and_listed(capsys, project, tmp_path):

@@ -182,6 +182,10 @@ def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, 
         from fracid.plots import waterfall
 
         paths += save(waterfall(found.starts, cost_name=found.problem.cost_function.name), where, "waterfall")
+    if found.cut is not None and found.cut.treatments:
+        from fracid.plots import cut_shifts
+
+        paths += save(cut_shifts(found.cut), where, "cut")
     if len(found.problem.order_indices) >= 2 and isfinite(found.cost):
         plane = cost_plane(found.problem, found.x, jobs=jobs)
         best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
