@@ -27,7 +27,7 @@ from fracid.report.words import LETTERS, digits
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["equations"]
+__all__ = ["equations", "is_rotary_pendulum"]
 
 SYMBOLS = {
     "C1": ("C", "1"), "C3": ("C", "3"), "C4": ("C", "4"), "C6": ("C", "6"), "J_theta": ("J", "θ"),
@@ -59,18 +59,24 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str
     >>> import fracid
     >>> rig = fracid.rotary_pendulum(b_alpha=2e-4)
     >>> result = {"orders": {n: {"value": 0.9, "free": True} for n in ("lambda", "mu")},
-    ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters}}
+    ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters},
+    ...           "recordings": {}}
     >>> found = equations(rig, result, driven=False)
     >>> list(found), "0.0002" in found["With the numbers found"]
     (['With symbols', 'With the numbers found'], True)
     """
-    if model.name != "rotary-pendulum":
+    if not is_rotary_pendulum(model):
         return {"Its states": _block(_states(model, result["orders"]))}
     constants = {**result["parameters"], **_of_each_recording(result)}
     return {
         "With symbols": _block(_pendulum(_Writer(constants, numbers=False), model, result["orders"], driven)),
         "With the numbers found": _block(_pendulum(_Writer(constants, numbers=True), model, result["orders"], driven)),
     }
+
+
+def is_rotary_pendulum(model: Model) -> bool:
+    """Whether it is ours, not a user's own by that name."""
+    return set(SYMBOLS) <= set(model.parameter_names) and model.order_names == ("lambda", "mu")
 
 
 def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:

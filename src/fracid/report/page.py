@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError
-from fracid.report.equations import equations
+from fracid.report.equations import equations, is_rotary_pendulum
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
 from fracid.report.traces import traces
@@ -243,7 +243,8 @@ def _context(material: Material) -> dict[str, Any]:
         "recordings": [_recording(material, name) for name in result["recordings"]],
         "equations": equations(project.problem.model, result, _driven(material)),
         "no_rival": _no_rival(result),
-        "own_model": project.problem.model.name != "rotary-pendulum",
+        "own_model": not is_rotary_pendulum(project.problem.model),
+        "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
         "fixed": [row for row in _parameters(material) if not row["free"]],
         "per_recording": list(_per_recording(material)),
@@ -251,7 +252,7 @@ def _context(material: Material) -> dict[str, Any]:
         "rig": _rig(material),
         "plane": _plane_data(material),
         "profiles": material.beside("profiles.json"),
-        "ladder": _ladder(material.beside("compare.json")),
+        "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "environment": material.beside("environment.json") or {},
         "project_text": project.text,
         "project_file": project.path.name,
@@ -336,7 +337,7 @@ def _residual(a: ResidualAnalysis) -> dict[str, Any]:
             "sentences": a.sentences, "figures": figures, "tested": bool(a.whiteness.thinning)}  # fmt: skip
 
 
-def _ladder(compared: dict[str, Any] | None) -> dict[str, Any] | None:
+def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[str, Any] | None:
     """The table of ``fracid compare``: a row a structure, its errors by recording."""
     if compared is None or "structures" not in compared:
         return None
@@ -352,7 +353,9 @@ def _ladder(compared: dict[str, Any] | None) -> dict[str, Any] | None:
         }
         for s in compared["structures"]
     ]
-    return {**compared, "columns": columns, "rows": rows}
+    hashes = compared.get("data_sha256", {})
+    others = [name for name, sha256 in hashes.items() if fitted.get(name, sha256) != sha256]
+    return {**compared, "columns": columns, "rows": rows, "others": others}
 
 
 def _command(environment: Mapping[str, Any]) -> str:

@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from fracid.report.equations import is_rotary_pendulum
+
 if TYPE_CHECKING:
     from fracid.models import Model
 
@@ -36,7 +38,7 @@ def rig_lengths(model: Model) -> dict[str, Any] | None:
     >>> round(found["arm"], 3), round(found["pendulum"], 3), found["zero"]
     (0.216, 0.325, 'hanging')
     """
-    if model.name != "rotary-pendulum":
+    if not is_rotary_pendulum(model):
         return None
     C1, C3, C4 = (model.parameter(n).value for n in ("C1", "C3", "C4"))
     if not (C1 > 0 and C3 > 0 and C4 > 0):

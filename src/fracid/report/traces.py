@@ -67,7 +67,7 @@ def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
     --------
     >>> t = np.arange(100.0)
     >>> extremes([np.sin(t / 100), np.where(t == 37, 9.0, 0.0)], 12).tolist()
-    [0, 33, 34, 37, 66, 67, 99]
+    [0, 33, 34, 37, 67, 68, 99]
     """
     n = signals[0].size
     if n <= points:

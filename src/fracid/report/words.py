@@ -68,12 +68,12 @@ def number(value: float | None, form: str = ".4g") -> str:
 
 
 def digits(estimate: Mapping[str, Any]) -> str:
-    """A value of result.json with two digits more than its standard error makes sure.
+    """A value of result.json with as many digits as its standard error makes worth reading, and two more.
 
     Examples
     --------
     >>> digits({"value": 0.0042925934, "standard_error": 0.000296}), digits({"value": 1.0})
-    ('0.004293', '1')
+    ('0.00429', '1')
     """
     value, error = estimate.get("value"), estimate.get("standard_error")
     if value is None or not error or value == 0:
