@@ -5,10 +5,23 @@ import os
 import stat
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fracid.errors import InputError
-from fracid.runs import EVALUATIONS, FIGURES, JOURNAL, RUN, open_folder, open_run, run_state, versions, write_text
+from fracid.project import load_project
+from fracid.runs import (
+    EVALUATIONS,
+    FIGURES,
+    JOURNAL,
+    RUN,
+    inputs_of,
+    open_folder,
+    open_run,
+    run_state,
+    versions,
+    write_text,
+)
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -173,3 +186,26 @@ def test_what_is_no_run_is_told(tmp_path, content):
         (tmp_path / "run.json").write_text(content)
     with pytest.raises(InputError, match=r"has no run.json that can be read: .*Type the command itself again"):
         run_state(tmp_path)
+
+
+def test_all_that_a_run_reads_is_named_its_own_model_and_cost_too(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "from fracid.models import Model, Parameter\n"
+        "def fall(t, x, u, p, out):\n    out[0] = x[1]\n    out[1] = -p[0] * x[0]\n"
+        "model = Model(name='oscillator', rhs=fall, states=('alpha', 'D^mu alpha'), orders=('mu', 'mu'),\n"
+        "              parameters=(Parameter('stiffness', '1/s^2', 40.0, 'a guess'),), inputs=(),\n"
+        "              outputs={'alpha': 0}, zero='hanging', source='here')\n"
+        "def cost(t, e):\n    return float((e * e).sum())\n"
+    )
+    time = np.arange(0, 2, 0.01)
+    np.savez(tmp_path / "swing.npz", time=time, alpha=0.1 * np.cos(6 * time))
+    (tmp_path / "rig.toml").write_text(
+        '[model]\nname = "own.py:model"\n[model.orders]\nmu = { start = 1.0, lower = 0.9, upper = 1.1 }\n'
+        '[[recording]]\nfile = "swing.npz"\nalpha = { column = "alpha" }\n[fit]\ncost = "own.py:cost"\n'
+    )
+    before = inputs_of(load_project(tmp_path / "rig.toml"))
+    assert {"the project file rig.toml", "the recording 'swing'", "the version of numpy"} <= set(before)
+    with (tmp_path / "own.py").open("a") as file:
+        file.write("# changed\n")
+    after = inputs_of(load_project(tmp_path / "rig.toml"))
+    assert {what for what in before if before[what] != after[what]} == {"the model file own.py", "the cost file own.py"}

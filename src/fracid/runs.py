@@ -198,9 +198,11 @@ def inputs_of(project: Project) -> dict[str, str]:
     """
     found = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
     found |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
-    source = getattr(project.problem.model.rhs, "py_func", project.problem.model.rhs).__code__.co_filename
-    if not Path(source).resolve().is_relative_to(Path(__file__).parent):
-        found[f"the model file {Path(source).name}"] = sha256(Path(source).read_bytes()).hexdigest()
+    for what, function in (("model", project.problem.model.rhs), ("cost", project.problem.cost_function.function)):
+        code = getattr(getattr(function, "py_func", function), "__code__", None)  # Numba's is wrapped, NumPy's has none
+        source = None if code is None else Path(code.co_filename).resolve()
+        if source is not None and source.is_file() and not source.is_relative_to(Path(__file__).parent):
+            found[f"the {what} file {source.name}"] = sha256(source.read_bytes()).hexdigest()
     return found | {f"the version of {package}": number for package, number in versions().items()}
 
 
