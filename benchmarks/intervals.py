@@ -181,7 +181,7 @@ def summary(studies: dict[Case, NoiseStudy]) -> str:
     """All cells together, and how far the worst of so many may be off by chance."""
     from scipy.stats import binom
 
-    lines = []
+    lines, seeds = [], next(iter(studies.values())).seeds
     groups = {
         "the orders": ("lambda", "mu"),
         "friction": ("b_", "coulomb_"),
@@ -204,6 +204,10 @@ def summary(studies: dict[Case, NoiseStudy]) -> str:
             f"{worst[2].name}); the lowest of {len(cells)} exact ones is that low or lower in {100 * chance:.0f} % of "
             "such studies."
         )
+    first = [held_first(study, name) for study in studies.values() for name in ("lambda", "mu")
+             if name in study.problem.names]  # fmt: skip
+    lines.append(f"- of the first {min(100, seeds)} repetitions of each case alone, {min(first)} to {max(first)} "
+                 "hold an order.")  # fmt: skip
     for orders in ORDERS:
         cells = [study.cells[0] for case, study in studies.items() if case.orders == orders]
         called, of = sum(c.fractional or 0 for c in cells), sum(c.repetitions - c.failed for c in cells)
@@ -211,6 +215,13 @@ def summary(studies: dict[Case, NoiseStudy]) -> str:
             f"- truth of orders {orders[0]:g}/{orders[1]:g} is called fractional in {called} of {of} repetitions."
         )
     return "\n".join(lines)
+
+
+def held_first(study: NoiseStudy, name: str, count: int = 100) -> int:
+    """In how many of the first repetitions an order's interval holds the truth."""
+    truth = study.cells[0].unknowns[name].truth
+    intervals = [r["intervals"][name] for r in list(study.repetitions.values())[:count]]
+    return sum(low <= truth <= high for low, high in filter(None, intervals))
 
 
 def write(name: str, text: str) -> None:
