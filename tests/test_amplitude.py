@@ -138,7 +138,7 @@ def test_both_orders_of_a_whole_rig_and_an_arm_that_sticks_tells_nothing():
     problem = Problem(rig, (release,), {"lambda": Free(0.95, 0.5, 1.2), "mu": Free(0.97, 0.5, 1.2)},
                       initial_state="held")  # fmt: skip
     test = amplitude_test(problem, problem.start)
-    still = [w for w in test.windows if w.amplitude["lambda"] < 2 * count]
+    still = [w for w in test.windows if w.amplitude["lambda"] < 5 * count]
     assert still
     assert all(w.standard_errors["lambda"] == math.inf for w in still)
     assert all(math.isfinite(w.standard_errors["mu"]) for w in test.windows)

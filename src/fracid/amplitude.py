@@ -13,10 +13,11 @@ to a swing of amplitude A,
 where :math:`ζ_b'` is what the viscous friction of the model lacks: **dry friction makes the order fall as the swing
 dies, as 1/A, a drag makes it rise; an order that is real stays.**
 
-The test takes the friction of a fit as it is, cuts each recording into windows of falling amplitude, and in each fits
-the orders again, with the constants that are no friction (a frequency must not speak for the damping) and the initial
-state.  What came before a window enters its memory (:mod:`fracid.problem`).  Recordings of different heights are
-compared as wholes too.  With orders :math:`q_i`, standard errors :math:`s_i` and their weighted mean q,
+The test takes the viscous friction of a fit as it is, cuts each recording into windows of falling amplitude, and in
+each fits the orders again, with the initial state, with the constants that are no friction (a frequency must not speak
+for the damping), and with other friction that the model has, as near to its value as the fit knows it.  What came
+before a window enters its memory (:mod:`fracid.problem`).  Recordings of different heights are compared as wholes
+too.  With orders :math:`q_i`, standard errors :math:`s_i` and their weighted mean q,
 
 .. math::  Q = \sum_i (q_i - q)^2 / s_i^2
 
@@ -43,7 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
-from fracid.ladder import FRICTION, ORDER
+from fracid.ladder import FRICTION, ORDER, RUNGS
 from fracid.optimise.base import at_least
 from fracid.problem import Experiment, Free, Prior, Problem, Tied, Value
 from fracid.recording import resolution
@@ -67,7 +68,10 @@ CHANGE = 2e-3
 """An order that changes by less does not matter."""
 
 FLOOR = 0.03
-"""Below this part of the largest amplitude, or five steps of the encoder, the swing has died."""
+"""Below this part of the largest amplitude the swing has died."""
+
+COUNTS = 5.0
+"""Below so many steps of its encoder an output stands still, and tells of no order."""
 
 SWINGS = 2.0
 """A window has so many at least."""
@@ -75,6 +79,9 @@ SWINGS = 2.0
 TIGHT = 0.05
 """Standard deviation of the prior that holds a constant near its fitted value, relative to it: it decides only what
 the window does not see."""
+
+VISCOUS = RUNGS["viscous"]
+"""What is held: it and the order are one to a single swing, and an error of it moves the order of all windows alike."""
 
 RELEASES = "releases"
 """The drift over whole recordings."""
@@ -250,6 +257,8 @@ def amplitude_test(
             "drift: take a built-in one."
         )
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
+    known = uncertainty(problem, x, jobs=jobs)
+    errors = {} if isinstance(known, str) else dict(zip(problem.names, known.standard_error.tolist(), strict=True))
     found: list[Window] = []
     notes: list[str] = []
     for fitted, at, e in fits:
@@ -258,7 +267,7 @@ def amplitude_test(
             notes.append(spans)
             continue
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
-            window = _window(fitted, at, e, span, jobs)
+            window = _window(fitted, at, e, span, errors, jobs)
             if isinstance(window, str):
                 notes.append(window)
             else:
@@ -284,7 +293,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
     period = _period(swing)
     size = envelope(swing, period)
-    floor = max(FLOOR * float(size.max()), 5 * (resolution(swing) or 0.0))
+    floor = max(FLOOR * float(size.max()), COUNTS * (resolution(swing) or 0.0))
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
     count = min(windows, int(alive / (SWINGS * period)))
     if count < 2:
@@ -316,9 +325,11 @@ def envelope(swing: FloatArray, period: int) -> FloatArray:
     return np.asarray(0.5 * (maximum_filter1d(swing, width) - minimum_filter1d(swing, width)))
 
 
-def _piece(problem: Problem, x: FloatArray, e: Experiment, first: int, last: int) -> Problem:
-    """The window's own problem: orders, constants that are no friction and initial state free, all else as fitted."""
-    orders, parameters = _window_values(problem, x, e)
+def _piece(
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], errors: Mapping[str, float]
+) -> Problem:
+    """The window's own problem: orders, initial state and constants free, viscous friction as fitted."""
+    (first, last), (orders, parameters) = span, _window_values(problem, x, e, errors)
     inputs = e.inputs if len(e.inputs) == 1 else e.inputs[first:last]
     part = replace(e, measured=e.measured[first:last], inputs=inputs, start=e.start + first * e.step,
                    release_time=problem.release(x, e))  # fmt: skip
@@ -334,7 +345,10 @@ def _piece(problem: Problem, x: FloatArray, e: Experiment, first: int, last: int
         return piece(experiments=(replace(part, past=None, past_inputs=None),))
 
 
-def _window_values(problem: Problem, x: FloatArray, e: Experiment) -> tuple[dict[str, Value], dict[str, Value]]:
+def _window_values(
+    problem: Problem, x: FloatArray, e: Experiment, errors: Mapping[str, float]
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     found, values, _ = problem.unpack(x, e)
     at = dict(zip(problem.model.orders, found.tolist(), strict=True))
     freed = any(isinstance(v, Free) for v in problem.orders.values())
@@ -347,10 +361,12 @@ def _window_values(problem: Problem, x: FloatArray, e: Experiment) -> tuple[dict
     for name, v in problem.parameters.items():
         if isinstance(v, Tied):
             parameters[name] = v
-        elif isinstance(v, Free) and not (name.startswith(FRICTION) or name in problem.per_recording):
+        elif isinstance(v, Free) and not name.startswith(VISCOUS) and name not in problem.per_recording:
             value = float(values[problem.model.parameter_names.index(name)])
             sd = TIGHT * max(abs(value), 1e-3 * min(v.upper - v.lower, 1.0))
-            parameters[name] = replace(_around(value, v), prior=Prior(value, sd))
+            sd = errors.get(name, math.nan) if name.startswith(FRICTION) else sd
+            if sd > 0:
+                parameters[name] = replace(_around(value, v), prior=Prior(value, sd))
     return orders, parameters
 
 
@@ -358,16 +374,18 @@ def _around(value: float, span: Free) -> Free:
     return Free(value, min(span.lower, value), max(span.upper, value), scale=span.scale)
 
 
-def _window(problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], jobs: int) -> Window | str:
+def _window(
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], known: Mapping[str, float], jobs: int
+) -> Window | str:
     """The fit of one window, or that its run fails."""
-    piece, times = _piece(problem, x, e, *span), e.start + e.step * np.array([span[0], span[1] - 1])
+    piece, times = _piece(problem, x, e, span, known), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
     best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):
         return f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s: no order was found, the run fails."
-    known = uncertainty(piece, best.point, jobs=jobs)
-    errors = {} if isinstance(known, str) else dict(zip(piece.names, known.standard_error.tolist(), strict=True))
+    found = uncertainty(piece, best.point, jobs=jobs)
+    errors = {} if isinstance(found, str) else dict(zip(piece.names, found.standard_error.tolist(), strict=True))
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
     sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
     told = {n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders}
@@ -385,9 +403,9 @@ def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]
 
 
 def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
-    """Order → the amplitude below which its output stands still, two steps of its encoder [rad]: nothing to be told."""
+    """Order → the amplitude below which its output stands still [rad]."""
     of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
-    steps = {o: 2 * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
+    steps = {o: COUNTS * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
     return {n: max([s for o, s in steps.items() if of[o] == n] or [0.0]) for n in orders}
 
 
