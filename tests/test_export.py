@@ -14,6 +14,7 @@ import fracid
 from fracid.cli import main
 from fracid.errors import InputError
 from fracid.export import FORMATS, export_run
+from fracid.export.c import c_model
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
 from fracid.memory import compressed, full, short
@@ -108,6 +109,77 @@ def test_model_m_simulates_what_fracid_simulates(in_octave, name):
     assert np.ptp(ours.states[:, 2]) > 1e-3
     np.testing.assert_allclose(found["t"][:, 0], ours.time - ours.time[0], atol=1e-12)
     np.testing.assert_allclose(found["x"], ours.states, atol=1e-6)
+
+
+# --- C ---------------------------------------------------------------------------------------------
+
+compiler = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+
+MAIN = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "fracid_model.h"
+static fracid_state s;
+int main(int argc, char **argv)
+{
+    double x[FRACID_STATES], u[FRACID_INPUTS];
+    if (argc < 2 || fread(x, sizeof x, 1, stdin) != 1 || fread(u, sizeof u, 1, stdin) != 1) return 2;
+    fracid_init(&s, x, u);
+    fwrite(x, sizeof x, 1, stdout);
+    for (long n = atol(argv[1]); n > 0; n--) {
+        if (fread(u, sizeof u, 1, stdin) != 1 || fracid_step(&s, u, x)) return 3;
+        fwrite(x, sizeof x, 1, stdout);
+    }
+    return 0;
+}
+"""
+
+
+def in_c(folder, problem):
+    """The states of the run by the compiled function, and the exit code."""
+    tables, case = tables_and_case(problem)
+    for name, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    strict = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
+    done = subprocess.run([*strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder, capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(np.float64)
+    given = np.concatenate([case.past[-1], inputs.ravel()]).tobytes()
+    done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
+    return np.frombuffer(done.stdout).reshape(-1, 4), done.returncode
+
+
+STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controller does not know
+IN_C = [n for n in VARIANTS if "past" not in n and n != STEPPED_TOGETHER]
+
+
+@compiler
+@pytest.mark.parametrize("name", IN_C)
+def test_the_c_function_steps_as_fracid_does(tmp_path, name):
+    problem = VARIANTS[name]
+    found, code = in_c(tmp_path, problem)
+    ours = problem.simulate(problem.start, problem.experiments[0])
+    assert code == 0
+    np.testing.assert_allclose(found, ours.states, atol=1e-9)
+
+
+@compiler
+def test_in_c_inputs_that_change_while_the_first_steps_are_solved_together_cost_little(tmp_path):
+    problem = VARIANTS[STEPPED_TOGETHER]
+    found, _ = in_c(tmp_path, problem)
+    ours = problem.simulate(problem.start, problem.experiments[0]).states
+    assert np.all(np.abs(found - ours).max(axis=0) < 2e-3 * np.ptp(ours, axis=0))
+
+
+@compiler
+def test_a_run_that_fails_in_c_is_told(tmp_path):
+    impossible = problem_of(C3=0.1)  # no masses make such a matrix
+    found, code = in_c(tmp_path, impossible)
+    ours = impossible.simulate(impossible.start, impossible.experiments[0])
+    assert not ours.completed
+    assert code == 3
+    np.testing.assert_allclose(found, ours.states)
 
 
 # --- a run folder ----------------------------------------------------------------------------------

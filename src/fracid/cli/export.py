@@ -24,7 +24,7 @@ EXPORT_EXAMPLE = (
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
     to: Annotated[
-        list[str] | None, typer.Option(metavar="FORMAT", help="matlab; may be given again. All if left out.")
+        list[str] | None, typer.Option(metavar="FORMAT", help="matlab, c; may be given again. All if left out.")
     ] = None,
     steps: Annotated[
         int | None, typer.Option(metavar="N", help="Longest run that the memory of the programs must hold.", min=1)
@@ -34,7 +34,8 @@ def export(
 ) -> None:
     """Write the identified model and its curves for other programs.
 
-    matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
+    matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.  c:
+    fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.
     """
     from fracid.export import export_run
     from fracid.saved import load_run

@@ -4,6 +4,7 @@
 format         files                                       module
 =============  ==========================================  =====================================================
 ``matlab``     ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
+``c``          ``fracid_model.c``, ``fracid_model.h``      :mod:`fracid.export.c`
 =============  ==========================================  =====================================================
 
 Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
@@ -60,8 +61,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
 
     Examples
     --------
-    >>> sorted(FORMATS)[-1]
-    'matlab'
+    >>> list(FORMATS)
+    ['matlab', 'c']
     """
     for name in formats:
         if name not in FORMATS:
@@ -97,5 +98,25 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
     yield folder / "model.m"
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab}
+def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.c import c_model
+    from fracid.export.matlab import no_program, of_recording
+    from fracid.export.recursion import Recursion
+    from fracid.runs import write_text
+
+    if reason := no_program(run):
+        yield reason
+        return
+    first = run.problem.experiments[0]
+    case = of_recording(run, first.name)
+    for name, text in c_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name).items():
+        write_text(folder / name, text)
+        yield folder / name
+    if run.problem.per_recording or len({e.step for e in run.problem.experiments}) > 1:
+        yield f"fracid_model.c has the step and the constants of the recording {first.name!r}."
+    if first.past is not None:
+        yield f"fracid_model.c starts without a past; {first.name!r} was fitted with the one that was measured."
+
+
+FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c}
 """(run, folder, longest run) → the files that it wrote, and sentences."""

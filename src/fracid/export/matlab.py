@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid import __version__
 from fracid.errors import InputError
-from fracid.export.recursion import Case, Recursion, is_pendulum
+from fracid.export.recursion import SCHEMES, Case, Recursion, is_pendulum
 from fracid.models.rotary_pendulum import GRAVITY
 from fracid.problem import LIMIT
 
@@ -29,16 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["matlab_model", "matlab_results", "no_program", "write_results"]
 
 FloatArray = NDArray[np.float64]
-
-SCHEMES = {
-    "pi2": "product trapezoidal rule, second order",
-    "pi3": "product rule of third order",
-    "pi2-implicit": "product trapezoidal rule, Newton's method at every step",
-    "gl": "Grünwald-Letnikov on x - x(0), explicit",
-    "gl-sequential": "Grünwald-Letnikov on x - x(0), the last state first",
-    "gl-paper": "Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it",
-}
-"""In words, for the head of a file."""
 
 RHS = """\
 function f = rhs(x, u, p)

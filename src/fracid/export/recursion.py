@@ -13,7 +13,8 @@ table                  for what
 
 The last two are Lubich's corrections for the orders of the model (:mod:`fracid.starting`), all of whose states are
 taken to move.  Of ``pi3`` what corrects :math:`δ^2 f_0` is two rows more of `fit` and `errors`.  A memory of
-exponentials is exported as it is; a full one as exponentials within 10⁻¹², for nothing else runs for ever in fixed memory.
+exponentials is exported as it is; a full one as exponentials within 10⁻¹², for nothing else runs for ever in fixed
+memory.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from fracid.problem import Experiment, Problem
 from fracid.simulate import METHODS, time_scale
 from fracid.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
 
-__all__ = ["Case", "Recursion", "is_pendulum"]
+__all__ = ["SCHEMES", "Case", "Recursion", "is_pendulum"]
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +47,16 @@ TIGHT = 1e-12
 
 SHORTEST = 10_000
 """Steps that an exported memory holds at least: below 65 :mod:`fracid.memory` would keep all."""
+
+SCHEMES = {
+    "pi2": "product trapezoidal rule, second order",
+    "pi3": "product rule of third order",
+    "pi2-implicit": "product trapezoidal rule, Newton's method at every step",
+    "gl": "Grünwald-Letnikov on x - x(0), explicit",
+    "gl-sequential": "Grünwald-Letnikov on x - x(0), the last state first",
+    "gl-paper": "Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it",
+}
+"""In words, for the head of a file."""
 
 
 @dataclass(frozen=True)
@@ -235,8 +246,7 @@ def _fit_of_powers(sigma: FloatArray, s: int) -> FloatArray:
     k = np.arange(1.0, s + 1)
     if len(sigma) < s:
         return np.array([k**power / (1 + 4.0**power) for power in sigma]).reshape(len(sigma), s)
-    fit: FloatArray = np.linalg.inv(k[:, None] ** sigma)
-    return fit
+    return np.asarray(np.linalg.inv(k[:, None] ** sigma), dtype=np.float64)
 
 
 def _together(q: float, E: FloatArray, fit: FloatArray, third: bool) -> FloatArray:

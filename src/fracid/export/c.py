@@ -1,0 +1,207 @@
+"""``fracid_model.c`` and ``.h``: the identified model as a C99 function for real-time targets.
+
+No allocation, no library but ``<math.h>``, all memory in one struct, and the same work at every step (but for Newton's
+method, where dry friction asks for it): :mod:`fracid.stepping` with the tables of :mod:`fracid.export.recursion`.
+
+A controller knows its input only when the step ends, so the first steps, which fracid solves together, are solved with
+the input of the moment for those to come.  With one such step (orders above about 0.7), or an input that stays while
+they last, that is no difference.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from string import Template
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fracid import __version__
+from fracid.errors import InputError
+from fracid.export.recursion import SCHEMES, Case, Recursion, is_pendulum
+from fracid.models.rotary_pendulum import GRAVITY
+from fracid.problem import LIMIT
+
+__all__ = ["c_model"]
+
+RHS = """\
+/* Right-hand side of the rotary pendulum, alpha = 0 is $zero. */
+static void right_hand_side(const double x[], const double u[], double f[])
+{
+    const double theta_rate = x[1], alpha = x[2] - alpha_rest, alpha_rate = x[3];
+    const double s = sin(alpha), c = cos(alpha), s2 = 2 * s * c;
+    double f_theta = torque_per_volt * u[0] - cable_stiffness * (x[0] - theta_rest)
+        - (b_theta + drag_theta * fabs(theta_rate) + C6 * s2 * alpha_rate) * theta_rate
+        + C3 * s * alpha_rate * alpha_rate;                                          /* (9) */
+    double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * theta_rate * theta_rate
+        - (b_alpha + drag_alpha * fabs(alpha_rate)) * alpha_rate;                     /* (10) */
+    if (coulomb_theta != 0) f_theta -= coulomb_theta * tanh(theta_rate / slip_speed);
+    if (coulomb_alpha != 0) f_alpha -= coulomb_alpha * tanh(alpha_rate / slip_speed);
+    const double M11 = J_theta + C6 * s * s, M12 = C3 * c;                            /* (8) */
+    const double det = fmax(M11 * C1 - M12 * M12, 0);
+    f[0] = theta_rate;
+    f[1] = (C1 * f_theta - M12 * f_alpha) / det;                                      /* (1) */
+    f[2] = alpha_rate;
+    f[3] = (M11 * f_alpha - M12 * f_theta) / det;
+}
+"""
+
+STATE_PI = """\
+    double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
+    double base[FRACID_STATES], ramp[FRACID_STATES], gone[FRACID_STATES], scale[FRACID_STATES];
+    double factors[FRACID_STATES * FRACID_STATES];       /* Newton's */
+    int pivot[FRACID_STATES], keep;
+"""
+
+STATE_START = """\
+    int corrected, piece;                                /* the start: steps that are solved together */
+    double begun[FRACID_TOGETHER + 1][FRACID_STATES], f_begun[FRACID_TOGETHER + 1][FRACID_STATES];
+    double u[FRACID_TOGETHER + 1][FRACID_INPUTS];
+    double c[FRACID_CORRECTIONS][FRACID_STATES], parabola[FRACID_STATES][3];
+"""
+
+STATE_GL = """\
+    double origin[FRACID_STATES], gone[FRACID_STATES], u[FRACID_INPUTS];
+"""
+
+UPDATES = {
+    False: """\
+    right_hand_side(s->x, s->u, f);
+    for (int i = 0; i < S; i++) x[i] = s->origin[i] + gain[i] * f[i] - H[i];""",
+    True: """\
+    for (int i = S - 1; i >= 0; i--) {                   /* the last state first, each with those already new */
+        right_hand_side(x, s->u, f);
+        x[i] = s->origin[i] + gain[i] * f[i] - H[i];
+    }""",
+}
+"""Of ``gl``; of ``gl-sequential``."""
+
+
+def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
+    """Write the C function for one recording's step, constants and start.
+
+    Parameters
+    ----------
+    tables : Recursion
+    case : Case
+        Whose step and constants the function has.
+    run_name : str
+        For the head of the file.
+
+    Returns
+    -------
+    dict
+        File name → content.
+
+    Raises
+    ------
+    InputError
+        If the model is a user's own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
+    >>> list(c_model(Recursion.of(problem, problem.start), Case.of(problem, problem.start, swing), "runs/twin"))
+    ['fracid_model.h', 'fracid_model.c']
+    """
+    if not is_pendulum(tables.model):
+        raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as C.")
+    third, gl, model = tables.method == "pi3", tables.method.startswith("gl"), tables.model
+    state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
+    sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
+    words = {
+        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": SCHEMES[tables.method],
+        "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
+        "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
+        "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
+        "order_values": ", ".join(f"{n} = {q!r}" for n, q in dict(zip(model.orders, tables.orders.tolist(),
+                                                                      strict=True)).items()),
+        "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
+        "inputs_when": "u during the step that ends now" if gl else "u at the end of the step",
+        "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes), "more_state": state,
+        "tables": _tables(tables, case, gl), "rhs": Template(RHS).substitute(
+            zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
+        "predictor": "in a parabola" if third else "in a straight line",
+        "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
+        "sweeps": 0 if tables.method == "pi2-implicit" else 1, "always": int(third),
+        "origin": "0" if tables.method == "gl-paper" else "x0[i]", "update": UPDATES[tables.method == "gl-sequential"],
+    }  # fmt: skip
+    source = "model_gl.c.in" if gl else "model_pi.c.in"
+    return {name: _template(file).substitute(words)
+            for name, file in (("fracid_model.h", "fracid_model.h.in"), ("fracid_model.c", source))}  # fmt: skip
+
+
+def _template(name: str) -> Template:
+    return Template((files("fracid.export") / name).read_text(encoding="utf-8"))
+
+
+def _tables(tables: Recursion, case: Case, gl: bool) -> str:
+    """The constants of the model, then those of memory and start."""
+    lines = [f"static const double {p.name} = {value!r};  /* [{p.unit}] {_comment(p.description)} */"
+             for p, value in zip(tables.model.parameters, case.parameters.tolist(), strict=True)
+             if p.name != "time_scale"]  # fmt: skip
+    kernels, row = tables.kernels, np.array(tables.row)
+    gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
+    R, L, M = len(kernels), tables.lags, tables.modes
+
+    def wide(name: str) -> ArrayLike:
+        return [[*getattr(k, name), *[0.0] * (M - len(k.decay))] for k in kernels]
+
+    arrays: list[tuple[str, str, ArrayLike, str]] = [
+        ("double", "gain[FRACID_STATES]", gain, "h^q of each state"),
+        ("int", "row[FRACID_STATES]", row, "which row of the tables is each state's"),
+        ("int", f"modes[{R}]", [len(k.decay) for k in kernels], "exponentials of each row"),
+        ("double", f"weights[{R}][{L}]", [k.weights[1:] for k in kernels], "of the last samples"),
+        ("double", f"start[{R}][{L + 1}]", [k.start for k in kernels], "of the first sample, while it is one of them"),
+        ("double", f"decay[{R}][{M}]", wide("decay"), "of the exponentials, z - 1"),
+        ("double", f"amplitude[{R}][{M}]", wide("amplitude"), "what each adds"),
+        ("double", f"start_ratio[{R}][{M}]", wide("start_ratio"), "what the first sample counts there"),
+    ]
+    if not gl:
+        newest = gain * np.array([kernels[r].weights[0] for r in tables.row])
+        arrays += [
+            ("double", "newest[FRACID_STATES]", newest, "gain w_0"),
+            ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
+            ("double", f"start_shift[{R}]", [k.start_shift for k in kernels], "where the first panel's centre is"),
+        ]
+    if tables.together:
+        E, s, K = len(tables.fit), tables.together, len(tables.knots)
+        lines.append(f"#define KNOTS {K}")
+        arrays += [
+            ("double", f"fit[{E}][{s}]", tables.fit, "from f_k - f_0 to the powers with which f begins"),
+            ("double", f"starting[{R}][{s + 1}][{s + 1}]", tables.starting, "weights of the first steps"),
+            ("unsigned long", "knots[KNOTS]", tables.knots, "where the corrections are known"),
+            ("double", f"errors[{R}][{E}][KNOTS]", tables.errors, "what the rule lacks of each power"),
+        ]
+    lines += [f"/* {why} */\nstatic const {kind} {name} = {_literal(values)};" for kind, name, values, why in arrays]
+    return "\n".join(lines) + "\n"
+
+
+def _literal(values: ArrayLike) -> str:
+    """An initialiser, to the last bit, five numbers a line."""
+    array = np.asarray(values)
+    if array.ndim > 1:
+        return "{" + ",\n    ".join(_literal(part) for part in array) + "}"
+    words = [repr(v) for v in array.tolist()]
+    return "{" + ",\n    ".join(", ".join(words[i : i + 5]) for i in range(0, len(words), 5)) + "}"
+
+
+def _duration(seconds: float) -> str:
+    """In the unit that people would use.
+
+    Examples
+    --------
+    >>> _duration(20.0), _duration(1e4)
+    ('20 s', '2.8 h')
+    """
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def _comment(text: str) -> str:
+    """On one line, and nothing in it that ends a comment."""
+    return " ".join(str(text).split()).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
