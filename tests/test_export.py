@@ -1,5 +1,6 @@
 """A run for other programs: model.m simulates in Octave what fracid simulates, files hold what the run found."""
 
+import csv
 import json
 import shutil
 import subprocess
@@ -17,6 +18,7 @@ from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
+from fracid.export.table import _file_names
 from fracid.memory import compressed, full, short
 from fracid.models import Parameter
 from fracid.saved import load_run
@@ -298,6 +300,33 @@ def test_what_a_recording_is_called_is_no_code(tmp_path):
     named = replace(case, name="bad\nerror('run')")
     text = matlab_model(tables, named, "runs\nerror('run')")
     assert not any(line.lstrip().startswith("error('run')") for line in text.splitlines())
+
+
+def test_a_table_holds_time_measured_fitted_residual_and_the_input(fitted, exported):
+    saved = load_run(fitted)
+    for file, name in (("release-20.csv", "release 20°"), ("driven.csv", "driven")):
+        with (exported[0] / file).open(encoding="utf-8", newline="") as lines:
+            heading, *rows = csv.reader(lines)
+        table = dict(zip(heading, np.array(rows, dtype=float).T, strict=True))
+        ours = saved.recordings[name]
+        np.testing.assert_array_equal(table["time [s]"], ours.time)
+        np.testing.assert_array_equal(table["alpha fitted [rad]"], ours.fitted["alpha"])
+        np.testing.assert_array_equal(table["theta residual [rad]"], ours.residual("theta"))
+        assert ("voltage [V]" in table) == (name == "driven")
+    np.testing.assert_array_equal(table["voltage [V]"], driven(400)[:, 0])
+
+
+def test_the_json_file_is_the_result_with_its_curves(fitted, exported):
+    found, saved = json.loads((exported[0] / "export.json").read_text(encoding="utf-8")), load_run(fitted)
+    assert found["orders"] == saved.result["orders"]
+    assert found["curves"]["driven"]["fitted"]["alpha"] == saved.recordings["driven"].fitted["alpha"].tolist()
+
+
+def test_recordings_whose_names_differ_in_signs_alone_have_files_of_their_own():
+    names = ["run 1", "run/1", "Run-1", "../../run 1", "°"]
+    files = _file_names(names)
+    assert len({f.lower() for f in files.values()}) == len(names)
+    assert all("/" not in f and ".." not in f for f in files.values())
 
 
 def own_model(problem):

@@ -24,7 +24,8 @@ EXPORT_EXAMPLE = (
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
     to: Annotated[
-        list[str] | None, typer.Option(metavar="FORMAT", help="matlab, c; may be given again. All if left out.")
+        list[str] | None,
+        typer.Option(metavar="FORMAT", help="matlab, c, csv or json; may be given again."),
     ] = None,
     steps: Annotated[
         int | None, typer.Option(metavar="N", help="Longest run that the memory of the programs must hold.", min=1)
@@ -35,7 +36,8 @@ def export(
     """Write the identified model and its curves for other programs.
 
     matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.  c:
-    fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.
+    fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.  csv: a table for
+    each recording.  json: the result with its curves.
     """
     from fracid.export import export_run
     from fracid.saved import load_run

@@ -5,6 +5,8 @@ format         files                                       module
 =============  ==========================================  =====================================================
 ``matlab``     ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
 ``c``          ``fracid_model.c``, ``fracid_model.h``      :mod:`fracid.export.c`
+``csv``        one a recording: measured, fitted, residual :mod:`fracid.export.table`
+``json``       ``export.json``: the result with its curves :mod:`fracid.export.table`
 =============  ==========================================  =====================================================
 
 Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
@@ -62,7 +64,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c']
+    ['matlab', 'c', 'csv', 'json']
     """
     for name in formats:
         if name not in FORMATS:
@@ -118,5 +120,23 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
         yield f"fracid_model.c starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c}
+def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.table import csv_tables
+    from fracid.runs import write_text
+
+    for name, text in csv_tables(run).items():
+        write_text(folder / name, text)
+        yield folder / name
+
+
+def _json(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.table import json_text
+    from fracid.runs import write_text
+
+    write_text(folder / "export.json", json_text(run))
+    yield folder / "export.json"
+
+
+FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c,
+           "csv": _csv, "json": _json}  # fmt: skip
 """(run, folder, longest run) → the files that it wrote, and sentences."""

@@ -1,0 +1,113 @@
+"""CSV, one file a recording, and JSON: for spreadsheets and for every other program.
+
+A CSV file has a heading with units, numbers with a point, commas between, lines that end as RFC 4180 says.  The JSON
+file is the run's ``result.json`` with the recordings' curves in it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from fracid.identify import RecordingFit
+    from fracid.saved import SavedRun
+
+__all__ = ["csv_tables", "json_text"]
+
+
+def csv_tables(run: SavedRun) -> dict[str, str]:
+    """Each recording as a table: time, then measured, fitted and residual of each output, then the inputs.
+
+    Parameters
+    ----------
+    run : SavedRun
+
+    Returns
+    -------
+    dict
+        File name → content.  Where the simulation has no value a field is empty.
+
+    Examples
+    --------
+    >>> csv_tables.__name__
+    'csv_tables'
+    """
+    experiments = {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
+    names = _file_names(list(run.recordings))
+    tables = {}
+    for name, recording in run.recordings.items():
+        e = experiments[name]
+        driven = len(e.inputs) > 1
+        tables[names[name]] = _csv(recording, dict(zip(run.problem.model.inputs, e.inputs.T, strict=True))
+                                   if driven else {})  # fmt: skip
+    return tables
+
+
+def _csv(recording: RecordingFit, inputs: Mapping[str, Any]) -> str:
+    columns = {"time [s]": recording.time}
+    for output in recording.measured:
+        columns[f"{output} measured [rad]"] = recording.measured[output]
+        columns[f"{output} fitted [rad]"] = recording.fitted[output]
+        columns[f"{output} residual [rad]"] = recording.residual(output)
+    columns |= {f"{name} [{UNITS.get(name, 'SI')}]": u for name, u in inputs.items()}
+    rows = (",".join(_field(v) for v in row) for row in np.column_stack(list(columns.values())).tolist())
+    return "\r\n".join([",".join(columns), *rows, ""])
+
+
+UNITS = {"voltage": "V", "torque": "N m"}
+"""Of the rotary pendulum's inputs."""
+
+
+def _field(value: float) -> str:
+    return repr(value) if np.isfinite(value) else ""
+
+
+def _file_names(names: list[str]) -> dict[str, str]:
+    """A file name each, of letters, digits and dashes; those that come out alike are numbered."""
+    found: dict[str, str] = {}
+    for name in names:
+        stem = re.sub(r"[^0-9A-Za-z]+", "-", name).strip("-") or "recording"
+        taken, number = {f.lower() for f in found.values()}, 2
+        file = f"{stem}.csv"
+        while file.lower() in taken:
+            file, number = f"{stem}-{number}.csv", number + 1
+        found[name] = file
+    return found
+
+
+def json_text(run: SavedRun, **more: Any) -> str:
+    """The result with its curves, angles in radians; `more` goes into it as it is.
+
+    Parameters
+    ----------
+    run : SavedRun
+    **more
+        Further entries, such as linear models.
+
+    Returns
+    -------
+    str
+        JSON, without NaN: where the simulation has no value stands null.
+
+    Examples
+    --------
+    >>> json_text.__name__
+    'json_text'
+    """
+    curves = {
+        name: {
+            "use": r.use, "time": r.time.tolist(), "measured": _lists(r.measured), "fitted": _lists(r.fitted),
+            "residual": _lists({n: r.residual(n) for n in r.measured}),
+        }
+        for name, r in run.recordings.items()
+    }  # fmt: skip
+    return json.dumps({**run.result, "curves": curves, **more}, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _lists(signals: Mapping[str, Any]) -> dict[str, list[float | None]]:
+    return {n: [v if np.isfinite(v) else None for v in y.tolist()] for n, y in signals.items()}
