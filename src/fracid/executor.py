@@ -270,9 +270,10 @@ class _Job:
         """The arguments that are a task's own."""
         return {i: value for i, value in enumerate(task.arguments) if i not in self.common}
 
-    def packed(self) -> bytes:
+    def packed(self, dumps: Callable[[Any], bytes] = pickle.dumps) -> bytes:
+        """For the way."""
         try:
-            return pickle.dumps(self)
+            return dumps(self)
         except (TypeError, AttributeError, pickle.PickleError) as error:
             raise InputError(
                 f"This study cannot be sent to other processes: {error}. Type --executor threads."
@@ -456,7 +457,9 @@ def _on_cluster(work: Work, tasks: Sequence[Task], address: str) -> Iterator[tup
 
 def _from_cluster(client: Any, job: _Job, tasks: Iterator[Task], address: str) -> Iterator[tuple[Task, _Ended]]:
     """Send and fetch many at once: a message for each would cost twice the time."""
-    packed = client.submit(_unpacked, job.packed(), pure=False)  # a task too: it comes back if its worker dies
+    from cloudpickle import dumps  # sends what a script defines, too
+
+    packed = client.submit(_unpacked, job.packed(dumps), pure=False)  # a task too: it comes back if its worker dies
     ends: queue.SimpleQueue[Any] = queue.SimpleQueue()
     waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
     window = WINDOW * max(16, sum(client.nthreads().values()))
