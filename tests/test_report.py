@@ -275,7 +275,7 @@ def said(**changes):
     return SimpleNamespace(result=result, used=used, shown=shown, analyses={})
 
 
-RIVAL = {"cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}
+RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}
 FIT_ONLY = {"a": said().result["recordings"]["a"]}
 POOR = {"a": FIT_ONLY["a"] | {"fit_percent": {"alpha": 3.0}}}
 
@@ -284,14 +284,18 @@ LINES = {
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
     "orders next to 1": ("Orders", {}, True, "Its interval holds 1: nothing here says that the rig is fractional"),
     "orders off 1 that a rival cannot do without": (
-        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True, "4 times the cost",
+        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True, "With every order 1, the cost is 4 times as large",
     ),
     "orders that a rival does without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,
         "It is friction.",
     ),
     "orders off 1 without a rival": ("Orders", {"orders": {"mu": estimate(0.9, 0.01)}}, False, "no integer-order"),
-    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "How sure μ is is not known"),
+    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
+    "an order that is not seen beside one that is": (
+        "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,
+        "The recordings do not tell λ. 1 lies in the interval of μ: nothing here says",
+    ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was not fitted, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "nothing shows that the model predicts"),
@@ -347,6 +351,9 @@ def test_a_rod_is_drawn_with_the_lengths_that_made_its_constants(name):
     rod = {"C1": m * L**2 / 3, "C3": m * arm * L / 2, "C4": m * 9.81 * L / 2}
     drawn = rig_lengths(fracid.rotary_pendulum(name, **rod))
     assert (drawn["arm"], drawn["pendulum"]) == pytest.approx((arm, L))
+    for kind, factor in (("identifiable", 1.2), ("practically not", 1.0)):
+        found = rig_lengths(fracid.rotary_pendulum(name, **rod), {"C1": estimate(1.2 * rod["C1"], kind=kind)})
+        assert (found["arm"], found["pendulum"]) == pytest.approx((arm, factor * L))
 
 
 @pytest.mark.parametrize("n", [5, 799, 8001, 100_000])

@@ -180,7 +180,7 @@ def _plain(value: Any) -> Any:
 
 
 def _rig(material: Material) -> dict[str, Any] | None:
-    lengths = rig_lengths(material.project.problem.model)
+    lengths = rig_lengths(material.project.problem.model, material.result["parameters"])
     if lengths is None or "alpha" not in material.project.problem.outputs:
         return None
     rest = {}

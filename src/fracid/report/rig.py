@@ -9,12 +9,14 @@ whatever the pendulum is made of.  The pendulum is drawn as the thin uniform rod
 
 .. math::  L = \tfrac32\, g\,C_1 / C_4 .
 
-Both are those of the rig as given, not as fitted: a fit may put into C3 what is friction.  A free response knows the
-constants up to a factor, which cancels here.
+The arm is that of the rig as given: a fit may put into C3 what is friction.  The pendulum is as found, where C1 is
+identifiable: its swing is what a recording tells best.  A free response knows the constants up to a factor, which
+cancels here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from fracid.report.equations import is_rotary_pendulum
@@ -28,8 +30,14 @@ GRAVITY = 9.81
 """[m/s²]"""
 
 
-def rig_lengths(model: Model) -> dict[str, Any] | None:
+def rig_lengths(model: Model, found: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
     """Arm and pendulum [m] and where the pendulum's angle is zero; None for a model that is no rotary pendulum.
+
+    Parameters
+    ----------
+    model : Model
+    found : mapping, optional
+        The parameters of result.json.
 
     Examples
     --------
@@ -41,6 +49,9 @@ def rig_lengths(model: Model) -> dict[str, Any] | None:
     if not is_rotary_pendulum(model):
         return None
     C1, C3, C4 = (model.parameter(n).value for n in ("C1", "C3", "C4"))
+    C1_found = (found or {}).get("C1", {})
+    if C1_found.get("identifiable") == "identifiable" and C1_found["value"]:
+        C1 = C1_found["value"]
     if not (C1 > 0 and C3 > 0 and C4 > 0):
         return None
     return {"arm": GRAVITY * C3 / C4, "pendulum": 1.5 * GRAVITY * C1 / C4, "zero": model.zero}

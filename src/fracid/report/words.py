@@ -162,15 +162,25 @@ def _orders(material: Material) -> Line:
         return Line("Orders", f"{said} {rival['warning']}", False)
     if rival:
         return Line("Orders", f"{said} {_against_integers(material, rival)}", True)
-    unknown = [letter(n) for n, e in free.items() if not e["interval95"]]
-    if unknown:
-        return Line("Orders", f"{said} How sure {joined(unknown)} {_is(unknown)} is not known.", False)
-    one = [letter(n) for n, e in free.items() if e["interval95"][0] <= 1 <= e["interval95"][1]]
-    if len(one) == len(free):
-        held = "Its interval holds 1" if len(one) == 1 else "Their intervals hold 1"
-        return Line("Orders", f"{said} {held}: nothing here says that the rig is fractional.", True)
-    off = [letter(n) for n in free if letter(n) not in one]
-    return Line("Orders", f"{said} {joined(off)} {_is(off)} off 1; no integer-order rival was tried.", False)
+    return Line("Orders", *_on_their_own(said, free))
+
+
+def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
+    """What intervals alone say of the orders, and whether there is nothing to look at."""
+    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
+    known = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in unknown}
+    off = [n for n, ends in known.items() if not ends[0] <= 1 <= ends[1]]
+    doubts = [f"The recordings do not tell {joined(unknown, 'or')}." if unknown else ""]
+    if off:
+        doubts.append(f"{joined(off)} {_is(off)} off 1; no integer-order rival was tried.")
+    elif known:
+        holds = (
+            "Its interval holds 1"
+            if len(known) == 1 and not unknown
+            else f"1 lies in the interval of {joined([*known])}"
+        )
+        doubts.append(f"{holds}: nothing here says that the rig is fractional.")
+    return " ".join((said, *filter(None, doubts))), not unknown and not off
 
 
 def _order(name: str, e: Mapping[str, Any]) -> str:
@@ -184,11 +194,9 @@ def _is(names: list[str]) -> str:
 
 def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     cost, own = rival["cost"], material.result["cost"]["value"]
-    times = f"{number(cost / own, '.3g')} times the cost" if cost and own else "no fit at all"
-    return (
-        f"With every order 1 and friction free the best integer-order model has {times} "
-        f"(BIC {number(rival['bic_gain_of_the_fractional_model'], '.3g')} worse): the orders explain more."
-    )
+    times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
+    gain = number(rival["bic_gain_of_the_fractional_model"], ".3g")
+    return f"With {rival['structure']}, {times} (BIC {gain} worse): the orders explain more."
 
 
 def _prediction(material: Material) -> Line:
