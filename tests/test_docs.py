@@ -8,7 +8,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("docs/solver.md", "docs/residuals.md", "docs/identification.md", "docs/uncertainty.md", "README.md")
+PAGES = (
+    "docs/solver.md",
+    "docs/residuals.md",
+    "docs/identification.md",
+    "docs/uncertainty.md",
+    "docs/compare.md",
+    "README.md",
+)
 
 
 def blocks(page):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from math import degrees, isfinite
@@ -158,7 +159,7 @@ def _write(found: Comparison, project: Project, folder: Path) -> list[Path]:
     paths = save(found.plot(), folder / FIGURES, "ladder")
     for name, test in found.amplitude.items():
         if test.drifts:
-            paths += save(test.plot(), folder / FIGURES, "amplitude-" + name.replace(", ", "-").replace(" ", "-"))
+            paths += save(test.plot(), folder / FIGURES, "amplitude-" + re.sub(r"\W+", "-", name))
     return [path for path in paths if path.suffix == ".png"]
 
 
