@@ -193,6 +193,22 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         assert result(folder) == whole[0]
 
 
+def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, capsys, monkeypatch):
+    fitted_until(20, project, tmp_path / "run")
+    log = tmp_path / "run" / EVALUATIONS
+    log.write_bytes(log.read_bytes()[:-7])
+    fitted(project, tmp_path / "run", resume=True, jobs=2)
+    said = capsys.readouterr().err
+    assert "was cut off in writing; it is written again" in said
+    assert "begins again" not in said
+    assert result(tmp_path / "run") == whole[0]
+    fitted_until(20, project, tmp_path / "run")
+    monkeypatch.setattr("fracid.memo._stamp", lambda: b"another program!")
+    fitted(project, tmp_path / "run", resume=True)
+    assert "cannot be used: the program has changed, or the machine was restarted" in capsys.readouterr().err
+    assert result(tmp_path / "run") == whole[0]
+
+
 def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
     fitted_until(5, project, tmp_path / "run")
     swing = project.parent / "swing.npz"

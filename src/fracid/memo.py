@@ -65,6 +65,8 @@ class Memo:
     """Whether this system can; where it cannot, a run that was killed begins from its start."""
     computed: int = 0
     """How many results were not there."""
+    emptied: bool = False
+    """Whether there was something that could not be used: another program's, or from before the machine's restart."""
 
     def __init__(self, path: Path) -> None:
         """Open it and read where everything is; what a killed process wrote in part is cut off."""
@@ -72,6 +74,7 @@ class Memo:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self._places: dict[bytes, Place]
         self._places, self._end = _read(self._file)
+        self.emptied = self._end == 0 < os.fstat(self._file).st_size
         os.ftruncate(self._file, self._end)
         if self._end == 0:
             self._append(_stamp())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
     from fracid.alternative import Alternative
     from fracid.identify import Estimate, Fit
-    from fracid.optimise import Evaluation
+    from fracid.memo import Memo
+    from fracid.optimise import Evaluation, EvaluationLog
     from fracid.project import Project
     from fracid.runs import Run
 
@@ -128,9 +130,24 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
         _progress(optimiser, quiet) as callback,
         Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
     ):
+        for note in _notes(run, log, memo) if run.resumed else ():
+            sys.stderr.write(f"{note}\n")
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback, **options)
     return replace(found, problem=project.problem)
+
+
+def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
+    """What a resumption found in the folder."""
+    from fracid.runs import EVALUATIONS
+
+    if log.torn:
+        yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
+    if memo is None or memo.emptied:
+        yield (
+            f"What {run.folder} had simulated cannot be used: the program has changed, or the machine was restarted, "
+            "since. It begins again."
+        )
 
 
 def _optimiser(asked: str | None, written: str, starts: int | None) -> str:

@@ -176,6 +176,9 @@ class EvaluationLog:
     ...     log.append(("mu",), [Evaluation(np.array([0.9]), 0.1)])
     """
 
+    torn: bool = False
+    """Whether a last line that was cut off in writing was removed."""
+
     def __init__(self, path: str | Path, *, again: bool = False) -> None:
         """Open the file, at its end if it is there; a line that was cut off in writing is removed."""
         self._path, self._count = Path(path), 0
@@ -183,6 +186,7 @@ class EvaluationLog:
             lines, self._end = whole_lines(self._path)
             self._file = self._path.open("ab", buffering=0)
             if self._path.is_file():
+                self.torn = self._path.stat().st_size > self._end
                 self._file.truncate(self._end)
         except OSError as error:
             raise InputError(f"The log {path} cannot be written: {error.strerror}; is its folder there?") from error
