@@ -3,6 +3,7 @@
     python benchmarks/intervals.py                 # prints the tables; goes on from what runs/coverage has
     python benchmarks/intervals.py --write         # also puts them into docs/uncertainty.md
     python benchmarks/intervals.py --seeds 20 --only srv02
+    python benchmarks/intervals.py --methods --write   # the four kinds of interval beside each other: four minutes
 
 (Not called coverage.py: Numba would import it in the place of the package of that name.)
 
@@ -29,14 +30,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 import fracid
+from fracid.bootstrap import bootstrap
 from fracid.executor import Progress, Task, run_tasks
 from fracid.journal import Journal
 from fracid.models import RIGS
 from fracid.problem import Experiment, Free, Problem
+from fracid.profiles import profile
+from fracid.search import search
 from fracid.studies import NoiseStudy, Plan, binomial95, planned, repetition, simulated
-from fracid.uncertainty import jacobian
+from fracid.uncertainty import jacobian, uncertainty
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "uncertainty.md"
@@ -172,8 +177,8 @@ def spread_table(studies: dict[Case, NoiseStudy]) -> str:
     return markdown(head, rows)
 
 
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---"] * 3 + ["---:"] * (len(head) - 3), *rows]
+def markdown(head: list[str], rows: list[list[str]], texts: int = 3) -> str:
+    lines = [head, ["---"] * texts + ["---:"] * (len(head) - texts), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -232,7 +237,57 @@ def write(name: str, text: str) -> None:
     PAGE.write_text(place.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page), encoding="utf-8")
 
 
+# --- the four kinds of interval ------------------------------------------------------------------------
+
+COLOURS = {"white": (0.0, 0.0), "AR(1), ρ = 0.9": (0.9, 0.0), "AR(1), ρ = 0.98, and as much white": (0.98, 1.0)}
+"""Noise → its correlation from sample to sample, and how much white noise is added."""
+
+METHODS = ("sandwich", "white", "profile", "bootstrap")
+
+
+def by_each_method(colour: str, seed: int) -> dict[str, dict[str, bool]]:
+    """Whether each kind of interval holds the truth, for one twin of 4 s at 250 Hz with 3 mrad of noise."""
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    order, empty = Free(1.0, 0.5, 1.2), np.full((1001, 2), [0.0, 0.3])
+    problem = Problem(rig, (Experiment("twin", 4e-3, empty, np.zeros((1, 1))),), {"lambda": order, "mu": order},
+                      initial_state="rest", substeps=2)  # fmt: skip
+    truth = np.array([0.9, 0.95, 0.0, 0.3])
+    twin, rng = simulated(problem, truth), np.random.default_rng(seed)
+    (e,), (rho, white) = twin.experiments, COLOURS[colour]
+    slow = lfilter([1], [1, -rho], rng.standard_normal((len(empty) + 500, 2)), axis=0)[500:]
+    noise = 3e-3 * (math.sqrt(1 - rho**2) * slow + white * rng.standard_normal(empty.shape))
+    problem = replace(twin, experiments=(replace(e, measured=e.measured + noise),))
+    x = search(problem, "multistart", rng)[0].best.point
+    known, drawn = uncertainty(problem, x), bootstrap(problem, x, draws=400, seed=seed)
+    profiles = profile(problem, x, parameters=list(problem.names), points=6).profiles
+    held = {}
+    for i, name in enumerate(problem.names):
+        found = {m: known.interval(x, i, m) for m in ("sandwich", "white")}
+        found |= {"bootstrap": drawn.interval(i), "profile": profiles[name].interval95}
+        held[name] = {m: bool(low <= truth[i] <= high) for m, (low, high) in found.items()}
+    return held
+
+
+def method_table(seeds: int, jobs: int) -> str:
+    tasks = [Task(f"{colour}, {seed}", (colour, seed)) for colour in COLOURS for seed in range(seeds)]
+    found = run_tasks(by_each_method, tasks, executor="processes", jobs=jobs, progress=shown)
+    rows = []
+    for colour in COLOURS:
+        mine = [held for key, held in found.items() if key.rpartition(", ")[0] == colour]
+        for name in ("lambda", "mu", "alpha(0) [twin]"):
+            shares = [f"{100 * np.mean([held[name][m] for held in mine]):.0f} %" for m in METHODS]
+            rows.append([colour, COLUMNS[name], *shares])
+    return markdown(["noise", "of", *METHODS], rows, texts=2)
+
+
 # --- the run -----------------------------------------------------------------------------------------
+
+
+def told(tables: dict[str, str], to_page: bool) -> None:
+    for name, text in tables.items():
+        print(f"\n{text}")
+        if to_page:
+            write(name, text)
 
 
 def shown(p: Progress) -> None:
@@ -246,9 +301,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=200, help="repetitions a case")
     parser.add_argument("--only", default="", help="cases whose name holds this text")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--methods", action="store_true", help="the four kinds of interval beside each other instead")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/uncertainty.md")
     asked = parser.parse_args()
     began = time.perf_counter()
+    if asked.methods:
+        told({"methods": method_table(asked.seeds, asked.jobs)}, asked.write)
+        return
     planned_cases = plans(asked.seeds, asked.only)
     own = [[Task(f"{case.name}: {t.key}", t.arguments) for t in plan.tasks] for case, plan in planned_cases.items()]
     tasks = [task for round_ in zip(*own, strict=True) for task in round_]  # one of each case, then the next of each
@@ -262,10 +321,7 @@ def main() -> None:
         for case, plan in planned_cases.items()
     }
     tables = {"coverage": coverage_table(studies), "spread": spread_table(studies), "summary": summary(studies)}
-    for name, text in tables.items():
-        print(f"\n{text}")
-        if asked.write:
-            write(name, text)
+    told(tables, asked.write)
     print(f"\n{len(tasks)} repetitions, {(time.perf_counter() - began) / 60:.1f} min", file=sys.stderr)
 
 
