@@ -282,9 +282,10 @@ POOR = {"a": FIT_ONLY["a"] | {"fit_percent": {"alpha": 3.0}}}
 LINES = {
     "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
-    "orders next to 1": ("Orders", {}, True, "Its interval holds 1: nothing here says that the rig is fractional"),
+    "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: nothing here says that the rig"),
     "orders off 1 that a rival cannot do without": (
-        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True, "With every order 1, the cost is 4 times as large",
+        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
+        "With every order 1, the cost is 4 times as large",
     ),
     "orders that a rival does without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,
@@ -356,7 +357,7 @@ def test_a_rod_is_drawn_with_the_lengths_that_made_its_constants(name):
         assert (found["arm"], found["pendulum"]) == pytest.approx((arm, factor * L))
 
 
-@pytest.mark.parametrize("n", [5, 799, 8001, 100_000])
+@pytest.mark.parametrize("n", [5, 799, 20_001, 100_000])
 def test_thinning_keeps_ends_and_extremes_and_holds_its_budget(n):
     rng = np.random.default_rng(n)
     signals = [rng.normal(size=n), np.where(np.arange(n) == n // 3, 50.0, rng.normal(size=n))]

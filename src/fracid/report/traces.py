@@ -28,8 +28,8 @@ __all__ = ["base64_floats", "extremes", "traces"]
 
 FloatArray = NDArray[np.float64]
 
-POINTS = 8000
-"""Of one recording."""
+POINTS = 20_000
+"""Of one recording: 35 s at 500 Hz whole."""
 
 ALL_POINTS = 60_000
 """Of all recordings together."""
@@ -160,10 +160,10 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
         return None
     ρ = autocorrelation(e)
     shown = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
-    lags = np.unique(np.linspace(0, shown - 1, min(shown, 300)).astype(int))
+    lags = np.unique(np.linspace(0, shown - 1, min(shown, 160)).astype(int))
     f, S = power_spectrum(e, a.step)
     spectrum = _log_bins(f[1:], S[1:])
-    ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 200)).astype(int))
+    ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 120)).astype(int))
     quantiles = norm.ppf((ranks + 0.625) / (e.size + 0.25))
     ordered = np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300)
     return {
@@ -174,7 +174,7 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
     }  # fmt: skip
 
 
-def _log_bins(f: FloatArray, S: FloatArray, bins: int = 160) -> tuple[FloatArray, FloatArray]:
+def _log_bins(f: FloatArray, S: FloatArray, bins: int = 120) -> tuple[FloatArray, FloatArray]:
     """A spectrum averaged over bins of equal width in log f, the few lowest frequencies as they are."""
     edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), bins + 1)
     at = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, bins - 1)

@@ -174,12 +174,8 @@ def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
     if off:
         doubts.append(f"{joined(off)} {_is(off)} off 1; no integer-order rival was tried.")
     elif known:
-        holds = (
-            "Its interval holds 1"
-            if len(known) == 1 and not unknown
-            else f"1 lies in the interval of {joined([*known])}"
-        )
-        doubts.append(f"{holds}: nothing here says that the rig is fractional.")
+        interval = "interval" if len(known) == 1 else "intervals"
+        doubts.append(f"1 lies in the {interval} of {joined([*known])}: nothing here says that the rig is fractional.")
     return " ".join((said, *filter(None, doubts))), not unknown and not off
 
 
