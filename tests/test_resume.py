@@ -307,3 +307,35 @@ def test_killed_at_twenty_random_moments_and_resumed_each_time_the_results_are_i
             p.name for p in (tmp_path / "whole" / "figures").iterdir()
         }
     assert kills >= 20
+
+
+@pytest.mark.slow
+def test_a_study_killed_again_and_again_ends_the_same_and_does_no_repetition_twice(project, tmp_path):
+    rng = np.random.default_rng(4)
+    words = ["noise", str(project), "--levels", "0.05,0.2", "--counts", "4096", "--seeds", "40"]
+
+    def program(*words):
+        return subprocess.Popen([sys.executable, "-m", "fracid", *words], stdout=subprocess.DEVNULL)
+
+    assert program(*words, "--executor", "threads", "--out", str(tmp_path / "whole")).wait() == 0
+    folder, kills = tmp_path / "run", 0
+    process = program(*words, "--executor", "processes", "--out", str(folder))
+    while process.poll() is None:
+        before = done(folder)
+        while process.poll() is None and done(folder) < before + rng.integers(5, 25):
+            time.sleep(0.02)
+        if process.poll() is None:
+            kills += 1
+            process.kill()
+            process.wait()
+            process = program("resume", str(folder), "--executor", str(rng.choice(["threads", "processes"])))
+    assert process.returncode == 0
+    assert kills >= 3
+    assert (folder / "noise.json").read_bytes() == (tmp_path / "whole" / "noise.json").read_bytes()
+    keys = [json.loads(line)["key"] for line in (folder / JOURNAL).read_text().splitlines()[1:]]
+    assert len(keys) == len(set(keys)) == 80
+
+
+def done(folder):
+    """Whole lines of the journal."""
+    return (folder / JOURNAL).read_bytes().count(b"\n") if (folder / JOURNAL).exists() else 0

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from fracid.alternative import Alternative
+    from fracid.diagnostics import CostPlane
     from fracid.identify import Estimate, Fit
     from fracid.memo import Memo
     from fracid.optimise import Evaluation, EvaluationLog
@@ -179,12 +180,21 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
 
 def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, ...]:
     """Figures 2 and 3 of each recording, and the cost over the orders where two are free."""
+    from concurrent.futures import ThreadPoolExecutor
+
     from fracid.diagnostics import cost_plane
-    from fracid.plots import cost_plane as draw_plane
-    from fracid.plots import fitted_over_time, residual_plots, save
     from fracid.runs import FIGURES
 
-    where = folder / FIGURES
+    with ThreadPoolExecutor(1) as aside:  # the plane is simulated while the recordings are drawn
+        two = len(found.problem.order_indices) >= 2 and isfinite(found.cost)
+        plane = aside.submit(cost_plane, found.problem, found.x, jobs=jobs) if two else None
+        paths = _draw_recordings(found, project, folder / FIGURES) + _draw_search(found, folder / FIGURES)
+        return paths if plane is None else paths + _draw_plane(found, plane.result(), folder)
+
+
+def _draw_recordings(found: Fit, project: Project, where: Path) -> tuple[Path, ...]:
+    from fracid.plots import fitted_over_time, residual_plots, save
+
     resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
     paths: list[Path] = []
     for recording in found.recordings.values():
@@ -195,21 +205,29 @@ def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, 
         paths += save(figure, where, f"figure2-{stem}")
         for output in recording.measured if recording.use == "fit" else ():
             paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
-    if len(found.starts) > 1:
-        from fracid.plots import waterfall
+    return tuple(paths)
 
+
+def _draw_search(found: Fit, where: Path) -> tuple[Path, ...]:
+    """Where many starts ended, and how far the orders move with the cut."""
+    from fracid.plots import cut_shifts, save, waterfall
+
+    paths: list[Path] = []
+    if len(found.starts) > 1:
         paths += save(waterfall(found.starts, cost_name=found.problem.cost_function.name), where, "waterfall")
     if found.cut is not None and found.cut.treatments:
-        from fracid.plots import cut_shifts
-
         paths += save(cut_shifts(found.cut), where, "cut")
-    if len(found.problem.order_indices) >= 2 and isfinite(found.cost):
-        plane = cost_plane(found.problem, found.x, jobs=jobs)
-        best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
-        figure = draw_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
-                            cost_name=found.problem.cost_function.name, names=plane.names)  # fmt: skip
-        paths += save(figure, where, "cost-over-orders")
     return tuple(paths)
+
+
+def _draw_plane(found: Fit, plane: CostPlane, folder: Path) -> tuple[Path, ...]:
+    from fracid.plots import cost_plane, save
+    from fracid.runs import FIGURES
+
+    best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
+    figure = cost_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
+                        cost_name=found.problem.cost_function.name, names=plane.names)  # fmt: skip
+    return save(figure, folder / FIGURES, "cost-over-orders")
 
 
 def _tried(folder: Path, names: tuple[str, str]) -> Any:
@@ -242,6 +260,7 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
     if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:
+        sys.stderr.write(f"Interrupted; fracid resume {ran.folder} goes on.\n")
         raise typer.Exit(1)
 
 
