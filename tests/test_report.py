@@ -151,6 +151,13 @@ def test_every_element_is_closed_and_every_id_is_there_once(parsed):
     assert len(ids) == len(set(ids))
 
 
+def test_no_two_regions_have_one_name(page, parsed):
+    regions = [a["aria-label"] for _, a in parsed.elements if a.get("role") == "region"]
+    regions += re.findall(r'<h2 id="h-\w+">(.*?)</h2>', page)  # sections are regions too
+    assert len(regions) > 2 * len(SECTIONS)
+    assert len(regions) == len(set(regions))
+
+
 def test_the_sections_are_all_there_in_their_order_and_linked(parsed):
     assert [a["id"] for a in parsed.all("section")] == list(SECTIONS)
     assert [a["href"] for a in parsed.all("a")] == [f"#{name}" for name in SECTIONS]
@@ -247,6 +254,15 @@ def test_a_page_says_what_it_lacks_without_profiles_ladder_and_search(material, 
     sections = [a["id"] for a in Parsed(text).all("section")]
     assert sections == [name for name in SECTIONS if name not in ("cost", "ladder")]
     assert "No run of the model reached the end" in text
+
+
+def test_of_many_recordings_the_later_ones_are_folded(material, monkeypatch):
+    monkeypatch.setattr("fracid.report.page.OPEN", 1)
+    folded = Parsed(report_page(material))
+    assert len(folded.all("article")) == 2  # one recording, one residual
+    assert len([a for a in folded.all("details") if a.get("class") == "more"]) == 1 + 3
+    assert "".join(folded.text).count(HOSTILE) >= 6
+    assert folded.open == []
 
 
 # --- its parts -------------------------------------------------------------------------------------

@@ -31,6 +31,9 @@ __all__ = ["REPORT", "report_page", "write_report"]
 
 REPORT = "report.html"
 
+OPEN = 6
+"""Recordings, and residuals, that are shown without being asked for."""
+
 STYLES = ("uPlot.min.css", "page.css")
 SCRIPTS = ("uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
 """In this order, into one element each."""
@@ -235,7 +238,8 @@ def _context(material: Material) -> dict[str, Any]:
     result, project = material.result, material.project
     lines = verdict(material)
     return {
-        "title": f"{project.problem.model.name}: {joined(list(result['recordings']))}",
+        "title": f"{project.problem.model.name}: {_names(list(result['recordings']))}",
+        "open_at_most": OPEN,
         "lines": lines,
         "warnings": [*project.notes, *material.notes, *result["warnings"]],
         "result": result,
@@ -258,6 +262,10 @@ def _context(material: Material) -> dict[str, Any]:
         "project_file": project.path.name,
         "command": _command(material.beside("environment.json") or {}),
     }  # fmt: skip
+
+
+def _names(recordings: list[str]) -> str:
+    return joined(recordings) if len(recordings) <= 3 else f"{len(recordings)} recordings"
 
 
 def _no_rival(result: Mapping[str, Any]) -> str:
