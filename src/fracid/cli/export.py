@@ -25,7 +25,7 @@ def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
     to: Annotated[
         list[str] | None,
-        typer.Option(metavar="FORMAT", help="matlab, c, csv or json; may be given again."),
+        typer.Option(metavar="FORMAT", help="matlab, c, csv, json or state-space; may be given again."),
     ] = None,
     steps: Annotated[
         int | None, typer.Option(metavar="N", help="Longest run that the memory of the programs must hold.", min=1)
@@ -37,7 +37,8 @@ def export(
 
     matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.  c:
     fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.  csv: a table for
-    each recording.  json: the result with its curves.
+    each recording.  json: the result with its curves.  state-space: the model of integer order, by Oustaloup's filter,
+    as matrices, with its poles and its linear models about hanging and upright.
     """
     from fracid.export import export_run
     from fracid.saved import load_run
@@ -52,6 +53,6 @@ def export(
 
     console = Console(highlight=False)
     for note in found.notes:
-        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+        console.print(escape(note), soft_wrap=True)
     for path in found.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)

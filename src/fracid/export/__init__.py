@@ -1,13 +1,14 @@
 """A run taken elsewhere: MATLAB and Octave, C, spreadsheets, control design.
 
-=============  ==========================================  =====================================================
-format         files                                       module
-=============  ==========================================  =====================================================
-``matlab``     ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
-``c``          ``fracid_model.c``, ``fracid_model.h``      :mod:`fracid.export.c`
-``csv``        one a recording: measured, fitted, residual :mod:`fracid.export.table`
-``json``       ``export.json``: the result with its curves :mod:`fracid.export.table`
-=============  ==========================================  =====================================================
+===============  ============================================  =====================================================
+format           files                                       module
+===============  ============================================  =====================================================
+``matlab``       ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
+``c``            ``fracid_model.c``, ``fracid_model.h``      :mod:`fracid.export.c`
+``csv``          one a recording: measured, fitted, residual :mod:`fracid.export.table`
+``state-space``  ``state_space.json``, step and Bode figures :mod:`fracid.export.state_space`
+``json``         ``export.json``: the result with its curves :mod:`fracid.export.table`
+===============  ============================================  =====================================================
 
 Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
 :mod:`fracid.export.recursion` takes out of the compiled loops.  Nothing is written outside of the folder that is given.
@@ -64,7 +65,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'csv', 'json']
+    ['matlab', 'c', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -88,9 +89,10 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
 def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
     from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
     from fracid.export.recursion import Recursion
+    from fracid.export.state_space import integer_model
     from fracid.runs import write_text
 
-    write_results(folder / "results.mat", matlab_results(run))
+    write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
     if reason := no_program(run):
         yield reason
@@ -137,6 +139,23 @@ def _json(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | st
     yield folder / "export.json"
 
 
+def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+    import json
+
+    from fracid.export.state_space import integer_model, sentences
+    from fracid.plots import linear_response, save
+    from fracid.runs import write_text
+
+    found = integer_model(run)
+    text = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)
+    write_text(folder / "state_space.json", text + "\n")
+    yield folder / "state_space.json"
+    for posture, linear in found.linear.items():
+        if linear.inputs and linear.G.any():
+            yield from save(linear_response(found, posture), folder, f"linear-{posture}")
+    yield from sentences(run, found)
+
+
 FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c,
-           "csv": _csv, "json": _json}  # fmt: skip
+           "csv": _csv, "json": _json, "state-space": _state_space}  # fmt: skip
 """(run, folder, longest run) → the files that it wrote, and sentences."""

@@ -26,7 +26,7 @@ from fracid.problem import LIMIT
 if TYPE_CHECKING:
     from fracid.saved import SavedRun
 
-__all__ = ["matlab_model", "matlab_results", "no_program", "write_results"]
+__all__ = ["matlab_model", "matlab_results", "no_program", "of_recording", "write_results"]
 
 FloatArray = NDArray[np.float64]
 

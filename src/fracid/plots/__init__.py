@@ -14,6 +14,7 @@ figure                        shows
 :func:`amplitudes`            each order over the amplitude of the swing: does it drift?
 :func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
 :func:`noise_levels`          bias and spread of each unknown against the noise, and what its intervals are worth
+:func:`linear_response`       a linear model about a posture: Bode's plots and the step response
 ============================  ============================================================================
 
 What they keep to: angles in degrees and a unit on every axis; measured pale and broad under fitted dark and
@@ -32,6 +33,7 @@ A family of figures is one file; what they share is in :mod:`fracid.plots.look`.
 from fracid.plots.compare import amplitudes, ladder
 from fracid.plots.cut import cut_shifts
 from fracid.plots.fitted import fitted_over_time
+from fracid.plots.linear import linear_response
 from fracid.plots.noise import noise_levels
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
@@ -46,6 +48,7 @@ __all__ = [
     "cut_shifts",
     "fitted_over_time",
     "ladder",
+    "linear_response",
     "noise_levels",
     "profiles",
     "recording_overview",

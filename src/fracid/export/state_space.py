@@ -1,0 +1,578 @@
+r"""Integer-order state space: each fractional operator by Oustaloup's filter, nonlinear and linearised.
+
+A state of order q with :math:`τ_0^{q-1} D^q x = f` is :math:`x = x_0 + τ_0^{1-q} s^{-q} f`.  With
+
+.. math::
+
+    s^{-q} = \frac{1}{s}\,s^{γ}, \quad γ = 1 - q, \qquad
+    s^{γ} ≈ ω_h^{γ} \prod_{k=-N}^{N} \frac{s + ω'_k}{s + ω_k}, \qquad
+    ω'_k, ω_k = ω_b \Big(\frac{ω_h}{ω_b}\Big)^{\frac{k + N + (1 ∓ γ)/2}{2N + 1}},
+
+Oustaloup's filter [Ou]_ (after 1/s, so that constants are integrated exactly), partial fractions make 2N + 2 real
+poles of it, and one, 1/s, at order 1.  All states together:
+
+.. math::  \dot z = P z + B f(x, u), \qquad x = x_0 + C z,
+
+P diagonal.  The data can tell from one period in the longest recording to half the sampling rate.  N is the smallest,
+and :math:`ω_b … ω_h` reaches beyond that band by the smallest of :data:`WIDER`, with which the error within the band is
+below :data:`DECIBEL` and :data:`DEGREES`.  What is slower, such as the drift of a free arm, is off most; so is what
+dies within a swing, since the filter is right along the imaginary axis.
+
+Linearised about a posture, :math:`f ≈ F (x - x_e) + G u`:
+
+.. math::  \dot z = (P + B F C)\,z + B G\,u, \qquad x - x_e = C z,
+
+and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G u`, whose poles, zeros of the determinant, are
+found from the filter's by the secant method.  Dry friction has no linear part in motion: it is left out.
+
+References
+----------
+.. [Ou] A. Oustaloup, F. Levron, B. Mathieu, F. M. Nanot, *Frequency-band complex noninteger differentiator*, IEEE
+   Trans. Circuits Syst. I 47 (2000) 25.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fracid.errors import InputError
+from fracid.export.matlab import of_recording
+from fracid.export.recursion import Case, is_pendulum
+from fracid.memory import compressed
+from fracid.models import Model
+from fracid.problem import LIMIT, Problem
+from fracid.simulate import METHODS, compile_rhs, integrate, time_scale
+
+if TYPE_CHECKING:
+    from fracid.saved import SavedRun
+
+__all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "oustaloup", "sentences"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+DECIBEL, DEGREES = 0.02, 0.05
+"""Errors of an operator over the data's band that are allowed."""
+
+MOST = 20
+"""Largest N."""
+
+WIDER = (10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
+"""By what factor the filter's band may reach beyond the data's on each side, since it is wrong near its ends."""
+
+
+OVERDAMPED = 0.95
+"""Damping from which on a pair of poles is the filters', two real poles that nearly meet."""
+
+SWEEPS = 30
+"""At most, of a step."""
+
+HALVINGS = 4
+"""How often a simulation may halve its step."""
+
+
+@dataclass(frozen=True)
+class Operator:
+    """1/s^q as partial fractions: Σ residue/(s + pole)."""
+
+    order: float
+    """q."""
+    poles: FloatArray
+    """[rad/s], 0 first, shape (n,)."""
+    residues: FloatArray
+    """Shape (n,)."""
+    band: tuple[float, float]
+    """What the data can tell [rad/s]."""
+    filter_band: tuple[float, float]
+    """ω_b and ω_h [rad/s]."""
+
+    @property
+    def pairs(self) -> int:
+        """2N + 1, none at order 1."""
+        return len(self.poles) - 1
+
+    def response(self, omega: ArrayLike) -> ComplexArray:
+        """At iω."""
+        s = 1j * np.asarray(omega, dtype=np.float64)
+        return np.asarray((self.residues / (s[..., None] + self.poles)).sum(axis=-1))
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Largest error over the band, in dB and in degrees."""
+        omega = np.geomspace(*self.band, 400)
+        ratio = self.response(omega) * (1j * omega) ** self.order
+        return float(np.abs(20 * np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        if self.pairs == 0:
+            return "1/s is exact."
+        decibel, degrees = self.errors
+        return (
+            f"1/s^{self.order:.6g} is 1/s and {self.pairs} pairs of a pole and a zero from {self.filter_band[0]:.3g} "
+            f"to {self.filter_band[1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, what the data "
+            f"can tell, it is right within {decibel:.2g} dB and {degrees:.2g}°."
+        )
+
+
+def oustaloup(order: float, band: tuple[float, float], half: int | None = None) -> Operator:
+    """Oustaloup's filter for 1/s^order.
+
+    Parameters
+    ----------
+    order : float
+        Strictly between 0 and 2.
+    band : (float, float)
+        Where it must be right [rad/s].
+    half : int, optional
+        N; the smallest that meets the bars if left out.
+
+    Returns
+    -------
+    Operator
+
+    Raises
+    ------
+    InputError
+        If the order or the band is none.
+
+    Examples
+    --------
+    >>> operator = oustaloup(0.9, (0.3, 3000.0))
+    >>> operator.pairs, max(operator.errors) < 0.05
+    (15, True)
+    >>> bool(abs(operator.response(10.0) * (10j) ** 0.9 - 1) < 0.01)
+    True
+    """
+    if not 0 < order < 2:
+        raise InputError(f"The order is {order!r}; it must lie strictly between 0 and 2.")
+    if not 0 < band[0] < band[1] < math.inf:
+        raise InputError(f"band = {band!r}: expected two frequencies above 0 [rad/s], the lower first.")
+    if order == 1.0:
+        return Operator(order, np.zeros(1), np.ones(1), band, band)
+    for N in range(1, MOST + 1) if half is None else (half,):
+        for wider in WIDER:
+            ends = band[0] / wider, band[1] * wider
+            operator = Operator(order, *_partial_fractions(1 - order, *ends, N), band, ends)
+            decibel, degrees = operator.errors
+            if decibel <= DECIBEL and degrees <= DEGREES:
+                return operator
+    return operator
+
+
+def _partial_fractions(gamma: float, low: float, high: float, N: int) -> tuple[FloatArray, FloatArray]:
+    """Poles and residues of s^(γ−1)."""
+    k = np.arange(2 * N + 1)
+    zeros = low * (high / low) ** ((k + (1 - gamma) / 2) / (2 * N + 1))
+    poles = np.concatenate([[0.0], low * (high / low) ** ((k + (1 + gamma) / 2) / (2 * N + 1))])
+    residues = np.empty(len(poles))
+    for m, p in enumerate(poles):  # ratio by ratio, since the products alone would leave the floats' range
+        others = np.delete(poles, m)
+        residues[m] = high**gamma * np.prod((zeros - p) / (others - p))
+    return poles, residues
+
+
+# --- models ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A linear model about a posture, of integer order, beside the fractional one that it stands for."""
+
+    name: str
+    """``hanging``, ``upright``; of a model of yours ``rest``."""
+    about: FloatArray
+    """x_e, shape (n_states,)."""
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    orders: FloatArray
+    """Of each state, shape (n_states,)."""
+    weight: FloatArray
+    """τ₀^(q−1) of each state, shape (n_states,)."""
+    F: FloatArray
+    """∂f/∂x, shape (n_states, n_states)."""
+    G: FloatArray
+    """∂f/∂u, shape (n_states, n_inputs)."""
+    A: FloatArray
+    """P + B F C, shape (n, n)."""
+    B: FloatArray
+    C: FloatArray
+    """Outputs from z, shape (n_outputs, n)."""
+    rows: tuple[int, ...]
+    """The states that are the outputs."""
+
+    @property
+    def D(self) -> FloatArray:
+        """Zero: all operators are strictly proper."""
+        return np.zeros((len(self.outputs), len(self.inputs)))
+
+    @cached_property
+    def poles(self) -> ComplexArray:
+        """Eigenvalues of A [rad/s], by their distance from zero."""
+        found = np.linalg.eigvals(self.A).astype(np.complex128)
+        return found[np.argsort(np.abs(found))]
+
+    def response(self, omega: ArrayLike) -> ComplexArray:
+        """Outputs over inputs at iω, shape (n_omega, n_outputs, n_inputs)."""
+        identity = np.eye(len(self.A))
+        return np.array([self.C @ np.linalg.solve(1j * w * identity - self.A, self.B) for w in np.ravel(omega)])
+
+    def exact_response(self, omega: ArrayLike) -> ComplexArray:
+        """The same of the fractional model."""
+        rows = list(self.rows)
+        return np.array([np.linalg.solve(self._matrix(1j * w), self.G)[rows] for w in np.ravel(omega)])
+
+    def _matrix(self, s: complex) -> ComplexArray:
+        return np.asarray(np.diag(self.weight * s**self.orders) - self.F)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """The poles that swing or grow, each beside the fractional model's own."""
+        scale = float(np.abs(np.linalg.eigvals(self.F)).max()) or 1.0
+        swings = (p for p in self.poles if p.imag > 0 and -p.real < OVERDAMPED * abs(p))
+        telling = [*swings, *(p for p in self.poles if p.imag == 0 and p.real > 1e-6 * scale)]
+        return tuple(Mode(complex(p), self._exact_pole(complex(p))) for p in telling)
+
+    def _exact_pole(self, near: complex) -> complex | None:
+        """Where the determinant is zero on the principal sheet, by the secant method."""
+        a, b = near, near * (1 + 1e-4)
+        fa, fb = (complex(np.linalg.det(self._matrix(p))) for p in (a, b))
+        for _ in range(50):
+            if fa == fb or abs(b - a) <= 1e-12 * abs(b):
+                break
+            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
+            fb = complex(np.linalg.det(self._matrix(b)))
+        return b if abs(b - near) < 0.2 * abs(near) else None
+
+    def control(self) -> Any:
+        """As a python-control StateSpace.
+
+        Raises
+        ------
+        InputError
+            Without python-control.
+        """
+        states = [f"z{i}" for i in range(len(self.A))]
+        return _control().ss(self.A, self.B, self.C, self.D, inputs=list(self.inputs), outputs=list(self.outputs),
+                             states=states, name=self.name)  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything, as plain JSON values."""
+        return {
+            "about": self.about.tolist(), "inputs": list(self.inputs), "outputs": list(self.outputs),
+            **{n: getattr(self, n).tolist() for n in ("A", "B", "C", "D", "F", "G")},
+            "poles": {"real": self.poles.real.tolist(), "imag": self.poles.imag.tolist()},
+            "damping": [m.to_json() for m in self.modes],
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A pole that swings or grows; of a pair the one above."""
+
+    pole: complex
+    """Of the integer-order model [rad/s]."""
+    exact: complex | None
+    """Of the fractional model; None where none is near."""
+
+    @property
+    def frequency(self) -> float:
+        """|p| [rad/s]."""
+        return abs(self.pole)
+
+    @property
+    def damping(self) -> float:
+        """ζ = −Re p/|p|."""
+        return -self.pole.real / abs(self.pole)
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        own = ""
+        if self.exact is not None and self.pole.imag > 0:
+            size, damping = abs(self.exact), -self.exact.real / abs(self.exact)
+            own = f" (the fractional model's own pole: {size:.4g} rad/s, {damping:.3g})"
+        elif self.exact is not None:
+            own = f" (the fractional model's own: {1 / self.exact.real:.3g} s)"
+        if self.pole.imag > 0:
+            return f"swings at {self.frequency:.4g} rad/s with a damping of {self.damping:.3g}{own}"
+        return f"falls with a time constant of {1 / self.pole.real:.3g} s{own}"
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        exact = None if self.exact is None else [self.exact.real, self.exact.imag]
+        return {"pole": [self.pole.real, self.pole.imag], "frequency": self.frequency, "damping": self.damping,
+                "fractional_pole": exact}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class IntegerModel:
+    """A run's model of integer order: ż = −p z + B f(x, u), x = x_0 + C z."""
+
+    model: Model
+    parameters: FloatArray
+    orders: FloatArray
+    operators: tuple[Operator, ...]
+    """Of each state."""
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """τ₀^(q−1) of each state."""
+        return np.asarray(time_scale(self.model, self.parameters) ** (self.orders - 1))
+
+    @cached_property
+    def decay(self) -> FloatArray:
+        """p, the diagonal of −P [rad/s], shape (n,)."""
+        return np.concatenate([o.poles for o in self.operators])
+
+    @cached_property
+    def B(self) -> FloatArray:
+        """Which z each f drives, shape (n, n_states)."""
+        owner = np.repeat(np.arange(len(self.operators)), [len(o.poles) for o in self.operators])
+        return np.asarray(owner[:, None] == np.arange(len(self.operators)), dtype=np.float64)
+
+    @cached_property
+    def C(self) -> FloatArray:
+        """States from z, shape (n_states, n)."""
+        residues = np.concatenate([o.residues / w for o, w in zip(self.operators, self.weight, strict=True)])
+        return np.asarray(self.B.T * residues)
+
+    def f(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
+        """The right-hand side."""
+        out = np.empty(len(self.orders))
+        p = self.parameters if parameters is None else parameters
+        getattr(self.model.rhs, "py_func", self.model.rhs)(0.0, x, u, p, out)
+        return out
+
+    def simulate(self, x0: FloatArray, inputs: FloatArray, step: float, steps: int) -> FloatArray:
+        """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure.
+
+        Each z is integrated exactly for an f that is linear over a step: second order, however fast its pole.
+        """
+        for fine in 2 ** np.arange(HALVINGS):
+            at = np.arange(steps * fine + 1) / fine
+            u = inputs if len(inputs) == 1 else np.column_stack([np.interp(at, np.arange(len(c)), c) for c in inputs.T])
+            found, settled = self._steps(x0, u, step / fine, steps * int(fine))
+            if settled:
+                break
+        return found[::fine]
+
+    def _steps(self, x0: FloatArray, u: FloatArray, h: float, steps: int) -> tuple[FloatArray, bool]:
+        """By sweeps; the second is whether they settled at every step."""
+        ph = self.decay * h
+        slow = ph < 1e-6
+        safe = np.where(slow, 1.0, ph)
+        kept, mean = np.exp(-ph), np.where(slow, 1 - ph / 2, -np.expm1(-safe) / safe)
+        end = h * np.where(slow, 0.5 - ph / 6, (1 - mean) / safe)
+        old, new, newest = h * mean - end, end, self.C @ (end[:, None] * self.B)
+        states = np.full((steps + 1, len(x0)), np.nan)
+        states[0], z, driven = x0, np.zeros(len(ph)), self.B.argmax(axis=1)
+        f = self.f(x0, u[0])
+        for n in range(1, steps + 1):
+            z = kept * z + old * f[driven]
+            known, x = x0 + self.C @ z, states[n - 1]
+            for _ in range(SWEEPS):
+                f = self.f(x, u[min(n, len(u) - 1)])
+                last, x = x, known + newest @ f
+                if np.abs(x - last).max() < 1e-10:
+                    break
+            else:
+                return states, False
+            z = z + new * f[driven]
+            states[n] = x
+        return states, True
+
+    def linearised(self, name: str, about: FloatArray, parameters: FloatArray) -> LinearModel:
+        """About a state, with these parameters in the place of the model's own."""
+        n, m = len(self.orders), len(self.model.inputs)
+        F, G = np.empty((n, n)), np.empty((n, m))
+        for i in range(n):
+            d = 1e-6 * (np.arange(n) == i)
+            F[:, i] = (self.f(about + d, np.zeros(m), parameters) - self.f(about - d, np.zeros(m), parameters)) / 2e-6
+        for i in range(m):
+            d = 1e-6 * (np.arange(m) == i)
+            G[:, i] = (self.f(about, d, parameters) - self.f(about, -d, parameters)) / 2e-6
+        outputs, rows = tuple(self.model.outputs), tuple(self.model.outputs.values())
+        return LinearModel(name, about, self.model.inputs, outputs, self.orders, self.weight, F, G,
+                           np.diag(-self.decay) + self.B @ F @ self.C, self.B @ G, self.C[list(rows)],
+                           rows)  # fmt: skip
+
+    @cached_property
+    def linear(self) -> Mapping[str, LinearModel]:
+        """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
+        if is_pendulum(self.model):
+            p, posture = _moving(self.model, self.parameters), _postures(self.model, self.parameters)
+            return {name: self.linearised(name, x, p) for name, x in posture.items()}
+        from scipy.optimize import root
+
+        found = root(lambda x: self.f(x, np.zeros(len(self.model.inputs))), np.zeros(len(self.orders)))
+        return {"rest": self.linearised("rest", found.x, self.parameters)} if found.success else {}
+
+    def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
+        """Time, and the outputs after a unit step, of integer order and fractional, (points + 1, n_outputs)."""
+        from scipy.linalg import expm
+
+        h, n = end / points, len(linear.A)
+        block = np.zeros((n + 1, n + 1))
+        block[:n, :n], block[:n, n] = linear.A, linear.B[:, 0]
+        transition, z = expm(h * block), np.append(np.zeros(n), 1.0)
+        integer = np.zeros((points + 1, len(linear.outputs)))
+        for k in range(1, points + 1):
+            z = transition @ z
+            integer[k] = linear.C @ z[:n]
+        return h * np.arange(points + 1), integer, self._exact_step(linear, h, points)
+
+    def _exact_step(self, linear: LinearModel, h: float, points: int) -> FloatArray:
+        """By the solver, from an input too small for anything but the linear part."""
+        small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))
+        p = _moving(self.model, self.parameters) if is_pendulum(self.model) else self.parameters
+        u = np.zeros((1, len(linear.inputs)))
+        u[0, 0] = small
+        run = integrate(compile_rhs(self.model.rhs), self.orders, linear.about, np.zeros(len(self.orders)), u, p, h,
+                        points, METHODS["pi2"], compressed(), limit=LIMIT,
+                        time_scale=time_scale(self.model, p))  # fmt: skip
+        found = np.full((points + 1, len(linear.rows)), np.nan)
+        found[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
+        return found
+
+    def control(self, x0: FloatArray | None = None) -> Any:
+        """As a python-control NonlinearIOSystem, whose outputs are the measured states.
+
+        Parameters
+        ----------
+        x0 : ndarray, shape (n_states,), optional
+            Where it starts; z is 0 there.  Zero if left out.
+
+        Raises
+        ------
+        InputError
+            Without python-control.
+        """
+        start = np.zeros(len(self.orders)) if x0 is None else np.asarray(x0, dtype=np.float64)
+        rows = list(self.model.outputs.values())
+
+        def update(_t: float, z: FloatArray, u: FloatArray, _p: Any) -> FloatArray:
+            return np.asarray(-self.decay * z + self.B @ self.f(start + self.C @ z, np.atleast_1d(u)))
+
+        def output(_t: float, z: FloatArray, _u: FloatArray, _p: Any) -> FloatArray:
+            return np.asarray((start + self.C @ z)[rows])
+
+        return _control().nlsys(update, output, inputs=list(self.model.inputs), outputs=list(self.model.outputs),
+                                states=len(self.decay), name=self.model.name)  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Operators, matrices and linear models as plain JSON values."""
+        named = dict(zip(self.model.states, self.operators, strict=True))
+        return {
+            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e: z' = A z + B u, y - y_e = C z",
+            "operators": {
+                n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
+                    "filter_band": list(o.filter_band), "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
+                for n, o in named.items()
+            },
+            "decay": self.decay.tolist(), "B": self.B.tolist(), "C": self.C.tolist(),
+            "linear": {n: m.to_json() for n, m in self.linear.items()},
+        }  # fmt: skip
+
+    def to_matlab(self) -> dict[str, Any]:
+        """Matrices and linear models for ``results.mat``."""
+        return {
+            "decay": self.decay[:, None], "B": self.B, "C": self.C,
+            "linear": {
+                n: {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "F": m.F, "G": m.G, "about": m.about[:, None],
+                    "poles": m.poles[:, None], "swings": np.array([mode.pole for mode in m.modes])}
+                for n, m in self.linear.items()
+            },
+        }  # fmt: skip
+
+
+def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> IntegerModel:
+    """Make the integer-order model of a run.
+
+    Parameters
+    ----------
+    run : SavedRun or Problem
+    x : ndarray, shape (n_unknowns,), optional
+        The unknowns of a problem; its start if left out.
+
+    Returns
+    -------
+    IntegerModel
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((5000, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(b_alpha=2e-4), (swing,), {"lambda": 0.9, "mu": 1.0})
+    >>> found = integer_model(problem)
+    >>> [o.pairs for o in found.operators], list(found.linear)
+    ([13, 13, 0, 0], ['hanging', 'upright'])
+    >>> (mode,) = found.linear["hanging"].modes
+    >>> bool(abs(mode.pole - mode.exact) < 1e-2 * mode.frequency)
+    True
+    """
+    problem, values = (run, run.start if x is None else x) if isinstance(run, Problem) else (run.problem, run.x)
+    orders, parameters, _ = problem.unpack(values, problem.experiments[0])
+    cases = [Case.of(problem, values, e) for e in problem.experiments]
+    band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
+    known = {q: oustaloup(q, band) for q in set(orders.tolist())}
+    return IntegerModel(problem.model, parameters, orders, tuple(known[q] for q in orders.tolist()))
+
+
+def sentences(run: SavedRun, found: IntegerModel) -> Iterator[str]:
+    """What an engineer should know of the integer-order model: its operators, its fidelity, its poles."""
+    for operator in {o.order: o for o in found.operators}.values():
+        yield str(operator)
+    name = run.problem.experiments[0].name
+    errors = follows(found, of_recording(run, name), run.problem.simulate(run.x, run.problem.experiments[0]).states)
+    if run.problem.experiments[0].past is None:
+        worst = ", ".join(f"{n} {np.degrees(e):.2g}°" for n, e in errors.items())
+        yield (
+            f"Simulated over {name}, the integer-order model ({len(found.decay)} states, poles up to "
+            f"{found.decay.max():.2g} rad/s: take a stiff solver) is off the fractional one by {worst} rms."
+        )
+    for posture, linear in found.linear.items():
+        yield from (f"About {posture} it {mode}." for mode in linear.modes)
+    if is_pendulum(found.model) and np.any(found.parameters != _moving(found.model, found.parameters)):
+        yield (
+            "The linear models are of the rig in motion: without dry friction, and with the torque for an input "
+            "where the motor's constant is 0."
+        )
+
+
+def follows(found: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
+    """Root mean square of integer-order less fractional outputs over one recording [rad]."""
+    own = replace(found, parameters=case.parameters)
+    states = own.simulate(case.past[-1], case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :], case.step,
+                          case.steps)  # fmt: skip
+    return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
+            for n, i in found.model.outputs.items()}  # fmt: skip
+
+
+def _postures(model: Model, parameters: FloatArray) -> dict[str, FloatArray]:
+    p = dict(zip(model.parameter_names, parameters.tolist(), strict=True))
+    theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
+    other = {"hanging": "upright", "upright": "hanging"}[model.zero]
+    turned = {model.zero: 0.0, other: math.pi}
+    return {n: np.array([theta, 0.0, p["alpha_rest"] + turned[n], 0.0]) for n in ("hanging", "upright")}
+
+
+def _moving(model: Model, parameters: FloatArray) -> FloatArray:
+    """Without dry friction; the input is the torque where a voltage does nothing."""
+    p = dict(zip(model.parameter_names, parameters.tolist(), strict=True))
+    p |= {"coulomb_theta": 0.0, "coulomb_alpha": 0.0, "torque_per_volt": p["torque_per_volt"] or 1.0}
+    return np.array(list(p.values()))
+
+
+def _control() -> Any:
+    try:
+        import control
+    except ImportError:
+        raise InputError("python-control is not installed; type: pip install 'fracid[control]'.") from None
+    return control

@@ -1,0 +1,109 @@
+"""A linear model about a posture: Bode's two plots and the step response of each output.
+
+The fractional model is drawn broad and pale, the integer-order one that stands for it dark and thin over it, and the
+band that the data can tell is shaded.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.plots.look import BLUE, FITTED, ORANGE, finish, label, new, note, plain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.export.state_space import IntegerModel
+
+__all__ = ["linear_response"]
+
+FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "round"}
+INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}
+
+UNITS = {"voltage": "V", "torque": "N m"}
+
+GROWN, DIED = 3.0, 6.0
+"""Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
+
+
+def linear_response(found: IntegerModel, posture: str) -> Figure:
+    """Draw magnitude, phase and step response from the first input to each output, about a posture.
+
+    Parameters
+    ----------
+    found : IntegerModel
+        From :func:`fracid.export.state_space.integer_model`.
+    posture : str
+        A key of its `linear`: ``hanging`` or ``upright``.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    KeyError
+        If there is no such posture.
+    ValueError
+        If nothing drives the model.
+
+    Examples
+    --------
+    >>> import numpy as np, fracid
+    >>> from fracid.export.state_space import integer_model
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((5000, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(b_alpha=2e-4), (swing,), {"lambda": 0.9, "mu": 1.0})
+    >>> len(linear_response(integer_model(problem), "hanging").axes)
+    6
+    """
+    linear = found.linear[posture]
+    if not linear.inputs:
+        raise ValueError("Nothing drives the model: it has no response.")
+    outputs = linear.outputs
+    figure = new(4.2 * len(outputs), 8.2)
+    panels = figure.subplots(3, len(outputs), squeeze=False)
+    low, high = found.operators[0].band
+    omega = np.geomspace(low / 2, high, 500)
+    responses = ((linear.exact_response(omega), FRACTIONAL, "fractional"),
+                 (linear.response(omega), INTEGER, "integer-order"))  # fmt: skip
+    time, integer, exact = found.step_response(linear, _duration(found, posture))
+    unit = UNITS.get(linear.inputs[0], "unit")
+    for column, output in enumerate(outputs):
+        magnitude, phase, step = panels[:, column]
+        for response, style, name in responses:
+            h = response[:, column, 0]
+            magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **style, label=name)
+            phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **style)
+        step.plot(time, np.degrees(exact[:, column]), **FRACTIONAL)
+        step.plot(time, np.degrees(integer[:, column]), **INTEGER)
+        for axes in (magnitude, phase):
+            axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
+                         label="what the data can tell" if axes is magnitude else None)  # fmt: skip
+        symbol = plain(output)
+        label(step, f"step of 1 {unit}", "time [s]", f"{symbol} [°]")
+        _titled(magnitude, f"{plain(linear.inputs[0])} to {symbol}", f"magnitude [dB re 1 rad/{unit}]")
+        _titled(phase, "", "phase [°]")
+        if not np.isfinite(exact[:, column]).all():
+            note(step, "the fractional model fails here")
+    finish(figure, f"{plain(found.model.name)}, linear about {posture}")
+    return figure
+
+
+def _titled(axes: Any, title: str, y: str) -> None:
+    axes.set_title(title, fontsize=9.5)
+    axes.set_xlabel("frequency [rad/s]")
+    axes.set_ylabel(y)
+
+
+def _duration(found: IntegerModel, posture: str) -> float:
+    """Until an unstable pole has grown, or a swing has died; else half of the longest recording [s]."""
+    modes = found.linear[posture].modes
+    growing = [m.pole.real for m in modes if m.pole.real > 0]
+    if growing:
+        return GROWN / max(growing)
+    swings = [m for m in modes if m.pole.imag > 0]
+    if swings:
+        return min(DIED / max(1e-3 * swings[0].frequency, -swings[0].pole.real), 40 * np.pi / swings[0].frequency)
+    return np.pi / found.operators[0].band[0]

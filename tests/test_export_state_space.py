@@ -1,0 +1,223 @@
+"""Integer-order state space against the fractional model: operators, models about both postures, python-control."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import fracid
+from fracid.errors import InputError
+from fracid.export.recursion import Case
+from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, oustaloup
+from fracid.models import Parameter
+from fracid.plots import linear_response
+from test_export import exported, fitted, problem_of, run  # noqa: F401 (fixtures)
+
+VISCOUS = {"b_theta": 1e-3, "b_alpha": 2e-4}
+
+CASES = {
+    "viscous": problem_of(steps=4000, **VISCOUS),
+    "an order above 1": problem_of((1.1, 0.95), steps=4000, **VISCOUS),
+    "low orders": problem_of((0.6, 0.7), steps=2000, **VISCOUS),
+    "one integer order": problem_of((0.9, 1.0), steps=2000, **VISCOUS),
+    "integer orders": problem_of((1.0, 1.0), steps=2000, **VISCOUS),
+    "another unit of time": problem_of(steps=2000, time_scale=0.1, **VISCOUS),
+    "dry friction, cable and offsets": problem_of(steps=2000),
+    "counted from upright": problem_of(zero="upright", steps=1000, **VISCOUS),
+}
+
+
+# --- operators -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("band", [(0.3, 3000.0), (6.0, 600.0), (0.01, 1e5)])
+@pytest.mark.parametrize("order", [0.1, 0.5, 0.86, 0.95, 0.999, 1.05, 1.5, 1.9])
+def test_an_operator_is_right_where_the_data_can_tell(order, band):
+    operator, omega = oustaloup(order, band), np.geomspace(*band, 77)
+    ratio = operator.response(omega) * (1j * omega) ** order
+    assert np.abs(20 * np.log10(np.abs(ratio))).max() <= 1.05 * DECIBEL
+    assert np.abs(np.degrees(np.angle(ratio))).max() <= 1.05 * DEGREES
+    assert np.all(np.diff(operator.poles) > 0)
+    assert operator.poles[0] == 0
+
+
+@pytest.mark.parametrize("order", [0.5, 0.9, 1.3])
+def test_the_partial_fractions_are_the_product_of_poles_and_zeros(order):
+    operator, gamma = oustaloup(order, (1.0, 100.0), half=3), 1 - order
+    (low, high), n, s = operator.filter_band, 7, 1j * np.geomspace(0.01, 1e4, 30)[:, None]
+    k = np.arange(-3, 4)
+    zeros, poles = (low * (high / low) ** ((k + 3 + (1 + sign * gamma) / 2) / n) for sign in (-1, 1))
+    product = high**gamma * np.prod((s + zeros) / (s + poles), axis=1) / s[:, 0]
+    np.testing.assert_allclose(operator.response(s[:, 0].imag), product, rtol=1e-9)
+
+
+def test_at_order_1_the_operator_is_an_integrator():
+    operator = oustaloup(1.0, (1.0, 100.0))
+    assert operator.poles.tolist() == [0.0]
+    assert operator.residues.tolist() == [1.0]
+    assert operator.errors == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(("order", "band", "words"), [
+    (2.0, (1.0, 2.0), "strictly between 0 and 2"),
+    (0.9, (0.0, 2.0), "two frequencies above 0"),
+    (0.9, (3.0, 2.0), "the lower first"),
+])  # fmt: skip
+def test_an_operator_that_cannot_be_is_refused(order, band, words):
+    with pytest.raises(InputError, match=words):
+        oustaloup(order, band)
+
+
+# --- the models ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_integer_order_model_swings_as_the_fractional_one(name):
+    problem = CASES[name]
+    x, e = problem.start, problem.experiments[0]
+    exact = problem.simulate(x, e).states
+    assert np.ptp(exact[:, 2]) > 0.2
+    for output, error in follows(integer_model(problem), Case.of(problem, x, e), exact).items():
+        assert error < 1e-2 * np.ptp(exact[:, problem.model.outputs[output]])
+
+
+@pytest.mark.parametrize("posture", ["hanging", "upright"])
+@pytest.mark.parametrize("name", CASES)
+def test_a_linear_model_has_the_fractional_models_response_and_poles(name, posture):
+    linear = integer_model(CASES[name]).linear[posture]
+    omega = np.geomspace(*integer_model(CASES[name]).operators[0].band, 60)
+    ratio = linear.response(omega) / linear.exact_response(omega)
+    assert np.abs(ratio - 1).max() < 0.02
+    unstable = [m for m in linear.modes if m.pole.real > 0 and m.pole.imag == 0]
+    assert len(unstable) == (posture == "upright")
+    swings = [m for m in linear.modes if m.pole.imag > 0]
+    assert len(swings) >= (posture == "hanging")
+    for mode in (*unstable, *swings):
+        if mode.frequency > omega[0]:  # what is slower than the record is none of the filter's business
+            far_from_the_axis = mode.damping > 0.3
+            assert (
+                abs(mode.pole - mode.exact)
+                < (0.03 if far_from_the_axis else 4 * np.radians(DEGREES) + 1e-3) * mode.frequency
+            )
+
+
+@pytest.mark.parametrize("posture", ["hanging", "upright"])
+def test_at_integer_orders_the_poles_are_those_of_the_rig(posture):
+    linear = integer_model(CASES["integer orders"]).linear[posture]
+    np.testing.assert_allclose(np.sort_complex(linear.poles), np.sort_complex(np.linalg.eigvals(linear.F)), atol=1e-9)
+
+
+def test_at_integer_orders_a_pendulum_on_an_endlessly_heavy_arm_swings_as_a_simple_one():
+    problem = problem_of((1.0, 1.0), J_theta=1e6, b_alpha=2e-4)
+    p = dict(zip(problem.model.parameter_names, problem.model.parameter_vector(), strict=True))
+    (swing,) = integer_model(problem).linear["hanging"].modes
+    (fall,) = integer_model(problem).linear["upright"].modes
+    omega, zeta = np.sqrt(p["C4"] / p["C1"]), p["b_alpha"] / (2 * np.sqrt(p["C4"] * p["C1"]))
+    assert swing.frequency == pytest.approx(omega, rel=1e-6)
+    assert swing.damping == pytest.approx(zeta, rel=1e-5)
+    assert fall.pole.real == pytest.approx(omega * (np.sqrt(1 + zeta**2) - zeta), rel=1e-6)
+
+
+def test_both_zeros_of_alpha_have_the_same_poles():
+    options = {"steps": 1000, **VISCOUS}
+    a, b = (integer_model(problem_of(zero=zero, **options)).linear for zero in ("hanging", "upright"))
+    for posture in ("hanging", "upright"):
+        np.testing.assert_allclose(a[posture].poles, b[posture].poles, rtol=1e-4, atol=1e-6)
+
+
+def test_without_a_motor_the_input_is_the_torque():
+    torque = integer_model(problem_of(torque_per_volt=0.0)).linear["hanging"].G
+    volts = integer_model(problem_of(torque_per_volt=0.1)).linear["hanging"].G
+    np.testing.assert_allclose(0.1 * torque, volts, rtol=1e-6)
+
+
+def test_the_step_response_is_the_fractional_models():
+    found = integer_model(CASES["viscous"])
+    for posture, end in (("hanging", 2.0), ("upright", 0.3)):
+        _, integer, exact = found.step_response(found.linear[posture], end)
+        assert np.all(np.abs(integer - exact).max(axis=0) < 5e-3 * np.ptp(exact, axis=0))
+
+
+def test_a_users_own_model_has_a_linear_one_about_its_rest():
+    def rhs(t, x, u, p, out):
+        out[0] = u[0] - p[0] * x[0] - x[0] ** 3 + 2.0
+
+    own = fracid.Model(
+        name="own", rhs=rhs, states=("level",), orders=("mu",), outputs={"level": 0}, inputs=("flow",),
+        parameters=(Parameter("rate", "1/s", 1.0, "of decay"),), zero="", source="a test",
+    )  # fmt: skip
+    swing = fracid.Experiment("own", 0.01, np.zeros((1000, 1)), np.zeros((1, 1)))
+    problem = fracid.Problem(own, (swing,), {"mu": 0.9}, outputs=("level",), initial_state="held")
+    linear = integer_model(problem).linear["rest"]
+    assert linear.about == pytest.approx([1.0])
+    assert pytest.approx(np.array([[-4.0]])) == linear.F
+    assert linear.exact_response([2.0])[0, 0, 0] == pytest.approx(1 / ((2j) ** 0.9 + 4))
+
+
+# --- python-control --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def control():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return pytest.importorskip("control")
+
+
+@pytest.mark.parametrize("posture", ["hanging", "upright"])
+def test_python_control_agrees(control, posture):
+    found = integer_model(CASES["viscous"])
+    linear = found.linear[posture]
+    system = linear.control()
+    assert system.input_labels == ["voltage"]
+    assert system.output_labels == ["theta", "alpha"]
+    omega = np.geomspace(1.0, 100.0, 7)
+    np.testing.assert_allclose(system(1j * omega)[:, 0], linear.response(omega)[:, :, 0].T, rtol=1e-6)
+    about = control.linearize(found.control(linear.about), 0, 0)
+    rows = np.abs(linear.A).max(axis=1, keepdims=True)
+    assert np.all(np.abs(about.A - linear.A) < 1e-3 * (1 + rows))
+    np.testing.assert_allclose(about.B, linear.B, atol=1e-3)
+
+
+def test_python_control_simulates_the_nonlinear_model(control):
+    problem = problem_of((0.95, 0.9), steps=150, **VISCOUS)
+    exact = problem.simulate(problem.start, problem.experiments[0])
+    system = integer_model(problem).control(exact.states[0])
+    response = control.input_output_response(system, exact.time, np.zeros(len(exact.time)), 0, solve_ivp_method="BDF")
+    assert np.all(np.abs(response.outputs.T - exact.states[:, [0, 2]]).max(axis=0) < 5e-3)
+
+
+def test_without_python_control_the_sentence_says_what_to_type(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "control", None)
+    with pytest.raises(InputError, match=r"pip install 'fracid\[control\]'"):
+        integer_model(CASES["viscous"]).linear["hanging"].control()
+
+
+# --- files and figures -----------------------------------------------------------------------------
+
+
+def test_the_files_hold_the_matrices(exported):  # noqa: F811
+    folder, done = exported
+    found = json.loads((folder / "state_space.json").read_text(encoding="utf-8"))
+    matlab = loadmat(folder / "results.mat", simplify_cells=True)["integer"]
+    linear = found["linear"]["hanging"]
+    np.testing.assert_array_equal(matlab["linear"]["hanging"]["A"], linear["A"])
+    np.testing.assert_array_equal(matlab["decay"], found["decay"])
+    eigenvalues = np.linalg.eigvals(np.array(linear["A"]))
+    for mode in linear["damping"]:
+        assert np.abs(eigenvalues - complex(*mode["pole"])).min() < 1e-6 * mode["frequency"]
+    assert {"linear-hanging.svg", "linear-upright.png"} <= {p.name for p in done.files}
+    said = " ".join(done.notes)
+    for words in ("pairs of a pole and a zero", "About hanging it swings at", "About upright it falls with", "stiff"):
+        assert words in said
+
+
+@pytest.mark.parametrize("posture", ["hanging", "upright"])
+def test_the_figure_draws_both_models_of_every_output(posture):
+    figure = linear_response(integer_model(CASES["one integer order"]), posture)
+    assert len(figure.axes) == 6
+    for axes in figure.axes:
+        fractional, integer = (line.get_ydata() for line in axes.get_lines())
+        assert np.abs(np.asarray(fractional) - integer).max() < 0.02 * np.ptp(fractional) + 0.2
