@@ -277,7 +277,7 @@ def alive(pid):
 
 @pytest.fixture
 def cluster(tmp_path):
-    """A scheduler and two workers, processes of their own on loopback: address, scheduler, workers."""
+    """A scheduler, a process of its own on loopback: its address, itself, and what starts two workers."""
     pytest.importorskip("distributed")
 
     def started(*command):
@@ -290,10 +290,13 @@ def cluster(tmp_path):
     processes: list[subprocess.Popen] = []
     where = tmp_path / "scheduler.json"
     started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(where))
-    for _ in range(2):
-        started("worker", "--scheduler-file", str(where), "--nthreads", "1", "--no-nanny", "--no-dashboard")
     until(lambda: [where] if where.exists() and where.stat().st_size else [], 1)
-    yield json.loads(where.read_text())["address"], processes[0], processes[1:]
+
+    def start_workers():
+        for _ in range(2):
+            started("worker", "--scheduler-file", str(where), "--nthreads", "1", "--no-nanny", "--no-dashboard")
+
+    yield json.loads(where.read_text())["address"], processes[0], start_workers
     for process in reversed(processes):
         process.kill()
         process.wait()
@@ -303,7 +306,13 @@ def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worke
     cluster, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("fracid.executor.ANSWER", 2.0)  # how long a scheduler is waited for that is gone
-    address, scheduler, _ = cluster
+    address, scheduler, start_workers = cluster
+    with monkeypatch.context() as impatient:
+        impatient.setattr("fracid.executor.PATIENCE", 0.3)
+        impatient.setattr("fracid.executor.IDLE", 0.2)
+        with pytest.raises(Unfinished, match=rf"has had no worker for 0 s: start some with dask worker {address}\."):
+            run_tasks(drawn, STUDY, executor=address)
+    start_workers()
     marks = tmp_path / "marks"
     marks.mkdir()
     tasks = [Task(f"seed {seed}", (str(marks), seed)) for seed in range(60)]
