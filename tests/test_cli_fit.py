@@ -83,7 +83,15 @@ def test_a_fit_shows_its_table_and_leaves_a_whole_run_folder_with_its_figures(ca
     result = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result["orders"]["mu"]["value"] == pytest.approx(0.95, abs=1e-3)
     names = {p.name for p in (tmp_path / "run").iterdir()}
-    written = {"result.json", "project.toml", "run.json", "environment.json", "evaluations.jsonl", "figures"}
+    written = {
+        "result.json",
+        "report.html",
+        "project.toml",
+        "run.json",
+        "environment.json",
+        "evaluations.jsonl",
+        "figures",
+    }
     assert names == {*written, ".lock"}
     assert (tmp_path / "run" / "project.toml").read_text() == (folder / "rig.toml").read_text()
     log = (tmp_path / "run" / "evaluations.jsonl").read_text().splitlines()

@@ -10,7 +10,8 @@
     ├── evaluations.jsonl    every evaluation of the cost, as it ended (written by the optimiser's log)
     ├── .memo                while it is unfinished: what was simulated (:mod:`fracid.memo`)
     ├── journal.jsonl        of a study: every repetition, as it ended (:mod:`fracid.journal`)
-    └── figures/             SVG and PNG
+    ├── figures/             SVG and PNG
+    └── report.html          all of it on one page
 
 The same inputs and seed give the same ``result.json`` but for its ``timing`` block, for any number of
 threads.  A file is written whole or not at all.

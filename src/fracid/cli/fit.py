@@ -1,4 +1,4 @@
-"""``fracid fit PROJECT``: identify, show the table, write the run folder with its figures."""
+"""``fracid fit PROJECT``: identify, show the table, write the run folder with its figures and its report."""
 
 from __future__ import annotations
 
@@ -179,17 +179,20 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
 
 
 def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, ...]:
-    """Figures 2 and 3 of each recording, and the cost over the orders where two are free."""
+    """Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
     from concurrent.futures import ThreadPoolExecutor
 
     from fracid.diagnostics import cost_plane
+    from fracid.report import write_report
     from fracid.runs import FIGURES
 
     with ThreadPoolExecutor(1) as aside:  # the plane is simulated while the recordings are drawn
         two = len(found.problem.order_indices) >= 2 and isfinite(found.cost)
-        plane = aside.submit(cost_plane, found.problem, found.x, jobs=jobs) if two else None
+        simulating = aside.submit(cost_plane, found.problem, found.x, jobs=jobs) if two else None
         paths = _draw_recordings(found, project, folder / FIGURES) + _draw_search(found, folder / FIGURES)
-        return paths if plane is None else paths + _draw_plane(found, plane.result(), folder)
+        plane = None if simulating is None else simulating.result()
+    paths += () if plane is None else _draw_plane(found, plane, folder)
+    return (*paths, write_report(folder, found, project, plane=plane, jobs=jobs)) if isfinite(found.cost) else paths
 
 
 def _draw_recordings(found: Fit, project: Project, where: Path) -> tuple[Path, ...]:
@@ -291,8 +294,9 @@ def show_fit(ran: Ran, console: Console) -> None:
         console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
     for path in ran.figures:
-        if path.suffix == ".png":
-            console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+        if path.suffix in (".png", ".html"):
+            what = "report" if path.suffix == ".html" else "figure"
+            console.print(f"{what}   {escape(str(path))}", soft_wrap=True)
 
 
 def _print_estimates(console: Console, found: Fit) -> None:
