@@ -614,6 +614,18 @@ def test_the_drawn_rig_stands_where_the_measured_angles_say(browser, file):
         assert tip[2] == pytest.approx(-length * math.cos(math.radians(α)))
 
 
+@pytest.mark.parametrize("zero", ["hanging", "upright"])
+def test_the_drawn_rig_swings_to_the_side_that_the_mass_matrix_says(browser, file, zero):
+    """M12 = C3 cos α is m ∂r/∂θ · ∂r/∂α of the centre of mass, for both zeros with C3 > 0."""
+    browser.open(file, **CALM)
+    browser.run(f"player.rigs[0].lengths = {{arm: 0.2, pendulum: 0.3, zero: '{zero}'}}")
+    tip = lambda θ, α: np.array(browser.run(f"player.rigs[0].pose({θ}, {α}).tip"))  # noqa: E731
+    for θ, α in [(20, 0), (-70, 40), (10, 130)]:
+        by_θ = (tip(θ + 0.01, α) - tip(θ - 0.01, α)) / np.radians(0.02)
+        by_α = (tip(θ, α + 0.01) - tip(θ, α - 0.01)) / np.radians(0.02)
+        assert by_θ @ by_α == pytest.approx(0.2 * 0.3 * math.cos(math.radians(α)), rel=1e-5, abs=1e-9)
+
+
 def test_paper_gets_every_recording_and_every_note_in_light_colours(browser, file):
     browser.open(file, prefers_color_scheme="dark", **CALM)
     before = browser.run("Chart.all.length")

@@ -220,6 +220,7 @@ def _profiles(material: Material) -> dict[str, Any] | None:
     found = material.beside("profiles.json")
     if found is None or not found.get("profiles"):
         return None
+    joint = found.get("joint")
     return {
         "threshold": found.get("threshold"),
         "profiles": [
@@ -227,7 +228,7 @@ def _profiles(material: Material) -> dict[str, Any] | None:
              "interval95": p["interval95"], "wald95": p["wald95"]}
             for n, p in found["profiles"].items()
         ],
-        "joint": found.get("joint"),
+        "joint": joint and joint | {"names": [letter(n) for n in joint["names"]]},
     }  # fmt: skip
 
 
