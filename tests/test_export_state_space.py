@@ -95,12 +95,10 @@ def test_a_linear_model_has_the_fractional_models_response_and_poles(name, postu
     swings = [m for m in linear.modes if m.pole.imag > 0]
     assert len(swings) >= (posture == "hanging")
     for mode in (*unstable, *swings):
-        if mode.frequency > omega[0]:  # what is slower than the record is none of the filter's business
-            far_from_the_axis = mode.damping > 0.3
-            assert (
-                abs(mode.pole - mode.exact)
-                < (0.03 if far_from_the_axis else 4 * np.radians(DEGREES) + 1e-3) * mode.frequency
-            )
+        if mode.frequency > omega[0]:  # slower than the record: none of the filter's business
+            # four operators' phases, and more far from the axis, for which the filter is not made
+            allowed = 0.03 if mode.damping > 0.3 else 4 * np.radians(DEGREES) + 1e-3
+            assert abs(mode.pole - mode.exact) < allowed * mode.frequency
 
 
 @pytest.mark.parametrize("posture", ["hanging", "upright"])

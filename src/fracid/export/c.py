@@ -120,7 +120,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
                                                                       strict=True)).items()),
         "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
         "inputs_when": "u during the step that ends now" if gl else "u at the end of the step",
-        "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes), "more_state": state,
+        "sizes": _sizes(tables), "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes), "more_state": state,
         "tables": _tables(tables, case, gl), "rhs": Template(RHS).substitute(
             zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
         "predictor": "in a parabola" if third else "in a straight line",
@@ -177,6 +177,15 @@ def _tables(tables: Recursion, case: Case, gl: bool) -> str:
         ]
     lines += [f"/* {why} */\nstatic const {kind} {name} = {_literal(values)};" for kind, name, values, why in arrays]
     return "\n".join(lines) + "\n"
+
+
+def _sizes(tables: Recursion) -> str:
+    """Memory, in words."""
+    rows, corrections = len(tables.kernels), len(tables.fit)
+    numbers = rows * (2 * tables.lags + 3 * tables.modes + corrections * len(tables.knots)) + len(tables.knots)
+    stack = (tables.together * len(tables.orders)) ** 2
+    together = f"; the first {tables.together} steps want {8 * stack} bytes of stack beside" if stack > 64 else ""
+    return f"Tables: about {8 * numbers / 1000:.1f} kB of constants; state: sizeof(fracid_state){together}."
 
 
 def _literal(values: ArrayLike) -> str:
