@@ -37,8 +37,10 @@ AR(1), ρ = 0.98, and as much white     91 %, 95 %     19 %, 31 %
 ====================================== ============== ==========================
 
 Where errors are slow beside the record and few unknowns are free, as in the last row, it still promises a little
-too much; with many it is up to twice as wide as it need be.  A bandwidth of the whitened scores is closer for AR(1), and
-holds the truth in but 83 to 93 % for the last row, so it is that of the scores themselves.  It does not know of model error: an interval says where the best value *of this model* lies.
+too much; with many it is up to twice as wide as it need be.  A bandwidth of the whitened scores comes closer for
+AR(1), and holds the truth in but 83 to 93 % for the last row, so it is that of the scores themselves.
+
+It does not know of model error: an interval says where the best value *of this model* lies.
 
 Both are found, by name in :data:`METHODS`.  Their ratio says how many of the n samples count: as many independent
 ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)`, before it is widened, would tell
