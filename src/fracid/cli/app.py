@@ -15,15 +15,16 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from fracid import __version__
 from fracid.errors import DataError, FracidError
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "app", "main"]
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "app", "main", "table"]
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -70,6 +71,16 @@ def main(arguments: list[str] | None = None) -> None:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
         sys.stderr.write(f"{kind}: {error}\n")
         raise SystemExit(error.exit_code) from None
+
+
+def table(*headings: str, fold: Collection[str] | None = None) -> Any:
+    """Make a table without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
+    from rich.table import Table
+
+    made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in headings:
+        made.add_column(heading, overflow="fold", no_wrap=fold is not None and heading not in fold)
+    return made
 
 
 def _version(asked: bool) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import Jobs, Json, Out, Seed, app
+from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -165,12 +166,9 @@ def print_check(recording: Recording, figure: Path | None) -> None:
 
 def _print_signals(console: Console, report: Report) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     rows = report.signal_rows()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in rows[0]:
-        table.add_column(heading, overflow="fold", no_wrap=heading != "signal")
+    table = new_table(*rows[0], fold=("signal",))
     for row in rows:
         table.add_row(*map(escape, row.values()))
     console.print(table)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ def _show(found: Comparison, folder: Path, figures: Sequence[Path], console: Con
 def _print_structures(console: Console, found: Comparison) -> None:
     """In sample: the orders, how many parameters, what they are worth, and how near the fit comes."""
     orders = [*found.rows[0].orders]
-    table = _table("", "orders", *orders, "unknowns", "BIC", *found.outputs, "ITAE")
+    table = new_table("", "orders", *orders, "unknowns", "BIC", *found.outputs, "ITAE")
     for row in found.rows:
         values = [_order(*row.orders[n]) if row.fractional else "" for n in orders]
         table.add_row(*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–",
@@ -213,19 +214,10 @@ def _print_structures(console: Console, found: Comparison) -> None:
 
 
 def _print_scores(console: Console, found: Comparison, names: Sequence[str]) -> None:
-    table = _table("", "orders", *found.outputs, "ITAE")
+    table = new_table("", "orders", *found.outputs, "ITAE")
     for row in found.rows:
         table.add_row(*_structure(row), *_scores(found, [row.held_out[n] for n in names if n in row.held_out]))
     console.print(table)
-
-
-def _table(*headings: str) -> Any:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
-    return table
 
 
 def _structure(row: Row) -> tuple[str, str]:

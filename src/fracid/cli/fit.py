@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -302,7 +303,7 @@ def show_fit(ran: Ran, console: Console) -> None:
 def _print_estimates(console: Console, found: Fit) -> None:
     from rich.markup import escape
 
-    table = _table("", "value", "95 % interval", "unit", "")
+    table = new_table("", "value", "95 % interval", "unit", "")
     shown = {**found.orders, **{n: e for n, e in found.parameters.items() if e.free}}
     for recording in found.recordings.values():
         shown |= {f"{n} [{recording.name}]": e for n, e in recording.parameters.items()}
@@ -316,20 +317,13 @@ def _print_recordings(console: Console, found: Fit) -> None:
     from rich.markup import escape
 
     outputs, cost = found.problem.outputs, found.problem.cost_function.name
-    table = _table("recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})")
+    table = new_table(
+        "recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"
+    )
     for r in found.recordings.values():
         scores = [text for n in outputs for text in (f"{degrees(r.rmse[n]):.4g}°", f"{r.fit_percent[n]:.2f} %")]
         table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}")))
     console.print(table)
-
-
-def _table(*headings: str) -> Any:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
-    return table
 
 
 def _digits(value: float, e: Estimate) -> str:

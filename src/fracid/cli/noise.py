@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Json, Out, Seed, app
+from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -224,16 +225,13 @@ def _csv(study: NoiseStudy) -> str:
 
 def _show(study: NoiseStudy, folder: Path, figure: Path, console: Console) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     console.print(
         f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
         f"{study.problem.method}; angles in degrees. Coverage is the share of 95 % intervals that hold the truth.",
         soft_wrap=True,
     )
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in HEADINGS:
-        table.add_column(heading, no_wrap=heading != "", overflow="fold")
+    table = new_table(*HEADINGS, fold=("",))
     for cell in study.cells:
         first = (f"{degrees(cell.level):.4g}°", f"{cell.counts:.6g}" if cell.counts else "none")
         for i, s in enumerate(cell.unknowns.values()):

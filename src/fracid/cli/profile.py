@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Seed, app
+from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -166,11 +167,8 @@ def _write(found: _Profiled, folder: Path) -> Path:
 
 def _show(found: _Profiled, folder: Path, figure: Path, console: Console) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile"):
-        table.add_column(heading, overflow="fold")
+    table = new_table("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile")
     intervals = found.record["intervals"]["unknowns"]
     for name, p in found.profiles.profiles.items():
         row = intervals[name]

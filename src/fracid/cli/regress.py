@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import Jobs, Json, Out, Seed, app
+from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 
@@ -326,11 +327,8 @@ def _show(found: _Found, out: Path | None, console: Console) -> None:
 
 def _print_constants(console: Console, f: Regression) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in ("", "value", "95 % interval", "bias", "unit", ""):
-        table.add_column(heading, no_wrap=True)
+    table = new_table("", "value", "95 % interval", "bias", "unit", "", fold=())
     for name, c in f.parameters.items():
         half = "" if c.interval95 is None else f"± {(c.interval95[1] - c.interval95[0]) / 2:.2g}"
         bias = "" if c.bias is None else f"{c.bias:+.1g}"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import Json, Out, app
+from fracid.cli.app import table as new_table
 from fracid.cli.fit import _slug
 from fracid.errors import DataError, InputError
 
@@ -141,12 +142,8 @@ def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console)
 def _figures(found: _Analysed) -> Any:
     """The sizes of all effects in one table."""
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("recording", overflow="fold")
-    for heading in ("output", "rms", "steps", "correlated", "count", "PPCC"):
-        table.add_column(heading, no_wrap=True)
+    table = new_table("recording", "output", "rms", "steps", "correlated", "count", "PPCC", fold=("recording",))
     for a in found.all:
         steps, w = a.level.steps, a.whiteness
         table.add_row(
