@@ -288,7 +288,7 @@ if (DATA.profiles && DATA.profiles.joint) {
   const j = DATA.profiles.joint;
   new Plane(element("joint"), element("joint-said"), {
     ...j, height: j.rise.map(row => row.map(v => (v === null ? null : v + 0.3))), low: 0.3, high: 60, intervals: [],
-    levels: [{ at: j.threshold + 0.3, label: "95 %" }], read: h => `rise ${round(h - 0.3, 3)}; the 95 % region ends at ${j.threshold}`,
+    levels: [{ at: j.threshold + 0.3, label: "95 %" }], read: h => `rise ${round(h - 0.3, 3)}; the 95 % region ends at ${round(j.threshold, 3)}`,
   });
 }
 

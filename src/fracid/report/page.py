@@ -129,7 +129,7 @@ def report_page(material: Material) -> str:
         lstrip_blocks=True,
     )  # fmt: skip
     jinja.filters |= {"number": number, "digits": digits, "half": half_width, "unit": unit, "letter": letter,
-                      "joined": joined, "degrees": _degrees}  # fmt: skip
+                      "joined": joined}  # fmt: skip
     styles, scripts = ([Markup(_own(name)) for name in names] for names in (STYLES, SCRIPTS))
     template = jinja.get_template("page.html.j2")
     return template.render(
@@ -150,10 +150,6 @@ def _policy(styles: list[Markup], scripts: list[Markup]) -> str:
 
     allowed = f"style-src {hashes(styles)}; script-src {hashes(scripts)}"
     return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
-
-
-def _degrees(value: float | None, form: str = ".3g") -> str:
-    return "–" if value is None else f"{number(degrees(value), form)}°"
 
 
 # --- data for the scripts --------------------------------------------------------------------------
@@ -253,7 +249,8 @@ def _context(material: Material) -> dict[str, Any]:
         "free": [row for row in _parameters(material) if row["free"]],
         "fixed": [row for row in _parameters(material) if not row["free"]],
         "per_recording": list(_per_recording(material)),
-        "residuals": [_residual(a) for outputs in material.analyses.values() for a in outputs.values()],
+        "residuals": [_residual(material, a) for outputs in material.analyses.values() for a in outputs.values()],
+        "shown": material.shown,
         "rig": _rig(material),
         "plane": _plane_data(material),
         "profiles": material.beside("profiles.json"),
@@ -331,9 +328,9 @@ def _state(name: str) -> str:
     return " ".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in name.split())
 
 
-def _residual(a: ResidualAnalysis) -> dict[str, Any]:
+def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
     figures = {
-        "rms": _degrees(a.level.rms) if isfinite(a.level.rms) else "–",
+        "rms": material.shown(a.output, a.level.rms, ".3g") if isfinite(a.level.rms) else "–",
         "in encoder steps": number(a.level.steps, ".2g"),
         "correlated over": f"{number(a.whiteness.correlation_time, '.2g')} s",
         "samples that count": f"{number(a.whiteness.effective_samples, '.0f')} of {a.samples}",
