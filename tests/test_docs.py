@@ -14,6 +14,7 @@ PAGES = (
     "docs/identification.md",
     "docs/uncertainty.md",
     "docs/compare.md",
+    "docs/export.md",
     "README.md",
 )
 

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["FORMATS", "Export", "export_run"]
 
 
+HOURS = 10_000_000
+"""Steps that the memory of the C function holds where nothing is said: 2.8 h of 1 ms."""
+
+
 @dataclass(frozen=True)
 class Export:
     """What :func:`export_run` wrote."""
@@ -51,7 +55,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     formats : sequence of str
         Of :data:`FORMATS`; all of them if empty.
     steps : int, optional
-        Longest run that the memory of the programs must hold; see :class:`fracid.export.recursion.Recursion`.
+        Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
+        :data:`HOURS` for the C function.
 
     Returns
     -------
@@ -113,7 +118,7 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
         return
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
-    for name, text in c_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name).items():
+    for name, text in c_model(Recursion.of(run.problem, run.x, steps or HOURS), case, run.folder.name).items():
         write_text(folder / name, text)
         yield folder / name
     if run.problem.per_recording or len({e.step for e in run.problem.experiments}) > 1:
