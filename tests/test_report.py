@@ -11,6 +11,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -348,6 +349,81 @@ def test_the_equations_leave_out_what_is_zero_and_keep_what_is_free(fitted):
     assert "<mi>d</mi>" not in symbols  # drag
     numbers = equations(project.problem.model, result, driven=False)["With the numbers found"]
     assert f"{fit.orders['mu'].value:.3f}" in numbers
+
+
+class Reader:
+    """MathML as Python: neighbours are factors, sin, cos and tanh take what follows them."""
+
+    def __init__(self, text):
+        self.lines = ["".join(self.line(row)) for row in ElementTree.fromstring(text).iter("mtd")]
+
+    def line(self, element):
+        return self.row([part for child in element for part in ([*child] if child.tag == "mrow" else [child])])
+
+    def row(self, parts):
+        words, parts = [], [p for p in parts if p.tag != "mspace"]
+        while parts:
+            word = self.word(parts)
+            if words and words[-1] not in "+-=(" and word not in "+-=)":
+                words.append("*")
+            words.append(word)
+        return words
+
+    def word(self, parts):
+        part = parts.pop(0)
+        text = (part.text or "").strip()
+        if part.tag == "mo":
+            return text.replace("−", "-").replace("·", "")
+        if part.tag == "mn":
+            return text.replace("−", "-")
+        if part.tag == "mi":
+            return f"{text}({self.word(parts)})" if text in ("sin", "cos", "tanh") else text
+        if part.tag == "msub":
+            return "".join(child.text for child in part)
+        if part.tag == "mfrac":
+            return "(1/2)"
+        if part.tag == "msup":
+            base, exponent = part
+            if base.text == "D":
+                return f"D_{self.word(parts)}"
+            if base.text == "sin":
+                return f"sin({self.word(parts)})**2"
+            return f"({self.word([base])})**({self.word([exponent])})"
+        inner = [child for child in part if child.tag != "mspace"]
+        if inner and inner[0].text == "|":
+            return f"abs({self.word([inner[1]])})"
+        if any(child.text == "/" for child in inner):
+            return f"({self.word([inner[0]])}/{self.word([inner[2]])})"
+        return f"({''.join(self.row(inner)).strip()})"
+
+
+@pytest.mark.parametrize("zero", ["hanging", "upright"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_equations_as_printed_are_those_that_are_solved(zero, sign):
+    """Read back from the page and solved for the accelerations, they give the model's right-hand side."""
+    rng = np.random.default_rng(5)
+    model = fracid.rotary_pendulum(zero=zero)
+    friction = ("b_theta", "b_alpha", "drag_theta", "drag_alpha", "theta_rest", "alpha_rest", "torque_per_volt")
+    values = {p.name: p.value or 0.01 * rng.uniform(1, 9) for p in model.parameters}
+    values |= {n: sign * round(0.01 * rng.uniform(1, 9), 4) for n in friction}
+    values = {n: float(f"{v:.5g}") for n, v in values.items()}  # as printed
+    constants = {n: {"value": v, "free": False} for n, v in values.items()}
+    result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
+    lines = Reader(equations(model, result, driven=True)["With the numbers found"]).lines
+    printed = []
+    for line in (line.replace("D_ωθ", "A").replace("D_ωα", "B") for line in lines[2:]):
+        if line[0] in "=+-":  # goes on
+            printed[-1] += line
+        else:
+            printed.append(line)
+    assert len(printed) == 2
+    for x in rng.uniform(-1, 1, (5, 4)):
+        u, out = rng.uniform(-1, 1, 1), np.empty(4)
+        model.rhs(0.0, x, u, model.parameter_vector(values), out)
+        at = {"θ": x[0], "ωθ": x[1], "α": x[2], "ωα": x[3], "u": u[0], "A": out[1], "B": out[3],
+              "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "abs": abs}  # fmt: skip
+        for left, right in (equation.split("=") for equation in printed):
+            assert eval(left, at) == pytest.approx(eval(right, at), rel=1e-9, abs=1e-12)
 
 
 def test_gravity_has_the_sign_of_the_zero():

@@ -16,7 +16,7 @@ right-hand side is a program, each state with its order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +88,18 @@ def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:
 # --- the rotary pendulum -------------------------------------------------------------------------
 
 
+Term = tuple[Markup, Markup]
+"""Its sign, and what follows it."""
+
+OPPOSITE = {"+": "−", "−": "+"}
+
+IN_A_ROW = 3
+"""Terms of a sum."""
+
+SHORT = 400
+"""Characters of MathML: a left side that leaves room for the right one."""
+
+
 @dataclass(frozen=True)
 class _Writer:
     """Constants, as symbols or as numbers."""
@@ -96,18 +108,30 @@ class _Writer:
     numbers: bool
 
     def there(self, name: str) -> bool:
-        """Whether its term is in the equations."""
+        """Whether it is in the equations: left free, or not zero."""
         e = self.constants.get(name, {"value": 0.0, "free": False})
         return bool(e["free"] or e["value"])
 
     def __call__(self, name: str) -> Markup:
+        """The constant as a factor."""
         e = self.constants.get(name)
         if self.numbers and e and e["value"] is not None:
             return _number(digits(e), brackets=e["value"] < 0)
         return _sub(*SYMBOLS[name])
 
     def order(self, name: str, estimate: Mapping[str, Any]) -> Markup:
+        """An order as an exponent."""
         return _number(digits(estimate)) if self.numbers else _i(LETTERS[name])
+
+    def term(self, sign: str, name: str, *factors: Markup, half: bool = False) -> list[Term]:
+        """A constant times something, with its sign: a negative number turns it.  None where it is not there."""
+        if not self.there(name):
+            return []
+        value = self.constants[name]["value"]
+        negative = self.numbers and value is not None and value < 0
+        e = {**self.constants[name], "value": -value} if negative else None
+        size = _number(digits(e)) if e else self(name)
+        return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
 
 
 def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Markup, ...]]:
@@ -115,53 +139,40 @@ def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool)
     λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
     θ, α, ω_θ, ω_α = _i("θ"), _i("α"), _sub("ω", "θ"), _sub("ω", "α")
     a = _bracket(_row(α, _o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
+    from_rest = _bracket(_row(θ, _o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
     sin, cos, sin2 = _f("sin", a), _f("cos", a), _f("sin", _row(_n("2"), a))
     M11 = _bracket(_row(c("J_theta"), _o("+"), c("C6"), _power(_i("sin"), _n("2")), a))
     M12 = _row(c("C3"), cos)
-    two, minus, plus = _n("2"), _o("−"), _o("+")
 
+    f_θ = [
+        *(c.term("+", "torque_per_volt", _i("u")) if driven else []),
+        *c.term("−", "b_theta", ω_θ),
+        *c.term("−", "C6", sin2, ω_α, ω_θ),
+        *c.term("+", "C3", sin, _squared(ω_α)),
+        *c.term("−", "coulomb_theta", _tanh(ω_θ, c("slip_speed"))),
+        *c.term("−", "drag_theta", ω_θ, _size(ω_θ)),
+        *c.term("−", "cable_stiffness", from_rest),
+    ]
+    f_α = [
+        *c.term("+" if model.zero == "upright" else "−", "C4", sin),
+        *c.term("+", "C6", sin2, _squared(ω_θ), half=True),
+        *c.term("−", "b_alpha", ω_α),
+        *c.term("−", "coulomb_alpha", _tanh(ω_α, c("slip_speed"))),
+        *c.term("−", "drag_alpha", ω_α, _size(ω_α)),
+    ]
     yield _D(λ, θ), ω_θ
     yield _D(μ, α), ω_α
-    arm = [
-        (driven and c.there("torque_per_volt"), plus, lambda: _row(c("torque_per_volt"), _i("u"))),
-        (c.there("b_theta"), minus, lambda: _row(c("b_theta"), ω_θ)),
-        (True, minus, lambda: _row(c("C6"), sin2, ω_α, ω_θ)),
-        (True, plus, lambda: _row(c("C3"), sin, _power(ω_α, two))),
-        (c.there("coulomb_theta"), minus, lambda: _row(c("coulomb_theta"), _tanh(ω_θ, c("slip_speed")))),
-        (c.there("drag_theta"), minus, lambda: _row(c("drag_theta"), ω_θ, _size(ω_θ))),
-        (c.there("cable_stiffness"), minus, lambda: _row(c("cable_stiffness"), _from_rest(c, θ))),
-    ]
-    pendulum = [
-        (True, plus if model.zero == "upright" else minus, lambda: _row(c("C4"), sin)),
-        (True, plus, lambda: _row(_half(), c("C6"), sin2, _power(ω_θ, two))),
-        (c.there("b_alpha"), minus, lambda: _row(c("b_alpha"), ω_α)),
-        (c.there("coulomb_alpha"), minus, lambda: _row(c("coulomb_alpha"), _tanh(ω_α, c("slip_speed")))),
-        (c.there("drag_alpha"), minus, lambda: _row(c("drag_alpha"), ω_α, _size(ω_α))),
-    ]
-    yield _row(M11, _D(λ, ω_θ), plus, M12, _D(μ, ω_α)), *_sum(arm)
-    yield _row(M12, _D(λ, ω_θ), plus, c("C1"), _D(μ, ω_α)), *_sum(pendulum)
-
-
-IN_A_ROW = 3
-"""Terms of a sum."""
-
-SHORT = 400
-"""Characters of MathML: a left side that leaves room for the right one."""
-
-Term = tuple[bool, Markup, Callable[[], Markup]]
-"""Whether it is there, its sign, and what writes it."""
+    yield _row(M11, _D(λ, ω_θ), _o("+"), M12, _D(μ, ω_α)), *_sum(f_θ)
+    yield _row(M12, _D(λ, ω_θ), _o("+"), c("C1"), _D(μ, ω_α)), *_sum(f_α)
 
 
 def _sum(terms: list[Term]) -> Iterator[Markup]:
-    """The terms that are there, as many in a row as a screen has room for."""
-    there = [(sign, write()) for present, sign, write in terms if present]
-    for k in range(0, len(there), IN_A_ROW):
-        row = [part for term in there[k : k + IN_A_ROW] for part in term]
+    """As many in a row as a screen has room for; the first has no plus."""
+    for k in range(0, len(terms), IN_A_ROW):
+        row = [part for term in terms[k : k + IN_A_ROW] for part in term]
         yield _row(*(row[1:] if k == 0 and row[0] == _o("+") else row))
-
-
-def _from_rest(c: _Writer, θ: Markup) -> Markup:
-    return _bracket(_row(θ, _o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
+    if not terms:
+        yield _n("0")
 
 
 def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, ...]]:
@@ -209,6 +220,10 @@ def _sub(letter: str, index: str) -> Markup:
 
 def _power(base: Markup, exponent: Markup) -> Markup:
     return Markup("<msup>{}{}</msup>").format(base, exponent)
+
+
+def _squared(base: Markup) -> Markup:
+    return _power(base, _n("2"))
 
 
 def _number(text: str, *, brackets: bool = False) -> Markup:
