@@ -239,7 +239,8 @@ def fitted(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def exported(fitted):
-    return fitted / "export", export_run(load_run(fitted), fitted / "export")
+    without_figures = [name for name in FORMATS if name != "state-space"]
+    return fitted / "export", export_run(load_run(fitted), fitted / "export", without_figures)
 
 
 def run(capsys, *arguments):
@@ -320,6 +321,12 @@ def test_the_json_file_is_the_result_with_its_curves(fitted, exported):
     found, saved = json.loads((exported[0] / "export.json").read_text(encoding="utf-8")), load_run(fitted)
     assert found["orders"] == saved.result["orders"]
     assert found["curves"]["driven"]["fitted"]["alpha"] == saved.recordings["driven"].fitted["alpha"].tolist()
+
+
+def test_the_c_function_of_a_run_remembers_hours_and_model_m_its_recordings(exported):
+    header, program = ((exported[0] / name).read_text(encoding="utf-8") for name in ("fracid_model.h", "model.m"))
+    assert "good for 10000000 steps (14 h at this step)" in header
+    assert "good for 10000 steps" in program
 
 
 def test_recordings_whose_names_differ_in_signs_alone_have_files_of_their_own():

@@ -13,7 +13,7 @@ from fracid.export.recursion import Case
 from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, oustaloup
 from fracid.models import Parameter
 from fracid.plots import linear_response
-from test_export import exported, fitted, problem_of, run  # noqa: F401 (fixtures)
+from test_export import fitted, problem_of  # noqa: F401 (a fixture)
 
 VISCOUS = {"b_theta": 1e-3, "b_alpha": 2e-4}
 
@@ -196,8 +196,8 @@ def test_without_python_control_the_sentence_says_what_to_type(monkeypatch):
 # --- files and figures -----------------------------------------------------------------------------
 
 
-def test_the_files_hold_the_matrices(exported):  # noqa: F811
-    folder, done = exported
+def test_the_files_hold_the_matrices(fitted, tmp_path):  # noqa: F811
+    folder, done = tmp_path, fracid.export_run(fracid.load_run(fitted), tmp_path, ["matlab", "state-space"])
     found = json.loads((folder / "state_space.json").read_text(encoding="utf-8"))
     matlab = loadmat(folder / "results.mat", simplify_cells=True)["integer"]
     linear = found["linear"]["hanging"]

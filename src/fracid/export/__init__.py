@@ -105,6 +105,8 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
     case = of_recording(run, run.problem.experiments[0].name)
     write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name))
     yield folder / "model.m"
+    if run.problem.per_recording:
+        yield f"model.m has the constants of the recording {case.name!r}; each other's are in results.mat."
 
 
 def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
