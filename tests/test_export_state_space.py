@@ -126,9 +126,9 @@ def test_both_zeros_of_alpha_have_the_same_poles():
 
 
 def test_without_a_motor_the_input_is_the_torque():
-    torque = integer_model(problem_of(torque_per_volt=0.0)).linear["hanging"].G
-    volts = integer_model(problem_of(torque_per_volt=0.1)).linear["hanging"].G
-    np.testing.assert_allclose(0.1 * torque, volts, rtol=1e-6)
+    torque, volts = (integer_model(problem_of(torque_per_volt=k)).linear["hanging"] for k in (0.0, 0.1))
+    assert (torque.inputs, volts.inputs) == (("torque",), ("voltage",))
+    np.testing.assert_allclose(0.1 * torque.G, volts.G, rtol=1e-6)
 
 
 def test_the_step_response_is_the_fractional_models():

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fracid.errors import DataError, FracidError, InputError, Unfinished
     from fracid.executor import Task, run_tasks
     from fracid.export import export_run
+    from fracid.export.state_space import integer_model
     from fracid.fractional import derivative
     from fracid.identify import Fit, identify
     from fracid.journal import Journal
@@ -85,6 +86,7 @@ _HOME = {
     "export_run": "export",
     "identifiability": "diagnostics",
     "identify": "identify",
+    "integer_model": "export.state_space",
     "linear_multi_term": "reduction",
     "linear_system": "reduction",
     "load_project": "project",
@@ -112,7 +114,7 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
            "Trajectory", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
            "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
-           "identify", "linear_multi_term", "linear_system", "load_project", "load_recording",
+           "identify", "integer_model", "linear_multi_term", "linear_system", "load_project", "load_recording",
            "load_run", "multi_term", "noise_study", "profile", "regress", "residual_analysis",
            "rotary_pendulum", "run_tasks", "sensitivities", "simulate", "solve_fde",
            "solve_fde_batch", "spread", "write_report"]  # fmt: skip

@@ -411,7 +411,9 @@ class IntegerModel:
         """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
         if is_pendulum(self.model):
             p, posture = _moving(self.model, self.parameters), _postures(self.model, self.parameters)
-            return {name: self.linearised(name, x, p) for name, x in posture.items()}
+            own = self.parameters[self.model.parameter_names.index("torque_per_volt")]
+            inputs = self.model.inputs if own != 0 else ("torque",)
+            return {name: replace(self.linearised(name, x, p), inputs=inputs) for name, x in posture.items()}
         from scipy.optimize import root
 
         found = root(lambda x: self.f(x, np.zeros(len(self.model.inputs))), np.zeros(len(self.orders)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.plots.look import BLUE, FITTED, ORANGE, finish, label, new, note, plain
+from fracid.plots.look import BLUE, FITTED, ORANGE, finish, label, new, note, plain, symbol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,9 +81,9 @@ def linear_response(found: IntegerModel, posture: str) -> Figure:
         for axes in (magnitude, phase):
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
                          label="what the data can tell" if axes is magnitude else None)  # fmt: skip
-        symbol = plain(output)
-        label(step, f"step of 1 {unit}", "time [s]", f"{symbol} [°]")
-        _titled(magnitude, f"{plain(linear.inputs[0])} to {symbol}", f"magnitude [dB re 1 rad/{unit}]")
+        letter = symbol(output)
+        label(step, f"step of 1 {unit}", "time [s]", f"{letter} [°]")
+        _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 rad/{unit}]")
         _titled(phase, "", "phase [°]")
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
