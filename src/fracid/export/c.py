@@ -4,7 +4,7 @@ No allocation, no library but ``<math.h>``, all memory in one struct, and the sa
 method, where dry friction asks for it): :mod:`fracid.stepping` with the tables of :mod:`fracid.export.recursion`.
 
 A controller knows its input only when the step ends, so the first steps, which fracid solves together, are solved with
-the input of the moment for those to come.  With one such step (orders above about 0.7), or an input that stays while
+the input of the moment for those to come.  With one such step (orders near 1), or an input that stays while
 they last, that is no difference.
 """
 
