@@ -15,8 +15,8 @@ __all__ = ["export"]
 EXPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid export runs/rig  [dim](everything, into runs/rig/export)[/dim]",
-    "fracid export runs/rig --to matlab --out ~/rig  [dim](then, in Octave: [t, x] = model();)[/dim]",
-    "fracid export runs/rig --to c --steps 10000000  [dim](a controller that runs for hours)[/dim]",
+    "fracid export runs/rig --to matlab --out ~/rig  [dim](then, in Octave: \\[t, x] = model();)[/dim]",
+    "fracid export runs/rig --to c  [dim](a function for a controller that runs for hours)[/dim]",
 )
 
 
@@ -28,17 +28,24 @@ def export(
         typer.Option(metavar="FORMAT", help="matlab, c, csv, json or state-space; may be given again."),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(metavar="N", help="Longest run that the memory of the programs must hold.", min=1)
+        int | None,
+        typer.Option(metavar="N", min=1, help="Steps that the programs remember; the recordings', for C 10⁷."),
     ] = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
     """Write the identified model and its curves for other programs.
 
-    matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.  c:
-    fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.  csv: a table for
-    each recording.  json: the result with its curves.  state-space: the model of integer order, by Oustaloup's filter,
-    as matrices, with its poles and its linear models about hanging and upright.
+    matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
+
+    c: fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.
+
+    csv: a table for each recording.
+
+    json: the result with its curves.
+
+    state-space: the model of integer order, by Oustaloup's filter, as matrices, with its poles and its linear models
+    about hanging and upright.
     """
     from fracid.export import export_run
     from fracid.saved import load_run
