@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, wraps
+from pathlib import Path
 from typing import Any
 
 import numba as nb
@@ -42,7 +43,7 @@ def when_called(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @cache
         def compiled() -> Callable[..., Any]:
-            kept = function.__module__.startswith("fracid.")  # on disk: what has a file there
+            kept = Path(function.__code__.co_filename).exists()  # on disk: what has a file to be kept beside
             found: Callable[..., Any] = nb.njit(signature, cache=kept, nogil=True, error_model="numpy")(function)
             return found
 
