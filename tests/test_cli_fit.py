@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -52,7 +54,7 @@ def project(folder):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave out the figures, which take longer than all the rest."""
-    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
 
 
 def run(capsys, *arguments):
@@ -353,3 +355,35 @@ def test_the_demo_runs_its_three_parts_and_says_that_nothing_was_measured(capsys
         low, high = content["reference"]["orders"][name]["interval95"]
         assert low <= true <= high
     assert (tmp_path / "reference" / "figures" / "cost-over-orders.svg").exists()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_process_beside_draws_is_what_is_drawn_here(capsys, project, tmp_path, jobs):
+    path = project(FAST + RECORDING + FIT)
+    code, _, err = run(capsys, "fit", path, "--out", tmp_path / "run", "--jobs", jobs)
+    assert code == 0, err
+    drawn = {p.name for p in (tmp_path / "run" / "figures").iterdir()}
+    stems = ("figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha")
+    assert drawn == {f"{stem}.{kind}" for stem in stems for kind in ("svg", "png")}
+
+
+class DeadProcess:
+    """A pool whose only process has died."""
+
+    def __init__(self, *_):
+        pass
+
+    def submit(self, *_):
+        ended = Future()
+        ended.set_exception(BrokenExecutor())
+        return ended
+
+    def shutdown(self, **_):
+        pass
+
+
+def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules["fracid.cli.drawing"], "ProcessPoolExecutor", DeadProcess)
+    code, _, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run", "--jobs", 2)
+    assert code == 0, err
+    assert (tmp_path / "run" / "figures" / "figure2-release-20.svg").exists()

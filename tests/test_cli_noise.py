@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
         patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
         with pytest.raises(SystemExit):
             main(["fit", "rig.toml", "--out", "run", "--json"])
     return folder

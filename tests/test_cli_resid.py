@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,7 @@ def fitted(folder, *, lacking):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
         patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
         with pytest.raises(SystemExit):
             main(["fit", "rig.toml", "--out", "run", "--json"])
     return folder
@@ -215,7 +216,7 @@ def test_what_the_page_says_of_a_real_rig_is_what_is_found(capsys, tmp_path, mon
         r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(RECORDINGS.rglob(m[2])).as_posix()}"', text, flags=re.M
     )
     (tmp_path / "srv02.toml").write_text(text, encoding="utf-8")
-    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
     monkeypatch.setattr("fracid.plots.save", lambda *_: ())
     monkeypatch.setattr(sys, "argv", ["fracid", "fit", "srv02.toml"])
     run(capsys, "fit", tmp_path / "srv02.toml", "--out", tmp_path / "run", "--json")

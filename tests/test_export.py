@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -231,7 +232,7 @@ def fitted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
         patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda *_: ())
+        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
         with pytest.raises(SystemExit):
             main(["fit", "rig.toml", "--out", "run", "--json"])
     return folder / "run"

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 import pytest
@@ -34,10 +34,11 @@ initial_state = "rest"
 
 DRIVER = """
 import os, signal, sys
+from contextlib import nullcontext
 from pathlib import Path
 import fracid.cli.fit as command
 import fracid.memo as memo
-command._draw = lambda *a: ()
+command.drawing = lambda *a: nullcontext(lambda found: ())
 calls, last = 0, int(sys.argv[3])
 pwritev = os.pwritev
 def killed_in_writing(file, parts, at):
@@ -67,7 +68,7 @@ def project(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
-    monkeypatch.setattr(fit_command, "_draw", lambda *_: ())
+    monkeypatch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
 
 
 @pytest.fixture(autouse=True)
@@ -107,7 +108,7 @@ def whole(project, tmp_path_factory):
     def copy(run):
         kept.update({name: (run.folder / name).read_bytes() for name in (MEMO, EVALUATIONS)})
 
-    patch.setattr(fit_command, "_draw", lambda *_: ())
+    patch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
     patch.setattr("fracid.memo._stamp", lambda: b"the same program")
     patch.setattr("fracid.runs.Run.finish", copy)
     fitted(project, folder)
@@ -187,7 +188,7 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         started.append(subprocess.Popen([sys.executable, "-c", DRIVER, *map(str, words)]))
     assert [process.wait() for process in started] == [-signal.SIGKILL] * 3
     monkeypatch.undo()
-    monkeypatch.setattr(fit_command, "_draw", lambda *_: ())
+    monkeypatch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
     for folder in folders:
         fitted(project, folder, resume=True)
         assert result(folder) == whole[0]

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -55,7 +56,9 @@ def fitted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
         patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "_draw", lambda fit, *_: kept.append(fit) or ())
+        patch.setattr(
+            sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda fit: kept.append(fit) or ())
+        )
         with pytest.raises(SystemExit):
             main(["fit", "rig.toml", "--out", "run", "--json"])
     return folder, kept[0]

@@ -56,7 +56,7 @@ from fracid.errors import InputError, Unfinished
 from fracid.journal import Journal, Json
 from fracid.optimise.base import at_least
 
-__all__ = ["EXECUTORS", "Progress", "Task", "run_tasks"]
+__all__ = ["EXECUTORS", "Progress", "Task", "follow_parent", "run_tasks"]
 
 Work = Callable[..., Json]
 """Does one task: a function of a module, given the task's arguments."""
@@ -418,8 +418,12 @@ def _closing(pool: Executor) -> Iterator[Executor]:
 
 
 def _prepare_worker(packed: bytes) -> None:
-    """Ctrl-C is the parent's business; and a worker whose parent is gone goes too."""
     _PACKED.append(packed)
+    follow_parent()
+
+
+def follow_parent() -> None:
+    """In a worker process: Ctrl-C is the parent's business; and when the parent is gone, go too."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 import time
 from collections.abc import Iterator
@@ -17,13 +16,13 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app
 from fracid.cli.app import table as new_table
+from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from fracid.alternative import Alternative
-    from fracid.diagnostics import CostPlane
     from fracid.identify import Estimate, Fit
     from fracid.memo import Memo
     from fracid.optimise import Evaluation, EvaluationLog
@@ -104,14 +103,17 @@ def run_fit(
     name = _optimiser(optimiser, project.optimiser, starts)
     asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
              "cut": cut}  # fmt: skip
-    with open_run(folder, "fit", asked, inputs=inputs_of(project), resume=resume) as run:
+    with (
+        open_run(folder, "fit", asked, inputs=inputs_of(project), resume=resume) as run,
+        drawing(project, folder, jobs) as draw,
+    ):
         laps = {"load": time.perf_counter() - began}
         found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut)
         laps |= found.timing
         write_result(folder, found, project, laps)  # what the figures may not find room for
-        drawing = time.perf_counter()
-        figures = _draw(found, project, folder, jobs)
-        laps["figures"] = time.perf_counter() - drawing
+        written = time.perf_counter()
+        figures = draw(found)
+        laps["figures"] = time.perf_counter() - written
         laps["total"] = time.perf_counter() - began
         result = write_result(folder, found, project, laps)
         interrupted = Outcome.INTERRUPTED.value in found.outcome
@@ -177,77 +179,6 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
                 tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
 
         yield callback
-
-
-def _draw(found: Fit, project: Project, folder: Path, jobs: int) -> tuple[Path, ...]:
-    """Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    from fracid.diagnostics import cost_plane
-    from fracid.report import write_report
-    from fracid.runs import FIGURES
-
-    with ThreadPoolExecutor(1) as aside:  # the plane is simulated while the recordings are drawn
-        two = len(found.problem.order_indices) >= 2 and isfinite(found.cost)
-        simulating = aside.submit(cost_plane, found.problem, found.x, jobs=jobs) if two else None
-        paths = _draw_recordings(found, project, folder / FIGURES) + _draw_search(found, folder / FIGURES)
-        plane = None if simulating is None else simulating.result()
-    paths += () if plane is None else _draw_plane(found, plane, folder)
-    return (*paths, write_report(folder, found, project, plane=plane, jobs=jobs)) if isfinite(found.cost) else paths
-
-
-def _draw_recordings(found: Fit, project: Project, where: Path) -> tuple[Path, ...]:
-    from fracid.plots import fitted_over_time, residual_plots, save
-
-    resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
-    paths: list[Path] = []
-    for recording in found.recordings.values():
-        if not isfinite(recording.cost):
-            continue
-        stem, resolution = _slug(recording.name), resolutions.get(recording.name, {})
-        figure = fitted_over_time(recording, zero=found.problem.model.zero, resolution=resolution)
-        paths += save(figure, where, f"figure2-{stem}")
-        for output in recording.measured if recording.use == "fit" else ():
-            paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
-    return tuple(paths)
-
-
-def _draw_search(found: Fit, where: Path) -> tuple[Path, ...]:
-    """Where many starts ended, and how far the orders move with the cut."""
-    from fracid.plots import cut_shifts, save, waterfall
-
-    paths: list[Path] = []
-    if len(found.starts) > 1:
-        paths += save(waterfall(found.starts, cost_name=found.problem.cost_function.name), where, "waterfall")
-    if found.cut is not None and found.cut.treatments:
-        paths += save(cut_shifts(found.cut), where, "cut")
-    return tuple(paths)
-
-
-def _draw_plane(found: Fit, plane: CostPlane, folder: Path) -> tuple[Path, ...]:
-    from fracid.plots import cost_plane, save
-    from fracid.runs import FIGURES
-
-    best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
-    figure = cost_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
-                        cost_name=found.problem.cost_function.name, names=plane.names)  # fmt: skip
-    return save(figure, folder / FIGURES, "cost-over-orders")
-
-
-def _tried(folder: Path, names: tuple[str, str]) -> Any:
-    """The orders of all evaluations in the log, shape (n, 2)."""
-    import numpy as np
-
-    from fracid.runs import EVALUATIONS
-
-    lines = (json.loads(line) for line in (folder / EVALUATIONS).read_text(encoding="utf-8").splitlines())
-    points = [line["point"] for line in lines]
-    return np.array([[p[n] for n in names] for p in points if all(n in p for n in names)]).reshape(-1, 2)
-
-
-def _slug(name: str) -> str:
-    """A recording's name as a file's."""
-    return re.sub(r"\W+", "-", name).strip("-") or "recording"
 
 
 # ------------------------------------------------------------------ from results to text

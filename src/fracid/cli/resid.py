@@ -13,7 +13,7 @@ import typer
 
 from fracid.cli.app import Json, Out, app
 from fracid.cli.app import table as new_table
-from fracid.cli.fit import _slug
+from fracid.cli.drawing import slug
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _write(found: _Analysed, folder: Path) -> list[Path]:
     for a in found.all:
         figure = residual_diagnostics(found.run.recordings[a.recording], a.output, analysis=a,
                                       resolution=found.run.resolutions[a.recording])  # fmt: skip
-        paths += save(figure, folder / FIGURES, f"residuals-{_slug(a.recording)}-{a.output}")
+        paths += save(figure, folder / FIGURES, f"residuals-{slug(a.recording)}-{a.output}")
     return [path for path in paths if path.suffix == ".png"]
 
 
