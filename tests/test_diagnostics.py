@@ -183,3 +183,15 @@ def test_a_profile_that_leaves_the_bound_has_the_last_word():
     profiles = profile(p, parameters=["coulomb_theta"]).profiles
     assert profiles["coulomb_theta"].verdict == "two-sided"
     assert verdicts(p, profiles=profiles)["coulomb_theta"].sentence == "identifiable"
+
+
+def test_the_speed_at_the_start_is_not_known_from_a_record_far_rougher_than_its_motion():
+    run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.4}, step=5e-3, end=0.2)
+    rough = 2.0 * np.random.default_rng(1).standard_normal((41, 2))
+    starts = {}
+    for name, noise in (("smooth", 1e-4 * rough), ("rough", rough)):
+        swing = Experiment(name, 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
+        p = Problem(RIG, (swing,), {"lambda": 0.9, "mu": 0.95})
+        x = np.array([0.0, 0.0, 0.4, 0.0])
+        starts[name] = identifiability(p, x)[f"D^lambda theta(0) [{name}]"].kind
+    assert starts == {"smooth": "identifiable", "rough": "practically not"}

@@ -5,7 +5,8 @@
 ==================  ==========================================================================================
 verdict             means
 ==================  ==========================================================================================
-identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size
+identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size,
+                    the start of a state to its travel
 only in a ratio     the data see it through a product or quotient with another, which is named: a free response
                     knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so
 practically not     the sensitivities see it, and not enough: its profile is flat or one-sided, or the interval is
@@ -138,7 +139,7 @@ class _Look:
         self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, known, profiles, jobs
         self.names = problem.names
         self._powers: FloatArray | None = None
-        self._swings: dict[str, float] = {}
+        self._travels: dict[str, float] = {}
 
     def half(self, i: int) -> float:
         """Half the sandwich's interval."""
@@ -148,6 +149,8 @@ class _Look:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
         if u.kind == "parameter":
             return half > (WIDE_ANGLE if u.unit == "rad" else abs(float(self.x[i])))
+        if u.kind == "initial":
+            return half > max(self.travels()[u.target], WIDE_ANGLE)
         return u.kind == "order" and half > WIDE_ORDER
 
     def bound(self, i: int) -> float:
@@ -155,13 +158,18 @@ class _Look:
         reach = self.problem.unknowns[i].range
         return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
 
-    def swings(self) -> dict[str, float]:
-        """How far each of the model's outputs moves, the most over the recordings [rad]."""
-        if not self._swings:
+    def travels(self) -> dict[str, float]:
+        """How far each state moves, the most over the recordings [rad, rad/s^order]."""
+        if not self._travels:
             runs = [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
-            outputs = self.problem.model.outputs
-            self._swings = {n: max(float(np.ptp(run[:, i])) for run in runs) for n, i in outputs.items()}
-        return self._swings
+            states = enumerate(self.problem.model.states)
+            self._travels = {n: max(float(np.ptp(run[:, i])) for run in runs) for i, n in states}
+        return self._travels
+
+    def swings(self) -> dict[str, float]:
+        """The same of the model's outputs."""
+        travels = [*self.travels().values()]
+        return {n: travels[i] for n, i in self.problem.model.outputs.items()}
 
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""
