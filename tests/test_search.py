@@ -198,3 +198,18 @@ def test_a_waterfall_of_which_nothing_arrived_is_still_a_figure():
 def test_no_start_at_all_is_told():
     with pytest.raises(InputError, match="There is no start to draw"):
         waterfall([])
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("differential-evolution", {"generations": 2}), ("cma", {"generations": 2}), ("nelder-mead", {"budget": 12})],
+)
+def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
+    p = stiff(release(end=2.0), parameters=TRUE, initial_state="held")
+    rng = np.random.default_rng(1)
+    polished, _ = search(p, name, rng, options=options)
+    best, _ = search(p, "multistart", rng)
+    assert polished.best.cost == pytest.approx(best.best.cost, rel=1e-6)
+    assert polished.best.point == pytest.approx(best.best.point, abs=1e-5)
+    raw, _ = search(p, "genetic", np.random.default_rng(1), options={"generations": 2})
+    assert raw.best.cost > 1.001 * best.best.cost  # the paper's own keeps what it found

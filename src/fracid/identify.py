@@ -8,8 +8,9 @@ multistart (default)   least squares from the start, on a horizon that grows to 
                        regression's start and from Sobol points too (:mod:`fracid.search`)
 least-squares          the same with one start and no growing horizon
 genetic                the paper's GA: 20 points, crossover 0.5, mutation 0.01, 25 generations
-differential-evolution SciPy's
-cma                    CMA-ES
+differential-evolution SciPy's, then least squares
+cma                    CMA-ES, then least squares
+nelder-mead            the simplex, then least squares
 ====================== ==========================================================================
 
 Whatever found the minimum, :func:`identify` then
@@ -20,7 +21,8 @@ Whatever found the minimum, :func:`identify` then
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
    far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
-5. goes on by least squares from the best of a search that is none, and says so where that finds better,
+5. goes on by least squares from the best of the genetic algorithm, and says so where that finds better (the result
+   of the others without derivatives is polished already),
 6. fits the integer-order rival with free friction where orders were found off 1 (:mod:`fracid.alternative`),
 7. where it is asked to, finds how far the orders move with where the record begins (:mod:`fracid.cut`).
 
@@ -308,7 +310,7 @@ def _examine(
             found.spread = spread(problem, x, jobs=jobs)
             found.warnings += found.spread.sentences()
         clock.lap("spread")
-        if name not in ("multistart", "least-squares") and problem.cost_function.loss is not None:
+        if name == "genetic" and problem.cost_function.loss is not None:
             polished = _arrived(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
         clock.lap("polish")

@@ -64,6 +64,10 @@ SAME_COST = 1.01
 HOPELESS = 5.0
 """A start that costs this many times the best of its horizon is left."""
 
+POLISHED = ("differential-evolution", "cma", "nelder-mead")
+"""Optimisers whose best point least squares goes on from.  The paper's genetic algorithm keeps its own, and the
+examination of a fit says what it missed."""
+
 PATIENCE = 2
 """Horizons before a start may be called hopeless."""
 
@@ -133,7 +137,8 @@ def search(
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
     watch, options = watch or Watch(), options or {}
     if name != "multistart":
-        return minimised(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch), ()
+        found = minimised(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch)
+        return (_polished(problem, found, jobs, watch) if name in POLISHED else found), ()
     points = [("given", problem.start)]
     if at_least("starts", starts, 1) > 1:
         points += _regression_start(problem)
@@ -165,6 +170,16 @@ def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch) -
     )  # fmt: skip
     watch.count += result.evaluations
     return result
+
+
+def _polished(problem: Problem, found: Result, jobs: int, watch: Watch) -> Result:
+    """Go on by least squares from where a search without derivatives came to, where the cost has residuals."""
+    if found.interrupted or problem.cost_function.loss is None or not np.isfinite(found.best.cost):
+        return found
+    after = refined(problem, found.best.point, jobs, watch)
+    best = min(found.best, after.best, key=lambda e: e.cost)
+    ended = after if after.interrupted else found
+    return replace(ended, best=best, evaluations=found.evaluations + after.evaluations)
 
 
 def won(starts: Sequence[Start]) -> Start | None:
