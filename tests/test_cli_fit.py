@@ -161,6 +161,19 @@ def test_many_starts_have_their_line_their_figure_and_their_place_in_the_result(
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_many_starts_run_on_processes_and_an_executor_without_them_is_refused(capsys, project, undrawn, tmp_path):
+    path = project(FAST + RECORDING + FIT)
+    code, out, err = run(
+        capsys, "fit", path, "--out", tmp_path / "run", "--multi-start", "3", "--executor", "processes"
+    )
+    assert code == 0, err
+    assert len((tmp_path / "run" / "starts" / "journal.jsonl").read_text().splitlines()) == 4  # a head and three
+    assert "starts: " in out
+    code, _, err = run(capsys, "fit", path, "--out", tmp_path / "other", "--executor", "processes")
+    assert code == 2
+    assert "are for many starts; say how many: --multi-start N" in err
+
+
 def test_multi_start_replaces_the_files_starts_and_optimiser(capsys, project, tmp_path):
     path = project(FAST + RECORDING + FIT + 'starts = 4\noptimiser = "genetic"\n')
     _, out, _ = run(capsys, "fit", path, "--multi-start", 2, "--out", tmp_path, "--json")

@@ -8,6 +8,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.identify import identify
+from fracid.journal import Journal
 from fracid.optimise import Evaluation, Outcome, Path, Space, least_squares, lockstep, minimise, sobol_points
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
@@ -213,3 +214,23 @@ def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
     assert polished.best.point == pytest.approx(best.best.point, abs=1e-5)
     raw, _ = search(p, "genetic", np.random.default_rng(1), options={"generations": 2})
     assert raw.best.cost > 1.001 * best.best.cost  # the paper's own keeps what it found
+
+
+# --- starts that know nothing of each other ----------------------------------------------------------------
+
+
+def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum_of_those_together(tmp_path):
+    p = stiff(release(end=2.0))
+    found = {}
+    for jobs in (1, 2):
+        with Journal(tmp_path / f"{jobs}.jsonl", {}) as journal:
+            result, made = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", jobs=jobs,
+                                  journal=journal)  # fmt: skip
+            assert list(journal.done) == [s.origin for s in made] or jobs == 2
+        found[jobs] = result.best.cost, result.best.point.tolist(), [s.cost for s in made]
+    assert found[1] == found[2]
+    together, _ = search(p, "multistart", np.random.default_rng(1), starts=4)
+    assert found[1][0] <= 1.001 * together.best.cost
+    with Journal(tmp_path / "1.jsonl", {}) as journal:  # all of them are kept: nothing is done again
+        again, _ = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", journal=journal)
+    assert again.best.point.tolist() == found[1][1]

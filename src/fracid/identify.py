@@ -43,6 +43,7 @@ from fracid.alternative import Alternative, integer_alternative
 from fracid.bootstrap import Spread, spread
 from fracid.cut import CutCheck, cut_check, whole_records
 from fracid.diagnostics import Verdict, identifiability
+from fracid.journal import Journal
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
 from fracid.search import Start, Watch, growing, minimised, refined, search, won
@@ -200,6 +201,8 @@ def identify(
     log: EvaluationLog | None = None,
     callback: Callable[[Evaluation, int], None] | None = None,
     cut: bool = False,
+    executor: str = "threads",
+    journal: Journal | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
@@ -226,6 +229,8 @@ def identify(
     cut : bool
         Also find how far the orders move with where the record begins: about as many more searches as there are
         treatments of its past (:func:`fracid.cut_check`).
+    executor, journal
+        Where many starts run, and what keeps each as it ends; see :func:`fracid.executor.run_tasks`.
     options : mapping
         Passed on to the optimiser.
 
@@ -260,7 +265,8 @@ def identify(
     name, seed = optimiser or "multistart", 1 if seed is None else seed
     refuse_twins([*problem.experiments, *validation])
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
-    result, made = search(problem, name, rng, jobs=jobs, starts=starts or 1, watch=watch, options=dict(options or {}))
+    result, made = search(problem, name, rng, jobs=jobs, starts=starts or 1, watch=watch, options=dict(options or {}),
+                          executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
     found = _Findings(problem, result, made)
     if not np.isfinite(result.best.cost):

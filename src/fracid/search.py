@@ -35,6 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
+from fracid.executor import Task, run_tasks
+from fracid.journal import Journal
 from fracid.optimise import (
     Evaluation,
     EvaluationLog,
@@ -49,6 +51,7 @@ from fracid.optimise import (
     sobol_points,
 )
 from fracid.optimise.base import at_least
+from fracid.portable import Portable, portable_memory
 from fracid.problem import Experiment, Problem
 
 __all__ = ["Start", "Watch", "final_cost", "growing", "minimised", "refined", "search", "won"]
@@ -104,9 +107,13 @@ class Watch:
 
 def search(
     problem: Problem, name: str, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
-    watch: Watch | None = None, options: dict[str, Any] | None = None,
+    watch: Watch | None = None, options: dict[str, Any] | None = None, executor: str = "threads",
+    journal: Journal | None = None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
     """Minimise the cost of a problem by the optimiser of that name.
+
+    With an `executor` other than threads, the starts of ``multistart`` are tasks of :func:`fracid.executor.run_tasks`,
+    which know nothing of each other: none is left for another's sake, and each goes to its end.
 
     Returns
     -------
@@ -143,6 +150,8 @@ def search(
     if at_least("starts", starts, 1) > 1:
         points += _regression_start(problem)
         points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
+    if executor != "threads" and starts > 1:
+        return _scattered(problem, points[:starts], executor, jobs, watch, journal)
     return _grown(problem, points[:starts], jobs, watch)
 
 
@@ -229,6 +238,41 @@ def _sobol_starts(
     minimised(problem.until(next(_horizons(problem))), score(), jobs, watch)
     order = sorted(range(len(scored)), key=lambda i: scored[i].cost)  # an interrupted one has scored nothing
     return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
+
+
+# --- each start for itself, wherever there is a processor -----------------------------------------------
+
+
+def _scattered(
+    problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
+    journal: Journal | None,
+) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
+    problem = replace(problem, memory=portable_memory(problem.memory.name))
+    tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
+    ended = run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal)
+    starts = tuple(
+        Start(origin, x, _infinite(e["first_cost"]), np.array(e["end"]), _infinite(e["cost"]), e["ended"],
+              e["evaluations"])
+        for (origin, x), e in zip(points, ended.values(), strict=True)
+    )  # fmt: skip
+    watch.count += sum(s.evaluations for s in starts)
+    best = min(starts, key=lambda s: _infinite(s.cost))
+    outcome = next((o for o in Outcome if o.value == best.ended), Outcome.CONVERGED)
+    return Result(problem.evaluate(best.end), outcome, watch.count), starts
+
+
+def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
+    """A start to its end, as plain JSON values."""
+    _, (start,) = _grown(portable.problem, [(origin, x)], 1, Watch())
+    first, last = (c if c is not None and np.isfinite(c) else None for c in (start.first_cost, start.cost))
+    return {"first_cost": first, "end": start.end.tolist(), "cost": last, "ended": start.ended,
+            "evaluations": start.evaluations}  # fmt: skip
+
+
+def _infinite(cost: float | None) -> float:
+    """A cost from JSON, which knows no infinity."""
+    return np.inf if cost is None else cost
 
 
 # --- from the first swing to the whole record ----------------------------------------------------------

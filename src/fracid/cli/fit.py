@@ -6,7 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from math import degrees, floor, isfinite, log10
 from pathlib import Path
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from fracid.alternative import Alternative
     from fracid.identify import Estimate, Fit
+    from fracid.journal import Journal
     from fracid.memo import Memo
     from fracid.optimise import Evaluation, EvaluationLog
     from fracid.project import Project
@@ -56,6 +57,12 @@ def fit(
         int | None,
         typer.Option("--multi-start", metavar="N", help="Starts: yours, the regression's, Sobol points.", min=1),
     ] = None,
+    executor: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Where many starts run, each for itself: processes.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+    ] = None,
     cut: Annotated[
         bool, typer.Option("--cut", help="Check how far the orders move with where the record begins: more searches.")
     ] = False,
@@ -71,7 +78,7 @@ def fit(
     """
     folder = out or Path("runs") / project.stem
     ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
-                  starts=multi_start, cut=cut)  # fmt: skip
+                  starts=multi_start, cut=cut, executor=scheduler or executor)  # fmt: skip
     tell_fit(ran, json_=json_)
 
 
@@ -91,7 +98,7 @@ class Ran:
 
 def run_fit(
     path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool,
-    starts: int | None = None, cut: bool = False, resume: bool = False,
+    starts: int | None = None, cut: bool = False, executor: str | None = None, resume: bool = False,
 ) -> Ran:  # fmt: skip
     """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
@@ -102,13 +109,16 @@ def run_fit(
     project = load_project(path, preset=preset)
     name = _optimiser(optimiser, project.optimiser, starts)
     asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
-             "cut": cut}  # fmt: skip
+             "cut": cut, "executor": executor}  # fmt: skip
+    if executor and (starts or project.starts) < 2:
+        raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
     with (
         open_run(folder, "fit", asked, inputs=inputs_of(project), resume=resume) as run,
         drawing(project, folder, jobs) as draw,
     ):
         laps = {"load": time.perf_counter() - began}
-        found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut)
+        found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut,
+                            executor=executor or "threads")  # fmt: skip
         laps |= found.timing
         write_result(folder, found, project, laps)  # what the figures may not find room for
         written = time.perf_counter()
@@ -133,12 +143,28 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
         _progress(optimiser, quiet) as callback,
         Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
+        _starts_kept(run, options["executor"]) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
             sys.stderr.write(f"{note}\n")
         remembering = replace(project, problem=replace(project.problem, memo=memo))
-        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback, **options)
+        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
+                         journal=journal, **options)  # fmt: skip
     return replace(found, problem=project.problem)
+
+
+def _starts_kept(run: Run, executor: str) -> AbstractContextManager[Journal | None]:
+    """Of starts that run elsewhere, a journal in a folder of its own."""
+    from fracid.journal import Journal
+    from fracid.runs import JOURNAL
+
+    if executor == "threads":
+        return nullcontext()
+    folder = run.folder / "starts"
+    folder.mkdir(exist_ok=True)
+    if not run.resumed:
+        (folder / JOURNAL).unlink(missing_ok=True)
+    return Journal(folder / JOURNAL, {"inputs": dict(run.state.inputs), "options": dict(run.state.options)})
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
