@@ -17,8 +17,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.executor import follow_parent
-
 if TYPE_CHECKING:
     from fracid.diagnostics import CostPlane
     from fracid.identify import Fit, RecordingFit
@@ -30,9 +28,9 @@ __all__ = ["drawing", "slug"]
 @contextmanager
 def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
-    beside = ProcessPoolExecutor(1, get_context("spawn"), follow_parent) if jobs > 1 else None
+    beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
     if beside is not None:
-        beside.submit(_import)
+        beside.submit(_nothing)  # starts it
     try:
         yield lambda found: _draw(found, project, folder, jobs, beside)
     finally:
@@ -40,13 +38,20 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
             beside.shutdown(wait=False, cancel_futures=True)
 
 
-def _import() -> None:
-    """What drawing needs."""
+def _prepare() -> None:
+    """Import what drawing needs."""
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_svg
     import matplotlib.figure  # noqa: F401
 
     import fracid.plots  # noqa: F401
+    from fracid.executor import follow_parent
+
+    follow_parent()
+
+
+def _nothing() -> None:
+    pass
 
 
 def _draw(
