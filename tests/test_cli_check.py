@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from fracid.cli import main
+from program import run
 
 T = np.arange(600) / 100
 SWING = np.where(T < 1, 40, 40 * np.cos(5 * (T - 1)) * np.exp(-2 * (T - 1)))
@@ -18,14 +18,6 @@ def swing(tmp_path):
     file = tmp_path / "swing.csv"
     file.write_text("t,alpha [deg]\n" + "".join(f"{t:.2f},{a:.3f}\n" for t, a in zip(T, SWING, strict=True)))
     return file
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def test_a_good_recording_gets_a_table_a_sketch_and_a_verdict(capsys, swing):

@@ -12,6 +12,7 @@ import pytest
 
 import fracid
 from fracid.cli import main
+from program import run
 
 PROJECT = """
 [model]
@@ -42,14 +43,6 @@ def write_swing(file, angle, seed, end=3.0):
     run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": angle}, step=1e-2, end=end)
     noisy = run.states[:, 2] + 1e-3 * np.random.default_rng(seed).standard_normal(len(run.time))
     np.savetxt(file, np.column_stack([run.time, noisy]), delimiter=",", header="time,alpha", comments="")
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 @pytest.fixture(scope="module")

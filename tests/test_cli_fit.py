@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.cli import main
+from program import run
 
 FAST = "[model.orders]\nlambda = 0.9\n"
 RECORDING = """
@@ -55,14 +55,6 @@ def project(folder):
 def undrawn(monkeypatch):
     """Leave out the figures, which take longer than all the rest."""
     monkeypatch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def program(*arguments, **options):

@@ -2,14 +2,12 @@
 
 import csv
 import json
-import sys
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import fracid
-from fracid.cli import main
+from program import fit_in, run
 
 PROJECT = """
 [model.orders]
@@ -37,22 +35,8 @@ def folder(tmp_path_factory):
     run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
     np.savetxt(folder / "swing.csv", np.column_stack([run.time, run.states[:, [0, 2]]]), delimiter=",",
                header="time,theta,alpha", comments="")  # fmt: skip
-    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
-        patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
-        with pytest.raises(SystemExit):
-            main(["fit", "rig.toml", "--out", "run", "--json"])
+    fit_in(folder, PROJECT)
     return folder
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):

@@ -2,14 +2,12 @@
 
 import json
 import shutil
-import sys
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import fracid
-from fracid.cli import main
+from program import fit_in, run
 
 PROJECT = """
 [model.parameters]
@@ -38,22 +36,8 @@ def folder(tmp_path_factory):
     """A project with a twin of 2 s, and its run."""
     folder = tmp_path_factory.mktemp("profile")
     write_twin(folder / "swing.csv")
-    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
-        patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
-        with pytest.raises(SystemExit):
-            main(["fit", "rig.toml", "--out", "run", "--json"])
+    fit_in(folder, PROJECT)
     return folder
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 # --- what it gives ----------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import pytest
 
 import fracid
 from fracid.cli import main
+from program import fit_in
 
 PROJECT = """
 [model.orders]
@@ -50,13 +51,7 @@ def fitted(folder, *, lacking):
     dry = {"coulomb_alpha": 5e-4} if lacking else {}
     write_twin(folder / "swing.csv", 1, **dry)
     write_twin(folder / "again.csv", 2, **dry)
-    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
-        patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
-        with pytest.raises(SystemExit):
-            main(["fit", "rig.toml", "--out", "run", "--json"])
+    fit_in(folder, PROJECT)
     return folder
 
 

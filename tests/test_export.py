@@ -4,8 +4,6 @@ import csv
 import json
 import shutil
 import subprocess
-import sys
-from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +11,6 @@ import pytest
 from scipy.io import loadmat, savemat
 
 import fracid
-from fracid.cli import main
 from fracid.errors import InputError
 from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
@@ -23,6 +20,7 @@ from fracid.export.table import _file_names
 from fracid.memory import compressed, full, short
 from fracid.models import Parameter
 from fracid.saved import load_run
+from program import fit_in, run
 
 octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 
@@ -228,13 +226,7 @@ def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fitted")
     write_twin(folder / "swing.csv", 0.35)
     write_twin(folder / "driven.csv", 0.0, driven(400))
-    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
-        patch.chdir(folder)
-        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda found: ()))
-        with pytest.raises(SystemExit):
-            main(["fit", "rig.toml", "--out", "run", "--json"])
+    fit_in(folder, PROJECT)
     return folder / "run"
 
 
@@ -242,14 +234,6 @@ def fitted(tmp_path_factory):
 def exported(fitted):
     without_figures = [name for name in FORMATS if name != "state-space"]
     return fitted / "export", export_run(load_run(fitted), fitted / "export", without_figures)
-
-
-def run(capsys, *arguments):
-    """Return exit code, standard output and standard error of the program."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def test_results_mat_holds_values_intervals_and_curves(fitted, exported):

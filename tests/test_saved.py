@@ -2,16 +2,14 @@
 
 import json
 import shutil
-import sys
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 import fracid
-from fracid.cli import main
 from fracid.errors import InputError
 from fracid.saved import load_run
+from program import fit_in
 
 PROJECT = """
 [model.parameters]
@@ -51,16 +49,8 @@ def fitted(tmp_path_factory):
     (folder / "data").mkdir()
     write_twin(folder / "data" / "twenty.csv", 0.35)
     write_twin(folder / "data" / "ten.csv", 0.17, seed=2)
-    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
     kept = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", "rig.toml", "--out", "run", "--json"])  # for environment.json
-        patch.chdir(folder)
-        patch.setattr(
-            sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda fit: kept.append(fit) or ())
-        )
-        with pytest.raises(SystemExit):
-            main(["fit", "rig.toml", "--out", "run", "--json"])
+    fit_in(folder, PROJECT, lambda fit: kept.append(fit) or ())
     return folder, kept[0]
 
 
