@@ -116,7 +116,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
         "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
         "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
-        "order_values": ", ".join(f"{n} = {q!r}" for n, q in _by_name(tables).items()),
+        "order_values": tables.order_values,
         "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
         "inputs_when": "u at the end of the step" + ", for the next" * gl,
         "sizes": _sizes(tables), "more_state": state,
@@ -131,11 +131,6 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     source = "model_gl.c.in" if gl else "model_pi.c.in"
     return {name: _template(file).substitute(words)
             for name, file in (("fracid_model.h", "fracid_model.h.in"), ("fracid_model.c", source))}  # fmt: skip
-
-
-def _by_name(tables: Recursion) -> dict[str, float]:
-    """Each order once."""
-    return dict(zip(tables.model.orders, tables.orders.tolist(), strict=True))
 
 
 def _template(name: str) -> Template:

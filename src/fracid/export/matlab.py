@@ -104,8 +104,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
         states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
         state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
-        order_values=", ".join(dict.fromkeys(f"{n} = {q!r}" for n, q in
-                                             zip(model.orders, tables.orders.tolist(), strict=True))),
+        order_values=tables.order_values,
         method=tables.method, scheme=SCHEMES[tables.method], memory=tables.memory, longest=tables.steps,
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
         predictor="in a parabola" if third else "in a straight line",

@@ -118,6 +118,12 @@ class Recursion:
     """E, shape (n_rows, n_corrections, n_knots)."""
 
     @property
+    def order_values(self) -> str:
+        """Each order once, in words: ``lambda = 0.9, mu = 0.95``."""
+        by_name = dict(zip(self.model.orders, self.orders.tolist(), strict=True))
+        return ", ".join(f"{name} = {q!r}" for name, q in by_name.items())
+
+    @property
     def lags(self) -> int:
         """L."""
         return self.kernels[0].lags
