@@ -373,12 +373,14 @@ def test_what_a_process_beside_draws_is_what_is_drawn_here(capsys, project, tmp_
 
 
 class DeadProcess:
-    """A pool whose only process has died."""
+    """A pool whose process dies at a task, or has died before it."""
 
-    def __init__(self, *_):
-        pass
+    def __init__(self, before):
+        self.before = before
 
-    def submit(self, *_):
+    def submit(self, work, *_):
+        if self.before and work is sys.modules["fracid.cli.drawing"]._draw_recordings:
+            raise BrokenExecutor
         ended = Future()
         ended.set_exception(BrokenExecutor())
         return ended
@@ -387,8 +389,9 @@ class DeadProcess:
         pass
 
 
-def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["fracid.cli.drawing"], "ProcessPoolExecutor", DeadProcess)
+@pytest.mark.parametrize("before", [False, True])
+def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch, before):
+    monkeypatch.setattr(sys.modules["fracid.cli.drawing"], "ProcessPoolExecutor", lambda *_: DeadProcess(before))
     code, _, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run", "--jobs", 2)
     assert code == 0, err
     assert (tmp_path / "run" / "figures" / "figure2-release-20.svg").exists()

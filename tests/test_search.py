@@ -1,12 +1,14 @@
 """Many starts: where they come from, what is left and why, and that the best is never worse than one start's."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
+from fracid.costs import COSTS
+from fracid.errors import InputError, Unfinished
 from fracid.identify import identify
 from fracid.journal import Journal
 from fracid.optimise import Evaluation, Outcome, Path, Space, least_squares, lockstep, minimise, sobol_points
@@ -234,3 +236,10 @@ def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum
     with Journal(tmp_path / "1.jsonl", {}) as journal:  # all of them are kept: nothing is done again
         again, _ = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", journal=journal)
     assert again.best.point.tolist() == found[1][1]
+
+
+def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
+    own = replace(COSTS["rmse"], name="mine")
+    p = stiff(release(end=2.0), parameters=TRUE, cost_function=own)
+    with pytest.raises(Unfinished, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
+        search(p, "multistart", np.random.default_rng(1), starts=2, executor="processes")

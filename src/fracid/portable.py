@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from fracid.costs import COSTS
+from fracid.errors import InputError
 from fracid.memory import Memory, compressed, memory_from_name
 from fracid.problem import Problem
 
@@ -37,7 +38,13 @@ class Portable:
     problem: Problem
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """By name, what is code."""
+        """By name, what is code; an InputError where the name would be another's."""
+        cost = self.problem.cost_function
+        if COSTS.get(cost.name) != cost:
+            raise InputError(
+                f"The cost {cost.name!r} comes from a file of your own, which other processes do not have: type "
+                "--executor threads"
+            )
         parts = {f.name: getattr(self.problem, f.name) for f in fields(Problem) if f.name != "memo"}
         return _carried, (parts | {n: parts[n].name for n in ("cost_function", "memory")},)
 

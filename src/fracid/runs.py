@@ -67,8 +67,9 @@ EVALUATIONS = "evaluations.jsonl"
 MEMO = ".memo"
 FIGURES = "figures"
 
-LATER = ("residuals.json", "profiles.json", "report.html")
-"""What other commands have made of a run: no longer true of a new one."""
+STARTS = f"starts/{JOURNAL}"
+LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
+"""What else lies in a run folder and is no longer true of a new run."""
 
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
 

@@ -250,24 +250,23 @@ def _scattered(
     """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
     problem = replace(problem, memory=portable_memory(problem.memory.name))
     tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
-    ended = run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal)
+    ended = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
     starts = tuple(
         Start(origin, x, _infinite(e["first_cost"]), np.array(e["end"]), _infinite(e["cost"]), e["ended"],
               e["evaluations"])
-        for (origin, x), e in zip(points, ended.values(), strict=True)
+        for (origin, x), e in zip(points, ended, strict=True)
     )  # fmt: skip
     watch.count += sum(s.evaluations for s in starts)
-    best = min(starts, key=lambda s: _infinite(s.cost))
-    outcome = next((o for o in Outcome if o.value == best.ended), Outcome.CONVERGED)
-    return Result(problem.evaluate(best.end), outcome, watch.count), starts
+    best = min(ended, key=lambda e: _infinite(e["cost"]))
+    return Result(problem.evaluate(np.array(best["end"])), Outcome(best["outcome"]), watch.count), starts
 
 
 def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
-    _, (start,) = _grown(portable.problem, [(origin, x)], 1, Watch())
+    found, (start,) = _grown(portable.problem, [(origin, x)], 1, Watch())
     first, last = (c if c is not None and np.isfinite(c) else None for c in (start.first_cost, start.cost))
     return {"first_cost": first, "end": start.end.tolist(), "cost": last, "ended": start.ended,
-            "evaluations": start.evaluations}  # fmt: skip
+            "outcome": found.outcome.value, "evaluations": start.evaluations}  # fmt: skip
 
 
 def _infinite(cost: float | None) -> float:

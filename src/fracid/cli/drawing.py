@@ -64,7 +64,7 @@ def _draw(
 
     resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
     recordings = found.recordings, found.problem.model.zero, resolutions, folder / FIGURES
-    drawn: Future[tuple[Path, ...]] | None = None if beside is None else beside.submit(_draw_recordings, *recordings)
+    drawn = _submitted(beside, *recordings)
     rest = _draw_search(found, folder / FIGURES)
     if isfinite(found.cost):
         two = len(found.problem.order_indices) >= 2
@@ -75,6 +75,14 @@ def _draw(
         return (_draw_recordings(*recordings) if drawn is None else drawn.result()) + rest
     except BrokenExecutor:
         return _draw_recordings(*recordings) + rest
+
+
+def _submitted(beside: ProcessPoolExecutor | None, *recordings: Any) -> Future[tuple[Path, ...]] | None:
+    """The recordings on their way to the other process; None where there is none, or where it is dead already."""
+    try:
+        return None if beside is None else beside.submit(_draw_recordings, *recordings)
+    except BrokenExecutor:
+        return None
 
 
 def _draw_recordings(

@@ -156,15 +156,12 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
 def _starts_kept(run: Run, executor: str) -> AbstractContextManager[Journal | None]:
     """Of starts that run elsewhere, a journal in a folder of its own."""
     from fracid.journal import Journal
-    from fracid.runs import JOURNAL
+    from fracid.runs import STARTS
 
     if executor == "threads":
         return nullcontext()
-    folder = run.folder / "starts"
-    folder.mkdir(exist_ok=True)
-    if not run.resumed:
-        (folder / JOURNAL).unlink(missing_ok=True)
-    return Journal(folder / JOURNAL, {"inputs": dict(run.state.inputs), "options": dict(run.state.options)})
+    (run.folder / STARTS).parent.mkdir(exist_ok=True)
+    return Journal(run.folder / STARTS, {"inputs": dict(run.state.inputs), "options": dict(run.state.options)})
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
