@@ -9,6 +9,7 @@ import shutil
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib.resources import files
 from itertools import pairwise
 from types import SimpleNamespace
 from xml.etree import ElementTree
@@ -587,6 +588,17 @@ NAMELESS = """(() => {
   return [...document.querySelectorAll(used)].filter(e => !named(e)).map(e => e.outerHTML.slice(0, 120));
 })()"""
 """What can be used or looked at, without a name that can be read out."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_checker_of_accessibility_finds_nothing_to_object_to(browser, file, scheme):
+    browser.open(file, prefers_color_scheme=scheme, **CALM)
+    browser.run("Chart.rebuild(true); for (const d of document.querySelectorAll('details')) d.open = true")
+    browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
+    found = browser.run("axe.run().then(r => [r.passes.length, r.violations.map(v => [v.id, v.nodes.map(n => n.html)])])")
+    looked_at, objections = found
+    assert objections == []
+    assert looked_at > 15
 
 
 def test_the_rig_moves_by_itself_when_it_is_seen_and_stands_when_paused(browser, file):
