@@ -595,7 +595,9 @@ def test_a_checker_of_accessibility_finds_nothing_to_object_to(browser, file, sc
     browser.open(file, prefers_color_scheme=scheme, **CALM)
     browser.run("Chart.rebuild(true); for (const d of document.querySelectorAll('details')) d.open = true")
     browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
-    found = browser.run("axe.run().then(r => [r.passes.length, r.violations.map(v => [v.id, v.nodes.map(n => n.html)])])")
+    found = browser.run(
+        "axe.run().then(r => [r.passes.length, r.violations.map(v => [v.id, v.nodes.map(n => n.html)])])"
+    )
     looked_at, objections = found
     assert objections == []
     assert looked_at > 15
