@@ -12,7 +12,7 @@ import fracid
 PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
-    {"errors"},
+    {"errors", "units"},
     {"journal", "memo"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor"},

@@ -437,7 +437,7 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | str) -> dict[str
         return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": error}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
-    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {})
+    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]]) for o, n in enumerate(problem.outputs)}
     return {"rmse": fit.rmse, "fit_percent": {n: _number(v) for n, v in fit.fit_percent.items()}, "itae": itae,
             "failed": ""}  # fmt: skip

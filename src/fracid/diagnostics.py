@@ -38,6 +38,7 @@ from fracid.errors import InputError
 from fracid.problem import Problem
 from fracid.profiles import Profile
 from fracid.uncertainty import NORMAL_95, Uncertainty, jacobian, uncertainty
+from fracid.units import with_unit
 
 __all__ = ["CostPlane", "Verdict", "cost_plane", "identifiability"]
 
@@ -170,6 +171,10 @@ class _Look:
         """The same of the model's outputs."""
         travels = [*self.travels().values()]
         return {n: travels[i] for n, i in self.problem.model.outputs.items()}
+
+    def size(self, output: str) -> str:
+        """How far an output moves, in words."""
+        return with_unit(self.swings()[output], self.problem.experiments[0].units.get(output, "rad"), ".2g")
 
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""
@@ -309,21 +314,17 @@ def _because(look: _Look, i: int) -> str:
         own = look.moved_by(u.target)
         if own and max(swings[n] for n in own) < STILL * swings[most]:
             return (
-                f"; {' and '.join(own)} hardly moves ({_degrees(max(swings[n] for n in own))} beside "
-                f"{_degrees(swings[most])} of {most}), and an order shows in motion alone: fix it"
+                f"; {' and '.join(own)} hardly moves ({look.size(max(own, key=swings.__getitem__))} beside "
+                f"{look.size(most)} of {most}), and an order shows in motion alone: fix it"
             )
         if own and not set(own) & set(look.problem.outputs):
             return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
     if u.kind == "parameter" and look.power(i) > NONLINEAR:
         return (
             f"; it shows with the power {look.power(i):.1f} of the swing, and {most} swings by "
-            f"{_degrees(swings[most])} in all: release it from further out, or fix it"
+            f"{look.size(most)} in all: release it from further out, or fix it"
         )
     return ""
-
-
-def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.2g}°"
 
 
 def _identifiable(look: _Look, i: int) -> Iterator[Verdict]:

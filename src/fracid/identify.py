@@ -96,6 +96,12 @@ class RecordingFit:
     parameters: Mapping[str, Estimate]
     """The parameters that this recording has for itself."""
     sha256: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit; rad where it says nothing."""
+
+    def unit(self, output: str) -> str:
+        """The unit of an output, rad for an angle."""
+        return self.units.get(output, "rad")
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -401,7 +407,7 @@ def _recording(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
-        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256,
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256, e.units,
     )  # fmt: skip
 
 

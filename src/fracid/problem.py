@@ -225,6 +225,8 @@ class Experiment:
     """Outputs before the first sample, from rest on, up to one step before it [rad], shape (n_past, n_outputs)."""
     past_inputs: FloatArray | None = None
     """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
 
     @classmethod
     def of(
@@ -276,7 +278,7 @@ class Experiment:
         measured, inputs = _columns(recording, model, outputs)
         return cls(
             recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
-            initial or {}, **past, **options,
+            initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
 
     @cached_property
@@ -486,9 +488,10 @@ class Problem:
         if self.initial_state in ("measured", "held"):
             return []
         guess = self._initial_guess(e).tolist()
-        reach = {self.model.outputs[n]: (0.2, "rad") for n in self.outputs}
+        units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
+        reach = {i: (0.2, unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
-            reach |= {j: (3.0 + abs(guess[j]), "rad/s") for j in self._rates.values()}
+            reach |= {j: (3.0 + abs(guess[j]), f"{units[i]}/s") for i, j in self._rates.items()}
         found = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]

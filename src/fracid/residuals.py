@@ -56,6 +56,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import InputError
 from fracid.recording import resolution as lattice
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from fracid.identify import RecordingFit
@@ -254,6 +255,8 @@ class ResidualAnalysis:
     normality: Normality
     variance: Variance
     level: Level
+    unit: str = "rad"
+    """Of the residual."""
 
     @property
     def sentences(self) -> dict[str, str]:
@@ -330,17 +333,17 @@ def residual_analysis(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    step = _step(recording)
+    step, unit = _step(recording), recording.unit(output)
     whole = recording.residual(output)
     part = longest_stretch(np.isfinite(whole))
     e, fitted = whole[part], np.asarray(recording.fitted[output])[part]
     quantum = lattice(np.asarray(recording.measured[output])) if resolution is None else resolution.get(output)
     size = float(np.abs(np.asarray(recording.measured[output])[part]).max(initial=0.0))
     head = (recording.name, output, recording.use, e.size, whole.size - e.size, step)
-    because = _untestable(e, size, whole.size)
+    because = _untestable(e, size, whole.size, unit)
     if because:
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
-        return ResidualAnalysis(*head, *none, _level(e, quantum, white=False))
+        return ResidualAnalysis(*head, *none, _level(e, quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step)
     spectrum = _spectrum(e, speed, step)
     whiteness = _whiteness(e, ρ, step, quantum, spectrum.swing)
@@ -348,7 +351,7 @@ def residual_analysis(
     variance = _variance(e, fitted, speed, whiteness)
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[thin], variance), variance,
-        _level(e, quantum, white=whiteness.white),
+        _level(e, quantum, unit, white=whiteness.white), unit,
     )  # fmt: skip
 
 
@@ -380,7 +383,7 @@ def longest_stretch(known: NDArray[np.bool_]) -> slice:
     return slice(int(starts[at]), int(ends[at]))
 
 
-def _untestable(e: FloatArray, size: float, whole: int) -> str:
+def _untestable(e: FloatArray, size: float, whole: int, unit: str) -> str:
     """Why there is nothing to test, or nothing."""
     if not e.size:
         return "There is no residual: the simulation failed. Look at the warnings of the fit."
@@ -390,9 +393,12 @@ def _untestable(e: FloatArray, size: float, whole: int) -> str:
     if np.abs(e).max() <= 1e-12 * size:
         return "The fitted values are the measured ones but for the rounding of numbers: nothing is left to test."
     if np.ptp(e) <= 1e-9 * np.abs(e).max():
+        said = f"All {e.size} residuals are {with_unit(e[0], unit, '.2g')}: the simulation is off by a constant and by "
+        if unit != "rad":
+            return f'{said}nothing else, so the zero of the signal is: use zero = "rest", or free what it rests at.'
         return (
-            f"All {e.size} residuals are {_degrees(e[0])}: the simulation is off by a constant and by nothing else, so "
-            'the zero of the angle or the rest angle is; free it (theta_rest, alpha_rest), or use zero = "rest".'
+            f"{said}nothing else, so the zero of the angle or the rest angle is; free it (theta_rest, alpha_rest), or "
+            'use zero = "rest".'
         )
     return ""
 
@@ -734,19 +740,20 @@ def _tail(c: Contrast) -> str:
 # --- level -----------------------------------------------------------------------------------------
 
 
-def _level(e: FloatArray, step: float | None, *, white: bool) -> Level:
+def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Level:
     if not e.size:
         return Level("")
     mean, rms = float(np.mean(e)), float(np.sqrt(np.mean(e**2)))
     if step is None or not 0 < step < math.inf:
-        return Level(f"rms {_degrees(rms)}{_offset(mean, rms)}. No step of an encoder is seen.", mean, rms)
+        said = f"rms {with_unit(rms, unit, '.2g')}{_offset(mean, rms, unit)}. No step of an encoder is seen."
+        return Level(said, mean, rms)
     floor = step / math.sqrt(12)
-    return Level(_of_level(mean, rms, step, white), mean, rms, step, rms / step, floor)
+    return Level(_of_level(mean, rms, step, unit, white), mean, rms, step, rms / step, floor)
 
 
-def _of_level(mean: float, rms: float, step: float, white: bool) -> str:
+def _of_level(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     floor = step / math.sqrt(12)
-    said = f"rms {_degrees(rms)}, {_times(rms / step)} steps of the encoder{_offset(mean, rms)}"
+    said = f"rms {with_unit(rms, unit, '.2g')}, {_times(rms / step)} steps of the encoder{_offset(mean, rms, unit)}"
     if rms < AT_THE_FLOOR * floor:
         return f"{said}: rounding alone leaves {floor / step:.2g}. A better model cannot be seen with this encoder."
     rest = "noise" if white else "the model or a disturbance"
@@ -755,9 +762,11 @@ def _of_level(mean: float, rms: float, step: float, white: bool) -> str:
     return f"{said}, {_times(rms / floor)} times what rounding leaves: it is {rest}, not the encoder."
 
 
-def _offset(mean: float, rms: float) -> str:
+def _offset(mean: float, rms: float, unit: str) -> str:
     """Said where a tenth of the power is the mean."""
-    return f", of which a constant {_degrees(mean)}: an angle's zero or rest is off" if mean**2 > 0.1 * rms**2 else ""
+    whose = "an angle's zero or rest" if unit == "rad" else "the signal's zero or rest"
+    said = f", of which a constant {with_unit(mean, unit, '.2g')}: {whose} is off"
+    return said if mean**2 > 0.1 * rms**2 else ""
 
 
 # --- words -----------------------------------------------------------------------------------------
@@ -773,10 +782,6 @@ def _times(factor: float) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.01 else "less than 1 %"
-
-
-def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.2g}°"
 
 
 def _signed(value: float) -> str:

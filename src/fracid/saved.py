@@ -86,7 +86,7 @@ class SavedRun:
             {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
-        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256)
+        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units)
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):

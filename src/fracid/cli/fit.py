@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from math import degrees, floor, isfinite, log10
+from math import floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, app
 from fracid.cli.app import table as new_table
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -275,7 +276,9 @@ def _print_recordings(console: Console, found: Fit) -> None:
         "recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"
     )
     for r in found.recordings.values():
-        scores = [text for n in outputs for text in (f"{degrees(r.rmse[n]):.4g}°", f"{r.fit_percent[n]:.2f} %")]
+        scores = [
+            text for n in outputs for text in (with_unit(r.rmse[n], r.unit(n), ".4g"), f"{r.fit_percent[n]:.2f} %")
+        ]
         table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}")))
     console.print(table)
 

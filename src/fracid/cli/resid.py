@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import degrees, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ from fracid.cli.app import Json, Out, app
 from fracid.cli.app import table as new_table
 from fracid.cli.drawing import slug
 from fracid.errors import DataError, InputError
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -147,7 +148,7 @@ def _figures(found: _Analysed) -> Any:
     for a in found.all:
         steps, w = a.level.steps, a.whiteness
         table.add_row(
-            escape(a.recording), escape(a.output), _number(degrees(a.level.rms), ".3g", "°"),
+            escape(a.recording), escape(a.output), with_unit(a.level.rms, a.unit) if isfinite(a.level.rms) else "–",
             _number(steps, ".2f" if steps < 10 else ",.0f"), _number(w.correlation_time, ".2g", " s"),
             f"{_number(w.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
         )  # fmt: skip

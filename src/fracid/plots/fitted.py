@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.plots import look
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,10 +65,11 @@ def fitted_over_time(
             _measured_and_fitted(panel, recording, name, span)
             _residual_strip(strip, recording, name, span, steps[name])
         look.title(panels[0], f"{look.symbol(name)}: {look.goodness(recording, name, steps[name])}", loc="left")
+        shown, _ = look.unit_of(recording, name)
         panels[0].set_ylabel(
-            f"{look.symbol(name)} [°]" + (f"\n0 = {look.plain(zero)}" if name == "alpha" and zero else "")
+            f"{look.symbol(name)} [{shown}]" + (f"\n0 = {look.plain(zero)}" if name == "alpha" and zero else "")
         )
-        strips[0].set_ylabel("residual\n[°]")
+        strips[0].set_ylabel(f"residual\n[{shown}]")
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
@@ -85,8 +87,8 @@ def _role(recording: RecordingFit) -> str:
 
 
 def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
-    time = recording.time[span]
-    measured, fitted = np.degrees(recording.measured[name][span]), np.degrees(recording.fitted[name][span])
+    time, (_, factor) = recording.time[span], look.unit_of(recording, name)
+    measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
     look.line(axes, time, measured, label="measured", **look.MEASURED)
     look.line(axes, time, fitted, label="fitted", **look.FITTED)
     if not np.isfinite(fitted).any():
@@ -98,17 +100,18 @@ def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: s
     least, greatest = look.extent(fitted)
     if reach > 0 and (least < low - 2 * reach or greatest > high + 2 * reach):
         axes.set_ylim(low - reach, high + reach)
-        look.note(axes, f"fitted leaves the picture: {least:.3g}° to {greatest:.3g}°".replace("-", "−"), 0.93)
+        ends = " to ".join(with_unit(x / factor, recording.unit(name)) for x in (least, greatest))
+        look.note(axes, f"fitted leaves the picture: {ends}".replace("-", "−"), 0.93)
 
 
 def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
-    residual = np.degrees(recording.residual(name)[span])
+    residual = look.unit_of(recording, name)[1] * recording.residual(name)[span]
     if not np.isfinite(residual).any():
         look.note(axes, "no residual")
         axes.set_yticks([])
         return
     axes.axhline(0, color="0.6", lw=0.8)
-    look.encoder_band(axes, step)
+    look.encoder_band(axes, step, recording.unit(name))
     look.line(axes, recording.time[span], residual, label="residual (measured − fitted)", **look.RESIDUAL)
 
 

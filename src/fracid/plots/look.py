@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.units import SHOWN_UNITS as SHOWN_UNITS
+from fracid.units import shown_unit, with_unit
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -36,9 +39,6 @@ BINS = 900
 
 CLOUD = 1500
 """Points from which on a scatter is rasterised."""
-
-SHOWN_UNITS = {"rad": ("°", 180 / np.pi), "rad/s": ("°/s", 180 / np.pi)}
-"""Unit of a signal: how it is shown, and the factor to it."""
 
 COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
 """Of :data:`fracid.costs.COSTS`; a user's own cost has none that we know."""
@@ -129,14 +129,20 @@ def outline(y: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, y.size - 1], *(offset + at for at in extremes)]))
 
 
-def encoder_band(axes: Axes, step: float | None, *, upright: bool = False) -> None:
+def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:
     """Shade where an error of the encoder alone would lie; its edges lie over the residual, which would hide them."""
     if step:
-        half = np.degrees(step) / 2
+        half = shown_unit(unit)[1] * step / 2
         span, line = (axes.axvspan, axes.axvline) if upright else (axes.axhspan, axes.axhline)
-        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=f"one encoder step, {2 * half:.3g}°")
+        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=f"one encoder step, {with_unit(step, unit)}")
         for edge in (-half, half):
             line(edge, color=ORANGE, lw=0.8, zorder=3)
+
+
+def unit_of(recording: RecordingFit, name: str) -> tuple[str, float]:
+    """How an output is shown: its unit, "–" for a pure number, and the factor to it."""
+    shown, factor = shown_unit(recording.unit(name))
+    return shown or "–", factor
 
 
 def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
@@ -160,11 +166,6 @@ def extent(x: FloatArray) -> tuple[float, float]:
     """Least and greatest of the finite values; two zeros where there are none."""
     known = x[np.isfinite(x)]
     return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-
-
-def degrees(angle: float) -> str:
-    """An angle as a text."""
-    return f"{np.degrees(angle):.3g}°"
 
 
 def number(value: float, digits: int) -> str:
@@ -202,6 +203,6 @@ def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     else:
         fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
     counts = rmse / step if step else np.inf
-    return f"{fit}, RMSE {degrees(rmse)}" + (
+    return f"{fit}, RMSE {with_unit(rmse, recording.unit(name))}" + (
         f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
     )

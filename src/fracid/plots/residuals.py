@@ -26,6 +26,7 @@ from fracid.residuals import (
     power_spectrum,
     residual_analysis,
 )
+from fracid.units import shown_unit, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,18 +79,19 @@ def residual_plots(
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
     whole, step = recording.residual(output), look.encoder_step(resolution, output)
     known = np.isfinite(whole)
-    residual, fitted = np.degrees(whole[known]), np.degrees(recording.fitted[output][known])
+    unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
+    residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
     figure = look.new(9.5, 7)
     over_time, over_fitted, distribution, probability = figure.subplots(2, 2).flat
     if residual.size:
-        _over_time(over_time, recording.time, np.degrees(whole), step)
-        _over_fitted(over_fitted, fitted, residual, step)
-        _distribution(distribution, residual, step)
+        _over_time(over_time, recording.time, factor * whole, step, unit)
+        _over_fitted(over_fitted, fitted, residual, step, unit)
+        _distribution(distribution, residual, step, unit)
         _normal_probability(probability, residual)
-    label = f"residual of {look.symbol(output)} [°]"
+    label = f"residual of {look.symbol(output)} [{shown}]"
     look.label(over_time, "over time", "time [s]", label)
-    look.label(over_fitted, "against the fitted value", f"fitted {look.symbol(output)} [°]", label)
-    look.label(distribution, "distribution", label, "density [1/°]")
+    look.label(over_fitted, "against the fitted value", f"fitted {look.symbol(output)} [{shown}]", label)
+    look.label(distribution, "distribution", label, f"density [{_per('1', shown)}]")
     look.label(probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label)
     _blank(() if residual.size else figure.axes)
     look.finish(figure, _headline(recording, output, step))
@@ -141,27 +143,28 @@ def residual_diagnostics(
     found = residual_analysis(recording, output, resolution) if analysis is None else analysis
     step = look.encoder_step(resolution, output)
     whole, known = recording.residual(output), np.isfinite(recording.residual(output))
-    residual, fitted = np.degrees(whole[known]), np.degrees(recording.fitted[output][known])
+    unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
+    residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
     figure = look.new(9.5, 13)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
     if residual.size:
-        _over_time(panels["time"], recording.time, np.degrees(whole), step)
-        _over_fitted(panels["fitted"], fitted, residual, step)
-        _over_fitted(panels["speed"], np.degrees(_speed(recording, output)[known]), residual, step)
-        _distribution(panels["normal"], residual, step)
+        _over_time(panels["time"], recording.time, factor * whole, step, unit)
+        _over_fitted(panels["fitted"], fitted, residual, step, unit)
+        _over_fitted(panels["speed"], factor * _speed(recording, output)[known], residual, step, unit)
+        _distribution(panels["normal"], residual, step, unit)
         _normal_probability(panels["probability"], residual)
-        _in_time(panels["lags"], panels["spectrum"], whole, found)
+        _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, found)
     symbol = look.symbol(output)
-    label = f"residual of {symbol} [°]"
+    label = f"residual of {symbol} [{shown}]"
     look.label(panels["time"], "over time", "time [s]", label)
-    look.label(panels["fitted"], "against the fitted value", f"fitted {symbol} [°]", label)
-    look.label(panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [°/s]", label)
-    look.label(panels["normal"], "distribution", label, "density [1/°]")
+    look.label(panels["fitted"], "against the fitted value", f"fitted {symbol} [{shown}]", label)
+    look.label(panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(shown, 's')}]", label)
+    look.label(panels["normal"], "distribution", label, f"density [{_per('1', shown)}]")
     heading = panels["probability"].get_title() or "normal probability"
     look.label(panels["probability"], heading, "standard normal quantile [–]", label)
     _name(panels["lags"], _of_lags(found), "lag [s]", "autocorrelation [–]")
-    _name(panels["spectrum"], _of_spectrum(found), "frequency [Hz]", "density of the power [°²/Hz]")
+    _name(panels["spectrum"], _of_spectrum(found), "frequency [Hz]", f"density of the power [{_squared(shown)}/Hz]")
     _blank(() if residual.size else figure.axes)
     look.finish(figure, _headline(recording, output, step))
     return figure
@@ -172,6 +175,15 @@ def _name(axes: Axes, heading: str, x: str, y: str) -> None:
     look.title(axes, heading)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
+
+
+def _per(over: str, under: str) -> str:
+    """A quotient of units, of which the one below may be none: ``°/s``, ``1/V``, ``–``."""
+    return f"{'1' if over == '–' else over}/{under}" if under != "–" else "–"
+
+
+def _squared(unit: str) -> str:
+    return "1" if unit == "–" else f"{unit}²"
 
 
 def _blank(panels: Sequence[Axes]) -> None:
@@ -191,8 +203,11 @@ def _speed(recording: RecordingFit, output: str) -> FloatArray:
     return np.asarray(np.gradient(recording.fitted[output], recording.time))
 
 
-def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, found: ResidualAnalysis) -> None:
-    """What shows in the order of the samples: on the stretch without a gap that was tested."""
+def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, found: ResidualAnalysis) -> None:
+    """What shows in the order of the samples: on the stretch without a gap that was tested.
+
+    `factor` is from SI to the unit shown, in which `whole` is.
+    """
     if not np.isfinite(found.whiteness.correlation_time):
         for axes in (lags, spectrum):
             axes.set(xticks=[], yticks=[])
@@ -200,7 +215,7 @@ def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, found: ResidualAnaly
         return
     part = longest_stretch(np.isfinite(whole))
     _autocorrelation(lags, whole[part], found)
-    _spectrum(spectrum, np.degrees(whole[part]), found)
+    _spectrum(spectrum, whole[part], factor, found)
 
 
 def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None:
@@ -216,7 +231,7 @@ def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) 
         axes.axvline(w.correlation_time, color=look.VERMILLION, lw=1.2, ls=":", label="correlation time")
 
 
-def _spectrum(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None:
+def _spectrum(axes: Axes, residual: FloatArray, factor: float, found: ResidualAnalysis) -> None:
     """Every frequency pale, and the mean of some hundred bins that are even on the logarithmic axis."""
     f, S = power_spectrum(residual, found.step)
     f, S = f[1:], S[1:]
@@ -229,7 +244,7 @@ def _spectrum(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None
     axes.plot(f[shown], S[shown], color="0.8", lw=0.5, rasterized=True)
     axes.plot(centre, mean, color=look.INK, lw=1.2)
     if found.level.encoder_step:
-        floor = np.degrees(found.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
+        floor = (factor * found.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
         axes.axhline(floor, color=look.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
     for m in range(1, 4) if found.spectrum.swing else ():
         label = "the swing and its multiples" if m == 1 else None
@@ -254,16 +269,16 @@ def _of_spectrum(found: ResidualAnalysis) -> str:
     return f"spectrum: {', '.join(said) or 'no frequency stands out'}"
 
 
-def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None) -> None:
+def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     axes.plot(time[[0, -1]], [0, 0], color="0.6", lw=0.8)  # as long as the recording, the residual may end before
-    look.encoder_band(axes, step)
+    look.encoder_band(axes, step, unit)
     look.line(axes, time, residual, **look.RESIDUAL)
 
 
-def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: float | None) -> None:
+def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     """Every sample, and the mean in each of twenty bins of the fitted value."""
     axes.axhline(0, color="0.6", lw=0.8)
-    look.encoder_band(axes, step)
+    look.encoder_band(axes, step, unit)
     many = fitted.size > look.CLOUD
     style: dict[str, Any] = {"ms": 1.5, "alpha": 0.25, "rasterized": True} if many else {"ms": 4}
     axes.plot(fitted, residual, ls="", marker="o", mew=0, color=look.INK, **style)
@@ -277,19 +292,21 @@ def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: flo
     axes.plot(*means, color=look.VERMILLION, lw=1.5, marker="o", ms=3, label="mean of each bin")
 
 
-def _distribution(axes: Axes, residual: FloatArray, step: float | None) -> None:
+def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: str) -> None:
+    factor = shown_unit(unit)[1]
     if _all_equal(residual):
         axes.axvline(residual[0], **look.FITTED)
-        look.note(axes, f"all {residual.size} residuals are {residual[0]:.3g}°")
+        look.note(axes, f"all {residual.size} residuals are {with_unit(residual[0] / factor, unit)}")
         return
-    look.encoder_band(axes, step, upright=True)
+    look.encoder_band(axes, step, unit, upright=True)
     mean, deviation = residual.mean(), residual.std()
-    density, edges = np.histogram(residual, bins=_bins(residual, np.degrees(step or 0.0)), density=True)
+    density, edges = np.histogram(residual, bins=_bins(residual, factor * (step or 0.0)), density=True)
     axes.stairs(density, edges, fill=True, color="0.72")
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
     axes.plot(x, normal, color=look.VERMILLION, lw=1.5, ls="--", label="normal distribution")
-    look.corner(axes, f"mean {mean:.2g}°\ndeviation {deviation:.3g}°".replace("-", "−"))
+    said = f"mean {with_unit(mean / factor, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
+    look.corner(axes, said.replace("-", "−"))
 
 
 def _normal_probability(axes: Axes, residual: FloatArray) -> None:

@@ -4,8 +4,8 @@
 
     value = sign · scale · (raw in rad) − zero
 
-The unit decides what "raw in rad" is; volts, newton metres and pure numbers stay as they
-are.  ``zero = "rest"`` is the mean of the recording's tail, which must be at rest.
+The unit decides what "raw in rad" is; other quantities are taken to SI (mV to V), and pure numbers stay
+as they are.  ``zero = "rest"`` is the mean of the recording's tail, which must be at rest.
 """
 
 from __future__ import annotations
@@ -30,7 +30,13 @@ UNITS: dict[str, tuple[float, str]] = {
     "counts": (2 * math.pi, "rad"),  # divided by counts_per_turn
     "rad/s": (1.0, "rad/s"),
     "deg/s": (math.pi / 180, "rad/s"),
+    "m": (1.0, "m"),
+    "mm": (1e-3, "m"),
     "V": (1.0, "V"),
+    "mV": (1e-3, "V"),
+    "A": (1.0, "A"),
+    "mA": (1e-3, "A"),
+    "N": (1.0, "N"),
     "N m": (1.0, "N m"),
     "1": (1.0, "1"),
 }
@@ -133,7 +139,7 @@ class Channel:
 
     @property
     def signal_unit(self) -> str:
-        """The unit of the signal: rad, rad/s, V, N m or 1."""
+        """The unit of the signal: that of the second column of ``UNITS``."""
         return UNITS[self.unit or "rad"][1]
 
     def convert(self, raw: NDArray[np.float64], name: str = "the signal") -> NDArray[np.float64]:
