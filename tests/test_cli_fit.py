@@ -238,7 +238,7 @@ def test_what_cannot_be_is_a_sentence_and_an_exit_code(capsys, folder, project, 
     (folder / "text.csv").write_text("\n".join([*lines[:8], "hello,0,0", *lines[9:]]))
     (folder / "empty.csv").write_text("")
     (folder / "cost.py").write_text("def broken(t, e):\n    return 1 / 0\ndef fine(t, e):\n    return (e * e).sum()\n")
-    found, out, err = run(capsys, "fit", project(text), "--out", tmp_path / "run", "--json")
+    found, out, err = run(capsys, "fit", project(text), "--out", tmp_path / "run", "--json", "--trust")
     assert (found, out) == (code, "")
     assert err.splitlines()[-1].startswith("unfit recording: " if code == 3 else "error: ")
     assert message in err

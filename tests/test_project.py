@@ -201,7 +201,7 @@ def test_a_users_cost_and_model_stand_beside_the_file(project, tmp_path):
         'model = Model("spring", rhs, ("alpha", "rate"), ("mu", "mu"), {"alpha": 0}, (),\n'
         '              (Parameter("k", "1/s^2", 36.0, "stiffness"),), "", "a test")\n'
     )
-    found = project('[model]\nname = "my_rig.py:model"\n' + ONE + '[fit]\ncost = "my.py:worst"\n')
+    found = project('[model]\nname = "my_rig.py:model"\n' + ONE + '[fit]\ncost = "my.py:worst"\n', trust=True)
     p = found.problem
     assert (p.model.name, p.cost_function.name) == ("spring", "worst")
     assert p.names == ("mu", "alpha(0) [swing]", "rate(0) [swing]")

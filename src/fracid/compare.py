@@ -304,9 +304,10 @@ class _OfFile:
     preset: str | None
     sha256: str
     keep: tuple[str, ...]
+    trust: bool
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
-        project = load_project(self.path, preset=self.preset)
+        project = load_project(self.path, preset=self.preset, trust=self.trust)
         if hashlib.sha256(project.text.encode()).hexdigest() != self.sha256:
             raise InputError(f"{self.path} has changed since the comparison began; begin it again.")
         return project.problem, project.validation
@@ -317,7 +318,7 @@ def _origin(
 ) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
-        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, keep)
+        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, keep, bool(problem.own_code))
     if isinstance(problem, Project):
         return _InMemory(problem.problem, (*problem.validation, *validation), keep)
     if executor != "threads":

@@ -36,7 +36,6 @@ R. Lathrop, AIEE Trans. 72 (1953) 273.
 from __future__ import annotations
 
 import difflib
-import importlib.util
 import inspect
 import math
 from collections.abc import Callable
@@ -47,6 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
+from fracid.own_code import run_file
 
 __all__ = ["ABSOLUTE", "COSTS", "HUBERS", "SQUARE", "Cost", "Loss", "cost_from_name"]
 
@@ -225,12 +225,10 @@ def cost_from_name(name: str) -> Cost:
         close = difflib.get_close_matches(name, COSTS, 1)
         hint = f"did you mean {close[0]!r}? " if close else ""
         raise InputError(f'There is no cost {name!r}; {hint}the costs are {", ".join(COSTS)}, or "my.py:function".')
-    spec = importlib.util.spec_from_file_location(Path(file).stem, file)
-    if not Path(file).is_file() or spec is None or spec.loader is None:
+    if not Path(file).is_file():
         raise InputError(f"cost = {name!r}: there is no file {file}.")
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        module = run_file(Path(file), f"fracid_user_{Path(file).stem}")
     except Exception as error:
         raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
     own = getattr(module, function, None)

@@ -4,6 +4,7 @@
 
     FracidError              has an exit code for the command line
     ├── InputError      (2)  the caller's mistake: an argument, an option, a project file
+    │   └── NotTrusted  (2)  a project file wants to run code of its own, and nobody allowed it
     ├── DataError       (3)  a recording that fails its checks
     └── Unfinished      (1)  long work was cut short: a full disk, a dead worker, Ctrl-C; what was done is kept
 
@@ -12,7 +13,7 @@ expected, what to type.  A numerical failure (a diverging run, det M = 0) is not
 an error but an outcome: see :class:`fracid.simulate.Outcome`.
 """
 
-__all__ = ["DataError", "FracidError", "InputError", "Unfinished"]
+__all__ = ["DataError", "FracidError", "InputError", "NotTrusted", "Unfinished"]
 
 
 class FracidError(Exception):
@@ -25,6 +26,10 @@ class InputError(FracidError, ValueError):
     """The caller asked for something that cannot be done as asked."""
 
     exit_code = 2
+
+
+class NotTrusted(InputError):
+    """A project file names code of its own, which runs only when the caller says so: ``trust=True``, ``--trust``."""
 
 
 class DataError(FracidError, ValueError):

@@ -43,11 +43,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.costs import cost_from_name
-from fracid.errors import InputError
+from fracid.errors import InputError, NotTrusted
 from fracid.memory import memory_from_name
 from fracid.models import Model, model_from_name
 from fracid.models.base import unknown_name
 from fracid.optimise import optimiser_from_name
+from fracid.own_code import refuse_untrusted
 from fracid.problem import Experiment, Free, Prior, Problem, Tied, Value
 from fracid.recording import Recording, load_recording
 
@@ -172,9 +173,11 @@ class Project:
     preset: str | None
     notes: tuple[str, ...] = ()
     """What was done that the file does not say in so many words."""
+    own_code: tuple[Path, ...] = ()
+    """Files of its own whose code was run: it is trusted."""
 
 
-def load_project(path: str | Path, *, preset: str | None = None) -> Project:
+def load_project(path: str | Path, *, preset: str | None = None, trust: bool = False) -> Project:
     """Read a project file and the recordings that it names.
 
     Parameters
@@ -182,11 +185,15 @@ def load_project(path: str | Path, *, preset: str | None = None) -> Project:
     path : str or Path
     preset : str, optional
         In place of the file's own.
+    trust : bool
+        Let it run code of its own, a model or a cost in a Python file that it names.  Read that first.
 
     Raises
     ------
     InputError
         If the file is missing, is no TOML, or says something that cannot be; with the place.
+    NotTrusted
+        If it names code of its own, and `trust` is not given.
     DataError
         If a recording fails its checks.
 
@@ -207,10 +214,10 @@ def load_project(path: str | Path, *, preset: str | None = None) -> Project:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise InputError(f"The project file {path} cannot be read: {reason}.") from None
-    return project_from_text(text, path, preset=preset)
+    return project_from_text(text, path, preset=preset, trust=trust)
 
 
-def project_from_text(text: str, path: Path, *, preset: str | None = None) -> Project:
+def project_from_text(text: str, path: Path, *, preset: str | None = None, trust: bool = False) -> Project:
     """Read a project from the text of a file; `path` says where its relative paths lead from, and is not read.
 
     Errors are those of :func:`load_project`.
@@ -228,13 +235,16 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None) -> Pr
     except ValidationError as error:
         raise InputError(f"{path}: {_explain(error)}") from None
     try:
-        return _project(path, text, said, preset or said.fit.preset)
+        return _project(path, text, said, preset or said.fit.preset, trust)
+    except NotTrusted:
+        raise
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
+def _project(path: Path, text: str, said: _File, preset: str | None, trust: bool) -> Project:
     fit = _apply(said.fit, preset)
+    own_code = refuse_untrusted(path, (said.model.name, fit.cost), trust)
     optimiser_from_name(fit.optimiser)
     model, parameters = _model(said.model, path.parent)
     orders = _orders(said.model.orders, model)
@@ -265,7 +275,7 @@ def _project(path: Path, text: str, said: _File, preset: str | None) -> Project:
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
     return Project(
-        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes)
+        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
     )
 
 

@@ -187,7 +187,7 @@ def run_state(folder: Path) -> RunState:
 
 
 def inputs_of(project: Project) -> dict[str, str]:
-    """Hash all that a run of a project depends on: the file, its recordings, its model; and name the versions.
+    """Hash all that a run of a project depends on: the file, its recordings, its code; and name the versions.
 
     Parameters
     ----------
@@ -200,11 +200,8 @@ def inputs_of(project: Project) -> dict[str, str]:
     """
     found = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
     found |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
-    for what, function in (("model", project.problem.model.rhs), ("cost", project.problem.cost_function.function)):
-        code = getattr(getattr(function, "py_func", function), "__code__", None)  # Numba's is wrapped, NumPy's has none
-        source = None if code is None else Path(code.co_filename).resolve()
-        if source is not None and source.is_file() and not source.is_relative_to(Path(__file__).parent):
-            found[f"the {what} file {source.name}"] = sha256(source.read_bytes()).hexdigest()
+    for file in project.own_code:
+        found[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(file.read_bytes()).hexdigest()
     return found | {f"the version of {package}": number for package, number in versions().items()}
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.errors import FracidError, InputError
+from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.identify import Estimate, RecordingFit
 from fracid.problem import Experiment, Problem
 from fracid.project import Project, project_from_text
@@ -102,13 +102,15 @@ class SavedRun:
                     )
 
 
-def load_run(folder: str | Path) -> SavedRun:
+def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     """Read the folder of a run of ``fracid fit``.
 
     Parameters
     ----------
     folder : str or Path
         With ``result.json`` and ``project.toml``; the recordings are looked for where the run found them.
+    trust : bool
+        Let its project run code of its own, a model or a cost in a Python file that it names.  Read that first.
 
     Returns
     -------
@@ -118,6 +120,8 @@ def load_run(folder: str | Path) -> SavedRun:
     ------
     InputError
         If it is no run folder, its recordings are not where they were, or one has changed.
+    NotTrusted
+        If its project names code of its own, and `trust` is not given.
 
     Examples
     --------
@@ -129,7 +133,7 @@ def load_run(folder: str | Path) -> SavedRun:
     """
     folder = Path(folder)
     result = _read(folder / "result.json")
-    project = _project(folder, result)
+    project = _project(folder, result, trust)
     hashes = result.get("data_sha256", {})
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
@@ -154,7 +158,7 @@ def _read(path: Path) -> dict[str, Any]:
     )
 
 
-def _project(folder: Path, result: Mapping[str, Any]) -> Project:
+def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
     """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
     try:
         text = (folder / "project.toml").read_text(encoding="utf-8")
@@ -165,7 +169,9 @@ def _project(folder: Path, result: Mapping[str, Any]) -> Project:
     reason = ""
     for path in (*there, folder / "project.toml"):
         try:
-            return project_from_text(text, path, preset=result.get("preset"))
+            return project_from_text(text, path, preset=result.get("preset"), trust=trust)
+        except NotTrusted:
+            raise
         except FracidError as error:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "

@@ -14,6 +14,7 @@ Heavy modules are imported inside the command that needs them: ``fracid --help``
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Collection
 from pathlib import Path
@@ -22,9 +23,9 @@ from typing import Annotated, Any
 import typer
 
 from fracid import __version__
-from fracid.errors import DataError, FracidError
+from fracid.errors import DataError, FracidError, NotTrusted
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "app", "main", "table"]
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "table"]
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -42,6 +43,9 @@ Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder f
 Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True)]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Let the project run code of its own, my_rig.py:model. Read that first.")
+]
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -69,8 +73,16 @@ def main(arguments: list[str] | None = None) -> None:
         app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
-        sys.stderr.write(f"{kind}: {error}\n")
+        sys.stderr.write(f"{kind}: {error}{_with_trust(error, arguments)}\n")
         raise SystemExit(error.exit_code) from None
+
+
+def _with_trust(error: FracidError, arguments: list[str] | None) -> str:
+    """The command that allows what was refused."""
+    if not isinstance(error, NotTrusted):
+        return ""
+    words = sys.argv[1:] if arguments is None else arguments
+    return f" Type: {shlex.join(['fracid', *words, '--trust'])}"
 
 
 def table(*headings: str, fold: Collection[str] | None = None) -> Any:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -62,6 +62,7 @@ def compare(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
     ] = None,
+    trust: Trust = False,
     out: Out = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
     jobs: Jobs = CORES,
@@ -76,7 +77,7 @@ def compare(
     """
     from fracid.project import load_project
 
-    loaded = load_project(project, preset=preset)
+    loaded = load_project(project, preset=preset, trust=trust)
     folder = out or Path("runs") / f"{project.stem}-compare"
     options = {
         "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep or []),

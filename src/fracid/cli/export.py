@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import Json, Out, app
+from fracid.cli.app import Json, Out, Trust, app
 
 __all__ = ["export"]
 
@@ -31,6 +31,7 @@ def export(
         int | None,
         typer.Option(metavar="N", min=1, help="Steps that the programs remember; the recordings', for C 10⁷."),
     ] = None,
+    trust: Trust = False,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -50,7 +51,7 @@ def export(
     from fracid.export import export_run
     from fracid.saved import load_run
 
-    found = export_run(load_run(run), out or run / "export", to or (), steps=steps)
+    found = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:
         record = {"files": [str(path) for path in found.files], "notes": list(found.notes)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))

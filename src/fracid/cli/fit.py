@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
@@ -67,6 +67,7 @@ def fit(
     cut: Annotated[
         bool, typer.Option("--cut", help="Check how far the orders move with where the record begins: more searches.")
     ] = False,
+    trust: Trust = False,
     out: Out = None,
     seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
     jobs: Jobs = CORES,
@@ -79,7 +80,7 @@ def fit(
     """
     folder = out or Path("runs") / project.stem
     ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
-                  starts=multi_start, cut=cut, executor=scheduler or executor)  # fmt: skip
+                  starts=multi_start, cut=cut, executor=scheduler or executor, trust=trust)  # fmt: skip
     tell_fit(ran, json_=json_)
 
 
@@ -100,6 +101,7 @@ class Ran:
 def run_fit(
     path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool,
     starts: int | None = None, cut: bool = False, executor: str | None = None, resume: bool = False,
+    trust: bool = False,
 ) -> Ran:  # fmt: skip
     """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
@@ -107,7 +109,7 @@ def run_fit(
     from fracid.project import load_project
     from fracid.runs import inputs_of, open_run, write_result
 
-    project = load_project(path, preset=preset)
+    project = load_project(path, preset=preset, trust=trust)
     name = _optimiser(optimiser, project.optimiser, starts)
     asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
              "cut": cut, "executor": executor}  # fmt: skip
@@ -219,7 +221,7 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
     if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:
-        sys.stderr.write(f"Interrupted; fracid resume {ran.folder} goes on.\n")
+        sys.stderr.write(f"Interrupted; fracid resume {ran.folder}{' --trust' * bool(ran.project.own_code)} goes on.\n")
         raise typer.Exit(1)
 
 

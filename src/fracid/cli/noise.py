@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, app
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from fracid.optimise.base import FloatArray
     from fracid.problem import Problem
+    from fracid.project import Project
     from fracid.studies import NoiseStudy, Plan, Statistics
 
 __all__ = ["noise"]
@@ -63,6 +64,7 @@ def noise(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
     ] = None,
+    trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes at most.", min=1)] = CORES,
@@ -77,7 +79,7 @@ def noise(
     if no run of the model reaches the end of the recording.
     """
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
-    fitted = _of_run(source) if source.is_dir() else _of_project(source, jobs)
+    fitted = _of_run(source, trust) if source.is_dir() else _of_project(source, jobs, trust)
     folder = out or (source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise")
     study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, scheduler or executor, jobs, json_)
     record = study.to_json() | {"source": str(source)}
@@ -122,37 +124,36 @@ class _Fitted:
     optimiser: str
     starts: int
     digest: str
-    """Of the project file."""
+    """Of the project file, with its own code."""
 
 
-def _of_run(folder: Path) -> _Fitted:
+def _of_run(folder: Path, trust: bool) -> _Fitted:
     from fracid.saved import load_run
 
-    run = load_run(folder)
-    return _fitted(
-        run.problem, run.x, str(run.result.get("optimiser", "multistart")), run.project.starts, run.project.text
-    )
+    run = load_run(folder, trust=trust)
+    return _fitted(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
 
 
-def _of_project(path: Path, jobs: int) -> _Fitted:
+def _of_project(path: Path, jobs: int, trust: bool) -> _Fitted:
     """Fit a project, without what comes after the search."""
     import numpy as np
 
     from fracid.project import load_project
     from fracid.search import search
 
-    project = load_project(path)
+    project = load_project(path, trust=trust)
     rng = np.random.default_rng(project.seed)
     found, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
     if found.interrupted:
         raise KeyboardInterrupt
     if not isfinite(found.best.cost):
         raise DataError(f"{path}: no run reached its end: {found.best.reason}. There is no model to simulate.")
-    return _fitted(project.problem, found.best.point, project.optimiser, project.starts, project.text)
+    return _fitted(project, project.problem, found.best.point, project.optimiser)
 
 
-def _fitted(problem: Problem, x: FloatArray, optimiser: str, starts: int, text: str) -> _Fitted:
-    return _Fitted(problem, x, optimiser, starts, sha256(text.encode()).hexdigest()[:16])
+def _fitted(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Fitted:
+    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
+    return _Fitted(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
 
 
 # ------------------------------------------------------------------ the study

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -46,6 +46,7 @@ def profile(
     ] = None,
     joint: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Two unknowns, together too.")] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Between the ends of an interval, about.")] = 12,
+    trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
     jobs: Jobs = CORES,
@@ -57,7 +58,7 @@ def profile(
     data can tell of each unknown.  Writes profiles.json and a figure.  Exit code 0 if it is done, 3 if no run of the
     model reached the end of the recording.
     """
-    found = _profiled(source, parameter, _pair(joint), points, seed, jobs)
+    found = _profiled(source, parameter, _pair(joint), points, seed, jobs, trust)
     folder = out or (source if source.is_dir() else Path("runs") / f"{source.stem}-profile")
     figure = _write(found, folder)
     if json_:
@@ -90,8 +91,9 @@ def _pair(joint: str | None) -> tuple[str, str] | None:
 
 
 def _profiled(
-    source: Path, names: list[str] | None, joint: tuple[str, str] | None, points: int, seed: int, jobs: int
-) -> _Profiled:
+    source: Path, names: list[str] | None, joint: tuple[str, str] | None, points: int, seed: int, jobs: int,
+    trust: bool,
+) -> _Profiled:  # fmt: skip
     """Load or fit, profile, and look at it in every other way."""
     from fracid.bootstrap import bootstrap, spread
     from fracid.diagnostics import identifiability
@@ -100,10 +102,10 @@ def _profiled(
     from fracid.uncertainty import uncertainty
 
     if source.is_dir():
-        saved = load_run(source)
+        saved = load_run(source, trust=trust)
         problem, x = saved.problem, saved.x
     else:
-        problem, x = _of_project(source, seed, jobs)
+        problem, x = _of_project(source, seed, jobs, trust)
     found = library_profile(problem, x, parameters=names, joint=joint, points=points, jobs=jobs)
     known = uncertainty(problem, found.x, jobs=jobs)
     drawn = known if isinstance(known, str) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
@@ -119,11 +121,11 @@ def _profiled(
     return _Profiled(found, known, drawn, verdicts, record)
 
 
-def _of_project(path: Path, seed: int, jobs: int) -> tuple[Problem, FloatArray]:
+def _of_project(path: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem, FloatArray]:
     from fracid.identify import identify
     from fracid.project import load_project
 
-    fit = identify(load_project(path), seed=seed, jobs=jobs)
+    fit = identify(load_project(path, trust=trust), seed=seed, jobs=jobs)
     if not isfinite(fit.cost):
         raise DataError(f"{path}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
     return fit.problem, fit.x

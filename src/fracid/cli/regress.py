@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
@@ -82,6 +82,7 @@ def regress(
         str | None, typer.Option(help="Of a recording: whose values are taken for what is not found.")
     ] = None,
     zero: Annotated[str | None, typer.Option(help="Of a recording: where alpha = 0, hanging or upright.")] = None,
+    trust: Trust = False,
     out: Out = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
@@ -97,7 +98,7 @@ def regress(
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
     if source.suffix == ".toml":
-        asked = _of_project(source, start, stop, options)
+        asked = _of_project(source, start, stop, options, trust)
     else:
         asked = _of_recording(source, start, stop, options)
     asked = _as_said(asked, known, order, term)
@@ -139,7 +140,7 @@ class _Found:
 # ------------------------------------------------------------------ what is asked
 
 
-def _of_project(path: Path, start: str | None, stop: float | None, options: Mapping[str, Any]) -> _Asked:
+def _of_project(path: Path, start: str | None, stop: float | None, options: Mapping[str, Any], trust: bool) -> _Asked:
     """What the project fits: its free constants and orders, its fixed ones, its recordings."""
     from fracid.problem import Free
     from fracid.project import load_project
@@ -147,7 +148,7 @@ def _of_project(path: Path, start: str | None, stop: float | None, options: Mapp
 
     if said := [n for n, v in options.items() if v is not None]:
         raise InputError(f"--{said[0]} is for a recording; the project file says it of each of its own.")
-    project = load_project(path)
+    project = load_project(path, trust=trust)
     problem = project.problem
     free = {u.target for u in problem.unknowns if u.kind == "parameter"}
     tied = {n for n, root in problem.ties.items() if root in free or n in problem.orders}

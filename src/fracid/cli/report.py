@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, app
+from fracid.cli.app import CORES, Jobs, Trust, app
 
 __all__ = ["report"]
 
@@ -25,6 +25,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Where to; report.html in the folder if left out.")
     ] = None,
+    trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:
     """Write a run as one HTML page: verdict, data, equations, values, curves, residuals, and the rig in motion.
@@ -34,5 +35,5 @@ def report(
     """
     from fracid.report import write_report
 
-    path = write_report(run, jobs=jobs, out=out)
+    path = write_report(run, jobs=jobs, out=out, trust=trust)
     typer.echo(f"report   {path}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, app
+from fracid.cli.app import Json, Out, Trust, app
 from fracid.cli.app import table as new_table
 from fracid.cli.drawing import slug
 from fracid.errors import DataError, InputError
@@ -44,6 +44,7 @@ def resid(
     output: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="theta or alpha; may be given again. All if left out.")
     ] = None,
+    trust: Trust = False,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -54,7 +55,7 @@ def resid(
     it is beside the encoder's step.  Writes residuals.json and a page of figures for each.  Exit code 0 if it is done,
     3 if no run of the model reached the end of a recording.
     """
-    found = _analysed(run, recording, output)
+    found = _analysed(run, recording, output, trust)
     folder = out or run
     figures = _write(found, folder)
     if json_:
@@ -87,12 +88,12 @@ class _Analysed:
         return {"notes": list(self.run.notes), "recordings": recordings}
 
 
-def _analysed(folder: Path, recordings: list[str] | None, outputs: list[str] | None) -> _Analysed:
+def _analysed(folder: Path, recordings: list[str] | None, outputs: list[str] | None, trust: bool) -> _Analysed:
     from fracid.models.base import unknown_name
     from fracid.residuals import residual_analysis
     from fracid.saved import load_run
 
-    run = load_run(folder)
+    run = load_run(folder, trust=trust)
     for what, asked, there in (("recording", recordings, run.recordings), ("output", outputs, run.problem.outputs)):
         for name in asked or ():
             if name not in there:

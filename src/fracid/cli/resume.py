@@ -7,24 +7,38 @@ Two kinds of run can be gone on with.
 *   What has a journal but no run.json is a study: its command, from ``environment.json``, is typed again where
     it was typed, and does what the journal has not.
 
-To make a new command resumable give it a journal in the folder that :func:`fracid.runs.open_folder` made: that is all.
+A run folder may come from a stranger, and may say anything.  So neither the permission to run code of a project's own,
+``--trust``, nor the address of a scheduler, whose answers are unpickled, is taken from there: the caller types them.
+
+To make a new command resumable name it in :data:`STUDIES` and give it a journal in the folder that
+:func:`fracid.runs.open_folder` made: that is all.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, app
-from fracid.errors import InputError
+from fracid.cli.app import CORES, Jobs, Json, Trust, app
+from fracid.errors import InputError, NotTrusted
+
+if TYPE_CHECKING:
+    from fracid.runs import RunState
 
 __all__ = ["KINDS", "resume"]
+
+STUDIES = ("compare", "noise")
+"""The commands that are typed again."""
+
+ADDRESS = "://"
+"""In every address of a scheduler."""
 
 RESUME_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -43,6 +57,7 @@ def resume(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a study: a Dask scheduler, tcp://HOST:8786.")
     ] = None,
+    trust: Trust = False,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
@@ -57,14 +72,32 @@ def resume(
         state = run_state(run)
         if state.kind not in KINDS:
             raise InputError(f"{run} was written by another version of fracid: it knows no kind {state.kind!r}.")
-        if executor or scheduler:
-            raise InputError(f"{run} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
-        KINDS[state.kind](run, state.options, state.finished, jobs, json_)
+        options = _with_scheduler(run, state, executor, scheduler)
+        KINDS[state.kind](run, options, state.finished, jobs, json_, trust)
     else:
-        _typed_again(run, jobs, executor, scheduler, json_)
+        _typed_again(run, jobs, executor, scheduler, json_, trust)
 
 
-def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool) -> None:
+def _with_scheduler(run: Path, state: RunState, executor: str | None, scheduler: str | None) -> Mapping[str, Any]:
+    """The run's options; an address among them is used only if it is typed again."""
+    there = str(state.options.get("executor") or "")
+    if ADDRESS in there and executor is None:
+        return {**state.options, "executor": _typed_by_hand(run, there, scheduler)}
+    if executor or scheduler:
+        raise InputError(f"{run} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
+    return state.options
+
+
+def _typed_by_hand(run: Path, there: str, scheduler: str | None) -> str:
+    if scheduler is None:
+        raise InputError(
+            f"{run} was on the scheduler {there}, and what a scheduler sends is run here: type its address yourself, "
+            f"if it is yours: fracid resume {run} --scheduler {there}."
+        )
+    return scheduler
+
+
+def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, trust: bool) -> None:
     from fracid.cli.fit import run_fit, tell_fit
 
     if finished:
@@ -72,25 +105,45 @@ def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool) -> 
                    f"{folder} is finished; its result is {folder / 'result.json'}.")  # fmt: skip
         return
     how = {name: value for name, value in options.items() if name != "project"}
-    tell_fit(run_fit(Path(options["project"]), folder, jobs=jobs, quiet=json_, resume=True, **how), json_=json_)
+    ran = run_fit(Path(options["project"]), folder, jobs=jobs, quiet=json_, resume=True, trust=trust, **how)
+    tell_fit(ran, json_=json_)
 
 
-KINDS: dict[str, Callable[[Path, Any, bool, int, bool], None]] = {"fit": _fit}
-"""Kind → what goes on with it, given folder, options, whether it is finished, threads, and whether JSON is wanted."""
+KINDS: dict[str, Callable[[Path, Any, bool, int, bool, bool], None]] = {"fit": _fit}
+"""Kind → what goes on with it, given folder, options, whether it is finished, threads, and whether JSON is wanted and
+code of the project's own is trusted."""
 
 
-def _typed_again(folder: Path, jobs: int, executor: str | None, scheduler: str | None, json_: bool) -> None:
+def _typed_again(
+    folder: Path, jobs: int, executor: str | None, scheduler: str | None, json_: bool, trust: bool
+) -> None:
     """Type a study's command again, where it was typed."""
     try:
         said = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
         words, where = [str(word) for word in said["command"]], Path(said["directory"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
+    again = _safe(folder, words, executor or scheduler, trust)
     more = ["--out", str(folder.resolve()), "--jobs", str(jobs), *(["--json"] if json_ else [])]
     more += ["--executor", executor] if executor else []
     more += ["--scheduler", scheduler] if scheduler else []
+    more += ["--trust"] if trust else []
     if where.is_dir():
         os.chdir(where)
     sys.argv[1:] = words  # a second resumption types the same
-    if code := app(args=[*words, *more], prog_name="fracid", standalone_mode=False):
+    if code := app(args=[*again, *more], prog_name="fracid", standalone_mode=False):
         raise typer.Exit(code)
+
+
+def _safe(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:
+    """The command without what only the caller may say: the folder may come from a stranger."""
+    if words[:1] not in ([name] for name in STUDIES):
+        raise InputError(f"{folder} holds no study that can be gone on with; those are {' and '.join(STUDIES)}.")
+    if any(".py:" in word for word in words) and not trust:
+        raise NotTrusted(
+            f"{folder} wants to run code: {shlex.join(['fracid', *words])}. Read the file; if you trust it say so: "
+            "--trust."
+        )
+    if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
+        _typed_by_hand(folder, address.removeprefix("--scheduler="), None)
+    return [word for word in words if word != "--trust"]

@@ -12,8 +12,6 @@ what a file names       :func:`model_from_name`: "rotary-pendulum", or "my_rig.p
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ from fracid.errors import InputError
 from fracid.models.base import Model, Parameter, unknown_name
 from fracid.models.rigs import RIGS, Rig, lumped_constants
 from fracid.models.rotary_pendulum import energy, mass_matrix, rotary_pendulum
+from fracid.own_code import run_file
 
 __all__ = [
     "MODELS",
@@ -105,16 +104,10 @@ def _attribute(name: str, folder: Path) -> Any:
 
 def _run(file: Path) -> Any:
     """Run a user's file as a module; whatever goes wrong in it is told with its line."""
-    spec = importlib.util.spec_from_file_location(f"fracid_user_{file.stem}", file)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{file} cannot be loaded as Python: expected a file that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses, pickle and Numba's cache look the module up by name
     try:
-        spec.loader.exec_module(module)
+        return run_file(file, f"fracid_user_{file.stem}")
     except Exception as error:
         raise InputError(f"{file}{_line(error, file)} does not run: {type(error).__name__}: {error}") from error
-    return module
 
 
 def _line(error: BaseException, file: Path) -> str:

@@ -47,6 +47,7 @@ def write_report(
     plane: CostPlane | None = None,
     jobs: int = 1,
     out: str | Path | None = None,
+    trust: bool = False,
 ) -> Path:
     """Write the report of a run: one HTML file that opens offline.
 
@@ -62,6 +63,8 @@ def write_report(
         Threads for that.
     out : str or Path, optional
         The file; ``report.html`` in the folder if left out.
+    trust : bool
+        Let the run's project run code of its own; see :func:`fracid.load_run`.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def write_report(
     """
     folder = Path(folder)
     path = folder / REPORT if out is None else Path(out)
-    text = report_page(_material(folder, fit, project, plane, jobs))
+    text = report_page(_material(folder, fit, project, plane, jobs, trust))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
@@ -92,14 +95,16 @@ def write_report(
     return path
 
 
-def _material(folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int) -> Material:
+def _material(
+    folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool
+) -> Material:
     from fracid.saved import load_run
 
     if fit is not None and project is not None:
         problem, x, cost = fit.problem, fit.x, fit.cost
         plane = plane or _plane(problem, x, cost, jobs)
         return Material.of_fit(folder, fit, project, plane)
-    run = load_run(folder)
+    run = load_run(folder, trust=trust)
     cost = run.result["cost"]["value"]
     return Material.of_run(run, plane or _plane(run.problem, run.x, np.inf if cost is None else cost, jobs))
 
