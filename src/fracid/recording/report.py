@@ -36,6 +36,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.findings import Finding
+from fracid.recording.faults import FAMILIAR_COUNTS as FAMILIAR_COUNTS
+from fracid.recording.faults import signal_faults
+
 __all__ = [
     "Clock",
     "Report",
@@ -59,10 +63,6 @@ FEW = 50
 """Fewer samples make a recording no better than usable."""
 HELD = 0.6
 """A plateau at least this long against the way to full speed was held."""
-FAMILIAR_COUNTS = tuple(
-    sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
-)
-"""Encoder counts per turn that are sold."""
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,8 @@ class Report:
     """What was guessed, dropped or changed on reading, in sentences."""
     resampled: str | None = None
     """How the samples were brought onto a uniform grid, None if they are the file's own."""
+    findings: tuple[Finding, ...] = ()
+    """What may be wrong with unit, range and sampling of the signals (:mod:`fracid.recording.faults`)."""
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -149,7 +151,7 @@ class Report:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
-        return tuple(_clock_warnings(self.clock))
+        return (*_clock_warnings(self.clock), *map(str, self.findings))
 
     @property
     def level(self) -> str:
@@ -180,7 +182,8 @@ class Report:
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM else ""
         gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps else ""
         few = "few samples" if c.samples < FEW else ""
-        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps))))
+        seen = dict.fromkeys(f"{f.where} {f.code.replace('-', ' ')}" for f in self.findings)
+        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *seen))))
         length = f"{c.samples} samples, {c.duration:.2f} s at {c.rate:.5g} Hz"
         return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
 
@@ -266,14 +269,9 @@ def measure(
         release, reason = None, "time does not increase"
     else:
         release, reason = release_time(time, _swinging(signals, units))
-    return Report(
-        clock,
-        tuple(measure_signal(n, units[n], time, x) for n, x in signals.items()),
-        release,
-        reason,
-        reading,
-        resampled,
-    )
+    measured = tuple(measure_signal(n, units[n], time, x) for n, x in signals.items())
+    findings = () if clock.duplicated or clock.backward else signal_faults(time, signals, measured)
+    return Report(clock, measured, release, reason, reading, resampled, findings)
 
 
 def measure_clock(time: Array) -> Clock:

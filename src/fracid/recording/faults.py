@@ -1,0 +1,219 @@
+r"""What may be wrong with the samples of one signal: its unit, its range, its sampling.
+
+Degrees taken for radians
+    An encoder's lattice tells: 4096 counts a turn in degrees are steps of 0.0879, and read as radians that would be
+    71.5 counts a turn, which nobody sells.  Without a lattice: a pendulum that swings passes the top at most
+    once a swing, so an α that goes by more than half a turn to *both* sides of its rest, again and again, is none.
+
+Radians taken for degrees
+    The lattice again: 1/57.3 of a step is 234,684 counts a turn.  Without one: swings of less than
+    half a degree are hardly worth a recording; as radians they are up to 29°.
+
+Saturation
+    A turning point is a parabola.  With L samples within one step q of its top, it has fallen by 4 q at L/2 samples
+    beyond either end: by 3 q more.  A top that was cut off stays at *exactly* one value, and falls much faster at
+    both its ends.  Held plateaus fall at one end alone, and do not come twice to the same count.  An input is
+    cut off where it also comes near the limit gradually: a square wave jumps there, because it was told to.
+
+Sampling
+    A motion that is sampled often enough has no power near the highest frequency that can be seen, half the sampling
+    rate (Nyquist's).  Where a signal has, there may be more beyond, and that is seen at a wrong frequency.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.findings import Finding
+
+if TYPE_CHECKING:
+    from fracid.recording.report import SignalReport
+
+__all__ = ["FAMILIAR_COUNTS", "signal_faults"]
+
+Array = NDArray[np.float64]
+
+FAMILIAR_COUNTS = tuple(
+    sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
+)
+"""Encoder counts per turn that are sold."""
+
+EXACT = 2e-3
+"""Relative: a lattice this near to a familiar count is one."""
+
+BOTH_SIDES = 3
+"""Changes from half a turn on one side to half a turn on the other that no pendulum makes."""
+
+HARDLY = math.radians(0.5)
+"""Swings below this to each side are suspiciously small [rad]."""
+
+FLAT = 12.0
+"""Fall at both ends of a top, in steps, where a parabola falls by 3."""
+
+RUNS = 2
+"""Tops cut off at one value that are no chance."""
+
+GRADUAL = 0.25
+"""Of its range: an input that is this near its limit before it is reached was not told to jump."""
+
+NEAR_NYQUIST = 0.05
+"""Share of the power above a quarter of the sampling rate."""
+
+SAMPLES_A_SWING = 8.0
+"""Fewer draw no swing."""
+
+FEW_COUNTS = 50
+"""A signal that moves by fewer steps of its lattice is not looked at: it is all rounding."""
+
+LONGEST = 2**20
+"""Samples whose spectrum is taken: the part that moves most."""
+
+
+def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[SignalReport]) -> tuple[Finding, ...]:
+    """Look for the faults of the module's first screen.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_samples,)
+        [s]
+    signals : mapping
+        Name to samples, shape (n_samples,).
+    reports : sequence of SignalReport
+        What was measured of each.
+
+    Returns
+    -------
+    tuple of Finding
+
+    Examples
+    --------
+    >>> from fracid.recording.report import measure
+    >>> t = np.arange(0, 10, 0.01)
+    >>> degrees = 20 * np.cos(6 * t) * np.exp(-t / 9)      # read as radians
+    >>> [f.code for f in measure(t, {"alpha": degrees}, {"alpha": "rad"}).findings]
+    ['degrees-as-radians']
+    """
+    found: list[Finding] = []
+    angles = sum(s.unit == "rad" for s in reports)
+    for s in reports:
+        x = signals[s.name]
+        seen = np.isfinite(x)
+        if seen.sum() < 10 or not s.range > 0:
+            continue
+        x, t = (x, time) if seen.all() else (x[seen], time[seen])
+        found += _unit(s, x, s.name == "alpha" or angles == 1)
+        found += _saturated(s, x)
+        found += _sampling(s, t, x)
+    return tuple(found)
+
+
+# --- units -------------------------------------------------------------------------------------------
+
+
+def _unit(s: SignalReport, x: Array, pendulum: bool) -> Iterator[Finding]:
+    if s.unit != "rad":
+        return
+    lattice = [] if s.resolution is None or s.range < FEW_COUNTS * s.resolution else [2 * math.pi / s.resolution]
+    for counts in lattice:
+        if _familiar(counts):
+            return
+        for code, factor, other in (("degrees-as-radians", 180 / math.pi, "degrees"),
+                                    ("radians-as-degrees", math.pi / 180, "radians")):  # fmt: skip
+            if _familiar(counts * factor):
+                yield Finding(code, s.name, counts, round(counts * factor), "counts a turn",
+                    f"its steps are those of {counts:.5g} counts a turn, which no encoder has; in {other} they are "
+                    f'{counts * factor:.0f}. Type unit = "{other[:3]}" in its table.')  # fmt: skip
+                return
+    if not pendulum:  # an arm may turn as often as its cable allows
+        return
+    around = s.rest if s.at_rest else float(np.median(x))
+    side = np.sign(x - around) * (np.abs(x - around) > math.pi)
+    changes = int(np.count_nonzero(np.diff(side[side != 0])))
+    turns = float(np.min(np.abs([x.max() - around, x.min() - around]))) / (2 * math.pi)
+    if changes >= BOTH_SIDES:
+        yield Finding("degrees-as-radians", s.name, turns, 0.5, "turns to each side",
+                      f"it swings by {turns:.2g} turns to each side, {changes + 1} times, which no pendulum does: are "
+                      'its numbers degrees? Type unit = "deg" in its table.')  # fmt: skip
+    swing = 0.5 * s.range
+    if swing < HARDLY:
+        swing = math.degrees(swing)
+        yield Finding("radians-as-degrees", s.name, swing, math.degrees(HARDLY), "degrees to each side",
+                      f"it swings by only {swing:.2g}° to each side. Were its numbers radians, that would be "
+                      f'{math.degrees(swing):.3g}°: look at its unit, unit = "rad" or "deg".')  # fmt: skip
+
+
+def _familiar(counts: float) -> bool:
+    return any(abs(counts / known - 1) < EXACT for known in FAMILIAR_COUNTS)
+
+
+# --- range -------------------------------------------------------------------------------------------
+
+
+def _saturated(s: SignalReport, x: Array) -> Iterator[Finding]:
+    angle = s.unit == "rad"
+    q = s.resolution or (0.0 if angle else 1e-3 * s.range)
+    for limit in (s.maximum, s.minimum):
+        tops = _flat_tops(x, limit, q, None if angle else GRADUAL * s.range)
+        if len(tops) < RUNS:
+            continue
+        share = 100 * sum(stop - start for start, stop in tops) / x.size
+        if angle:
+            value = f"{math.degrees(limit):.4g}°"
+            says = f"its tops are cut off at {value}, {len(tops)} times, for {share:.2g} % of the time: "
+            says += "its sensor, or a stop, goes no further. What lies beyond is not known: record smaller swings."
+        else:
+            value = f"{limit:.4g} {s.unit}".rstrip(" 1")
+            says = f"it stays at {value}, {len(tops)} times, for {share:.2g} % of the time: "
+            says += (
+                "a limit. If that is the amplifier's, record what is behind it, else the rig got less than is written."
+            )
+        yield Finding("saturated", s.name, share, 0.0, "% of the time at one value", says)
+
+
+def _flat_tops(x: Array, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
+    """(start, stop) of the stretches at exactly the limit that begin and end too steeply for a turning point."""
+    at = np.concatenate([[False], x == limit, [False]])
+    edges = np.flatnonzero(at[1:] != at[:-1])
+    found = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        half = (stop - start) // 2
+        if stop - start < 3 or start - half < 0 or stop - 1 + half >= x.size:
+            continue
+        falls = abs(limit - x[start - half]), abs(limit - x[stop - 1 + half])
+        jumps = gradual is not None and abs(limit - x[start - 1]) > gradual
+        if min(falls) > FLAT * q and not jumps:
+            found.append((start, stop))
+    return found
+
+
+# --- sampling ------------------------------------------------------------------------------------------
+
+
+def _sampling(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+    """Of angles alone: a voltage may jump."""
+    if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution) or x.size < 16:
+        return
+    if x.size > LONGEST:
+        middle = int(np.argmax(np.abs(x - s.rest)))
+        first = min(max(0, middle - LONGEST // 2), x.size - LONGEST)
+        t, x = t[first : first + LONGEST], x[first : first + LONGEST]
+    step = float(np.median(np.diff(t)))
+    if not step > 0:
+        return
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
+    share = float(power[power.size // 2 :].sum() / max(power.sum(), 1e-300))
+    swing = x.size / max(1, int(np.argmax(power)))  # samples a period
+    if share > NEAR_NYQUIST:
+        yield Finding("aliased", s.name, 100 * share, 100 * NEAR_NYQUIST, "% of its power",
+                      f"{100 * share:.2g} % of its power lies above {0.25 / step:.3g} Hz, a quarter of the sampling "
+                      "rate: it is noise, or a motion faster than can be seen, shown at a wrong frequency. Sample "
+                      f"faster; {1 / step:.4g} Hz is too slow.")  # fmt: skip
+    elif swing < SAMPLES_A_SWING:
+        yield Finding("aliased", s.name, swing, SAMPLES_A_SWING, "samples a swing",
+                      f"it has {swing:.2g} samples a swing: too few to draw it. Sample faster than {1 / step:.4g} Hz, "
+                      f"at {20 / (swing * step):.3g} Hz or more.")  # fmt: skip
