@@ -339,6 +339,15 @@ def test_with_parameters_leaves_the_model_itself_alone():
     assert (SIMPLE.parameter_vector()[0], stiffer.parameter_vector()[0]) == (4.0, 9.0)
 
 
+def test_a_state_whose_order_is_known_has_the_number_and_nobody_names_it():
+    model = replace(SIMPLE, states=("y", "rate", "memory"), orders=(1.0, 1.0, "q"))
+    assert model.order_names == ("q",)
+    assert model.state_orders({"q": 0.4}).tolist() == [1.0, 1.0, 0.4]
+    assert replace(model, orders=(1.0, 1.0, 0.5)).state_orders({}).tolist() == [1.0, 1.0, 0.5]
+    with pytest.raises(InputError, match=r"unknown oscillator order 'memory'"):
+        model.state_orders({"q": 0.4, "memory": 0.5})
+
+
 def test_order_names_may_carry_pythons_trailing_underscore():
     orders = rotary_pendulum().state_orders(dict(lambda_=0.8, mu=0.9))
     np.testing.assert_array_equal(orders, [0.8, 0.8, 0.9, 0.9])
@@ -364,6 +373,7 @@ def test_initial_states_are_given_by_name_and_default_to_zero():
         (lambda: rotary_pendulum(b_alpha=True), "b_alpha = True: expected a finite number"),
         (lambda: SIMPLE.parameter_vector({"stiffnes": 1.0}), r"did you mean stiffness\?"),
         (lambda: SIMPLE.parameter_vector({"stiffness": -1.0}), "outside its physical bounds"),
+        (lambda: replace(SIMPLE, orders=("q", 2.5)), "2.5 in orders; expected a name, or a number between 0 and 2"),
         (lambda: SIMPLE.state_orders({}), "the order 'q' .* is missing: give {'q': 1.0}"),
         (lambda: SIMPLE.state_orders({"q": 2.5}), "order q = 2.5: expected a number between 0 and 2"),
         (lambda: SIMPLE.state_orders({"q": 0}), "order q = 0: expected a number between 0 and 2"),

@@ -615,8 +615,10 @@ class Problem:
     @cached_property
     def _places(self) -> tuple[tuple[int, list[int]], ...]:
         """Where each unknown goes: which of the vectors of :meth:`_unpack`, and its entries there."""
-        kinds = {"order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states,
-                 "time": ("release_time",)}  # fmt: skip
+        kinds: dict[str, tuple[Any, ...]] = {
+            "order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states,
+            "time": ("release_time",),
+        }  # fmt: skip
         return tuple(
             ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
             for u in self.unknowns

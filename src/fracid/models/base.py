@@ -13,7 +13,8 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
    was recorded), ``p`` one for each parameter, in the order of ``parameters``.
 2. Keep to what Numba compiles: numbers, ``math``, indexing, ``if`` and ``for``.  It is compiled for you,
    once in each process.
-3. Name each state and its order.  States of one angle share an order's name: ``("mu", "mu")``.
+3. Name each state and its order.  States of one angle share an order's name: ``("mu", "mu")``.  A state whose
+   order is known has the number itself: 1.0 for an ordinary derivative.
 4. Say which states are measured: ``outputs = {"alpha": 0}``.
 5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
@@ -131,8 +132,8 @@ class Model:
     """Plain Python in Numba's language; see the module's docstring."""
     states: tuple[str, ...]
     """Names of the states x, shape (n_states,)."""
-    orders: tuple[str, ...]
-    """For each state the name of its order, shape (n_states,)."""
+    orders: tuple[str | float, ...]
+    """For each state the name of its order, or the order itself where it is known, shape (n_states,)."""
     outputs: Mapping[str, int]
     """Measured signals: name to index of the state."""
     inputs: tuple[str, ...]
@@ -156,8 +157,8 @@ class Model:
 
     @property
     def order_names(self) -> tuple[str, ...]:
-        """Names of the orders, each once, in order of appearance."""
-        return tuple(dict.fromkeys(self.orders))
+        """Names of the orders that have one, each once, in order of appearance."""
+        return tuple(dict.fromkeys(order for order in self.orders if isinstance(order, str)))
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name.
@@ -226,7 +227,7 @@ class Model:
         if missing:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
-        return np.array([values[name] for name in self.orders], dtype=np.float64)
+        return np.array([values[q] if isinstance(q, str) else q for q in self.orders], dtype=np.float64)
 
     def state_vector(self, states: Mapping[str, float]) -> FloatArray:
         """Return the states x from values by name; those left out are zero.
@@ -317,6 +318,11 @@ def _check_shapes(model: Model) -> None:
             f"model {model.name}: {len(model.states)} states and {len(model.orders)} order names;"
             " expected at least one state, and one order name for each"
         )
+    for order in model.orders:
+        if not isinstance(order, str) and not (_is_number(order) and 0.0 < order < 2.0):
+            raise InputError(
+                f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
+            )
     for output, index in model.outputs.items():
         if not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(

@@ -180,7 +180,8 @@ def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, .
     arguments = _row(_i("t"), _o(","), _i("x"), _o(","), _i("u"), _o(","), _i("p"))
     for i, (state, order) in enumerate(zip(model.states, model.orders, strict=True), 1):
         f = _row(Markup("<msub>{}{}</msub>").format(_i("f"), _n(str(i))), _bracket(arguments))
-        yield _D(_number(digits(orders[order])), Markup("<mtext>{}</mtext>").format(state)), f
+        value = digits(orders[order] if isinstance(order, str) else {"value": order})
+        yield _D(_number(value), Markup("<mtext>{}</mtext>").format(state)), f
 
 
 # --- MathML --------------------------------------------------------------------------------------
