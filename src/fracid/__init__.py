@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fracid.cut import CutCheck, cut_check
     from fracid.diagnostics import Verdict, identifiability
     from fracid.draft import draft_project
-    from fracid.errors import DataError, FracidError, InputError, Unfinished
+    from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
     from fracid.executor import Task, run_tasks
     from fracid.export import export_run
     from fracid.export.state_space import integer_model
@@ -60,6 +60,7 @@ _HOME = {
     "Journal": "journal",
     "Model": "models",
     "NoiseStudy": "studies",
+    "NotTrusted": "errors",
     "Outcome": "trajectory",
     "Parameter": "models",
     "Problem": "problem",
@@ -109,7 +110,7 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
-           "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "Outcome",
+           "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted", "Outcome",
            "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
            "Trajectory", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
