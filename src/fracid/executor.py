@@ -110,7 +110,7 @@ def run_tasks(
 
     Parameters
     ----------
-    work : function (*arguments) -> JSON value
+    work : function of a task's arguments -> JSON value
         A function of a module.  It returns plain values: dict, list, str, float, None, no NaN.
     tasks : sequence of Task
     executor : str

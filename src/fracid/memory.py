@@ -7,6 +7,7 @@ the whole past,
 
 with the weights of one of three kernels, all in units of the step:
 
+=======  ==========================================================================================
 ``gl``   the Grünwald–Letnikov weights (18)–(19) of the derivative, :math:`v = x - x(0)`
 ``pi``   the product-trapezoidal weights of the integral, :math:`v = f(t, x)`:
          :math:`b_k = \big((k+1)^{q+1} - 2k^{q+1} + (k-1)^{q+1}\big)/\Gamma(q+2)`, and
@@ -14,6 +15,7 @@ with the weights of one of three kernels, all in units of the step:
 ``pi3``  the same for :math:`f - δ^2 f/12` and an end correction (:mod:`fracid.starting`):
          :math:`w_k = b_k - (b_{k+1} - 2 b_k + b_{k-1})/12` from k = 3 on; built from ``pi``, within 4/3 of its
          bound
+=======  ==========================================================================================
 
 A :class:`Kernel` keeps the first L weights exactly and the rest as a sum of decaying exponentials,
 :math:`w_k \approx \sum_m c_m z_m^k` for :math:`k > L`.  The three memories are three fillings of it:

@@ -4,6 +4,7 @@ Each state i has its own order q_i, step weight g_i = h^{q_i} and kernel (:mod:`
 function pointer, so the loops compile once for all right-hand sides and are cached on disk.  With
 :math:`v^l = x^l - x^0` (for orders above 1: :math:`x^l - x^0 - t_l \dot x^0`) the schemes are
 
+=================  =========================================================================================
 ``gl-paper``       (21)–(24) to the letter, the sum over raw x, right only for x⁰ = 0:
                    :math:`x_i^l = g_i f_i(x^{l-1}) - \sum_{k=1}^{l} w_k x_i^{l-k}`
 ``gl``             explicit, on v:  :math:`v_i^l = g_i f_i(x^{l-1}) - \sum w_k v_i^{l-k}`
@@ -19,6 +20,7 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
+=================  =========================================================================================
 
 The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
 

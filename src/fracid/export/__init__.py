@@ -1,14 +1,14 @@
 """A run taken elsewhere: MATLAB and Octave, C, spreadsheets, control design.
 
-===============  ============================================  =====================================================
-format           files                                       module
-===============  ============================================  =====================================================
-``matlab``       ``results.mat``, ``model.m``                :mod:`fracid.export.matlab`
-``c``            ``fracid_model.c``, ``fracid_model.h``      :mod:`fracid.export.c`
-``csv``          one a recording: measured, fitted, residual :mod:`fracid.export.table`
-``state-space``  ``state_space.json``, step and Bode figures :mod:`fracid.export.state_space`
-``json``         ``export.json``: the result with its curves :mod:`fracid.export.table`
-===============  ============================================  =====================================================
+===============  =============================================  =============================
+format           files                                          module
+===============  =============================================  =============================
+``matlab``       ``results.mat``, ``model.m``                   :mod:`fracid.export.matlab`
+``c``            ``fracid_model.c``, ``fracid_model.h``         :mod:`fracid.export.c`
+``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
+``state-space``  ``state_space.json``, step and Bode figures    :mod:`fracid.export.state_space`
+``json``         ``export.json``: the result with its curves    :mod:`fracid.export.table`
+===============  =============================================  =============================
 
 Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
 :mod:`fracid.export.recursion` takes out of the compiled loops.  Nothing is written outside of the folder that is given.

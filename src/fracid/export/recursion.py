@@ -2,14 +2,14 @@ r"""A scheme, its memory and its start as plain numbers: what ``model.m`` and th
 
 A run of :mod:`fracid.stepping` needs nothing but tables, all in units of the step, so that they hold for any step:
 
-=====================  ==========================================================================================
-table                  for what
-=====================  ==========================================================================================
-``weights``, ``start`` the last L samples: :math:`\sum_{k=1}^{L} w_k v_{n-k}`; the first sample has weights of its own
-``decay``, …           all older ones: :math:`\sum_m a_m Y_m`, :math:`Y_m ← z_m Y_m + v_{n-L-1}` (:mod:`fracid.memory`)
-``fit``, ``errors``    :math:`C(n) = \sum_e c_e E_e(n)`, :math:`c = F\,(f_1 - f_0, …, f_s - f_0)` (`starting`)
-``starting``           the first s steps together: :math:`x_n = x_0 + h^q \sum_{k=0}^{s} M_{nk} f_k`
-=====================  ==========================================================================================
+======================  =========================================================================================
+table                   for what
+======================  =========================================================================================
+``weights``, ``start``  the last L samples: :math:`\sum_{k=1}^{L} w_k v_{n-k}`; the first sample has weights of its own
+``decay``, …            all older ones: :math:`\sum_m a_m Y_m`, :math:`Y_m ← z_m Y_m + v_{n-L-1}` (:mod:`fracid.memory`)
+``fit``, ``errors``     :math:`C(n) = \sum_e c_e E_e(n)`, :math:`c = F\,(f_1 - f_0, …, f_s - f_0)` (`starting`)
+``starting``            the first s steps together: :math:`x_n = x_0 + h^q \sum_{k=0}^{s} M_{nk} f_k`
+======================  =========================================================================================
 
 The last two are Lubich's corrections for the orders of the model (:mod:`fracid.starting`), all of whose states are
 taken to move.  Of ``pi3`` what corrects :math:`δ^2 f_0` is two rows more of `fit` and `errors`.  A memory of

@@ -1,14 +1,14 @@
 """A table of numbers from a file of any known format.
 
-==================  =============================================================
-ending              read as
-==================  =============================================================
-.csv .tsv .txt .dat text of any dialect (:mod:`fracid.recording.text`)
-.mat                MATLAB v4 to v7.2 (scipy.io) and v7.3 (HDF5); structs are walked
-.npz .npy           NumPy
-.h5 .hdf5           HDF5; groups are walked
-.parquet            Parquet, needs ``pip install 'fracid[parquet]'``
-==================  =============================================================
+===================  =============================================================
+ending               read as
+===================  =============================================================
+.csv .tsv .txt .dat  text of any dialect (:mod:`fracid.recording.text`)
+.mat                 MATLAB v4 to v7.2 (scipy.io) and v7.3 (HDF5); structs are walked
+.npz .npy            NumPy
+.h5 .hdf5            HDF5; groups are walked
+.parquet             Parquet, needs ``pip install 'fracid[parquet]'``
+===================  =============================================================
 
 A binary file holds named arrays.  Which of them is the recording: the one named by
 ``variable``; else the only matrix, whose longer axis is time; else all vectors of one
