@@ -33,7 +33,7 @@ LAYERS = (
     {"runs", "saved"},
     {"plots"},
     {"amplitude", "export", "studies"},
-    {"compare"},
+    {"compare", "twin_recording"},
     {"report"},
     {"cli"},
 )

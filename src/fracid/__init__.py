@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from fracid.simulate import simulate, solve_fde
     from fracid.studies import NoiseStudy, noise_study
     from fracid.trajectory import Outcome, Trajectory
+    from fracid.twin_recording import Twin, save_recording
 
 __version__ = "0.1.0"
 
@@ -76,6 +77,7 @@ _HOME = {
     "System": "reduction",
     "Task": "executor",
     "Trajectory": "trajectory",
+    "Twin": "twin_recording",
     "Unfinished": "errors",
     "Verdict": "diagnostics",
     "amplitude_test": "amplitude",
@@ -100,6 +102,7 @@ _HOME = {
     "residual_analysis": "residuals",
     "rotary_pendulum": "models",
     "run_tasks": "executor",
+    "save_recording": "twin_recording",
     "sensitivities": "batch",
     "simulate": "simulate",
     "solve_fde": "simulate",
@@ -113,11 +116,11 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted", "Outcome",
            "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
            "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
-           "Trajectory", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
+           "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
            "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
            "identify", "integer_model", "linear_multi_term", "linear_system", "load_project", "load_recording",
            "load_run", "multi_term", "noise_study", "profile", "regress", "residual_analysis",
-           "rotary_pendulum", "run_tasks", "sensitivities", "simulate", "solve_fde",
+           "rotary_pendulum", "run_tasks", "save_recording", "sensitivities", "simulate", "solve_fde",
            "solve_fde_batch", "spread", "write_report"]  # fmt: skip
 
 

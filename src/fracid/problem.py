@@ -652,6 +652,10 @@ class Problem:
             history=None if e.past is None else self._past_states(e, orders, values)[:-1],
         )  # fmt: skip
 
+    def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
+        """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
+        return None if e.past is None else self._past_states(e, *self._unpack(x, e)[:2])[:-1]
+
     def _more_steps(self, e: Experiment) -> int:
         """Steps beyond the samples: a run from any release reaches the last, and all have the same memory."""
         earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app
+from fracid.cli.app import Jobs, Json, Out, Seed, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-__all__ = ["check", "column_from_text", "print_check", "start_from_text", "time_from_text"]
+__all__ = ["check", "column_from_text", "print_check", "print_sketches", "start_from_text", "time_from_text"]
 
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -147,16 +147,15 @@ def _print_json(recording: Recording, figure: Path | None) -> None:
 
 def print_check(recording: Recording, figure: Path | None) -> None:
     """Show what a recording is worth."""
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(highlight=False)
+    console = new_console()
     report = recording.report
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
     _print_signals(console, report)
-    _print_sketches(console, recording)
+    print_sketches(console, recording)
     for note in report.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
@@ -174,7 +173,8 @@ def _print_signals(console: Console, report: Report) -> None:
     console.print(table)
 
 
-def _print_sketches(console: Console, recording: Recording) -> None:
+def print_sketches(console: Console, recording: Recording) -> None:
+    """Draw each signal over time in a few lines of text."""
     from rich.markup import escape
 
     wide = max(map(len, recording.signals))
