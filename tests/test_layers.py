@@ -13,13 +13,13 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"errors", "units"},
-    {"journal", "memo", "own_code"},
+    {"findings", "journal", "memo", "own_code"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor"},
     {"memory"},
     {"history", "starting"},
     {"stepping", "trajectory"},
-    {"right_hand_side"},
+    {"right_hand_side", "stiffness"},
     {"simulate"},
     {"batch", "problem", "reduction"},
     {"draft", "portable", "project"},

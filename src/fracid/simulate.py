@@ -19,7 +19,8 @@ method             convergence order  what for
 
 and :func:`simulate` a named :class:`~fracid.models.Model`; :mod:`fracid.batch` has many runs at once and their
 derivatives, :mod:`fracid.reduction` equations of several terms.  A run that diverges or meets a singular
-right-hand side is not an error: its :attr:`Trajectory.outcome` says so and the trajectory ends there.
+right-hand side is not an error: its :attr:`Trajectory.outcome` says so, its :attr:`Trajectory.fault` why, and the
+trajectory ends there.
 
 To add a method: write its loop in :mod:`fracid.stepping` and its row in :data:`METHODS`.
 """
@@ -40,6 +41,7 @@ from fracid.history import Kernels, forget_mode, stack
 from fracid.memory import Memory, memory_from_name
 from fracid.right_hand_side import RightHandSide, compile_rhs, name_of, probe
 from fracid.stepping import step_gl, step_gl_sequential, step_pi2
+from fracid.stiffness import fault_of
 from fracid.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
@@ -300,6 +302,7 @@ def _solve(
         compile_rhs(rhs), q, x0, slope, u, p, h, steps, chosen, kept, corrections=corrections, corrected=corrected,
         limit=limit, name=method, start=start, history=past, every=every, bounds=box, time_scale=time_scale,
     )  # fmt: skip
+    trajectory = replace(trajectory, fault=fault_of(trajectory, compile_rhs(rhs), h**q * time_scale ** (1 - q), u, p))
     if wanted is None:
         return trajectory
     within = wanted[wanted <= trajectory.time[-1] + 1e-9 * h]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.errors import InputError
+from fracid.findings import Finding
 
 __all__ = ["Outcome", "Trajectory", "vector"]
 
@@ -44,6 +45,8 @@ class Trajectory:
     """Of each state, shape (n_states,)."""
     origin: float = 0.0
     """Where the memory begins [s]: the first time, or the first sample of the history."""
+    fault: Finding | None = None
+    """Why it ended early, or what is wrong with its step, with the number that shows it (:mod:`fracid.stiffness`)."""
 
     @property
     def completed(self) -> bool:
