@@ -16,7 +16,6 @@ from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
-from fracid.export.table import _file_names
 from fracid.memory import compressed, full, short
 from fracid.models import Parameter
 from fracid.saved import load_run
@@ -312,13 +311,6 @@ def test_the_c_function_of_a_run_remembers_hours_and_model_m_its_recordings(expo
     header, program = ((exported[0] / name).read_text(encoding="utf-8") for name in ("fracid_model.h", "model.m"))
     assert "good for 10000000 steps (14 h at this step)" in header
     assert "good for 10000 steps" in program
-
-
-def test_recordings_whose_names_differ_in_signs_alone_have_files_of_their_own():
-    names = ["run 1", "run/1", "Run-1", "../../run 1", "°"]
-    files = _file_names(names)
-    assert len({f.lower() for f in files.values()}) == len(names)
-    assert all("/" not in f and ".." not in f for f in files.values())
 
 
 def own_model(problem):

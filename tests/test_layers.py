@@ -13,7 +13,7 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"errors", "units"},
-    {"findings", "journal", "memo", "own_code"},
+    {"findings", "foreign", "journal", "memo", "own_code"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor"},
     {"memory"},

@@ -44,6 +44,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from fracid.costs import cost_from_name
 from fracid.errors import InputError, NotTrusted
+from fracid.foreign import refuse_unseen
 from fracid.memory import memory_from_name
 from fracid.models import Model, model_from_name
 from fracid.models.base import unknown_name
@@ -326,7 +327,7 @@ def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Rec
             f"[[recording]] {said.name or said.file} names no signal; type for example "
             f'{known[-2] if len(known) > 1 else known[0]} = {{ column = 1, unit = "deg" }}.'
         )
-    name = said.name or Path(said.file).stem
+    name = refuse_unseen("the recording's name", said.name or Path(said.file).stem)
     if past and said.start is None:
         raise InputError(
             f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'

@@ -24,8 +24,9 @@ import typer
 
 from fracid import __version__
 from fracid.errors import DataError, FracidError, NotTrusted
+from fracid.foreign import printable
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "table"]
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "new_console", "table"]
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -73,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
         app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
-        sys.stderr.write(f"{kind}: {error}{_with_trust(error, arguments)}\n")
+        sys.stderr.write(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}\n")
         raise SystemExit(error.exit_code) from None
 
 
@@ -82,7 +83,18 @@ def _with_trust(error: FracidError, arguments: list[str] | None) -> str:
     if not isinstance(error, NotTrusted):
         return ""
     words = sys.argv[1:] if arguments is None else arguments
-    return f" Type: {shlex.join(['fracid', *words, '--trust'])}"
+    return printable(f" Type: {shlex.join(['fracid', *words, '--trust'])}")
+
+
+def new_console(**options: Any) -> Any:
+    """Make what prints text and tables; what cannot be seen in them, a terminal's commands among it, is written out."""
+    from rich.console import Console
+
+    class Printable(Console):
+        def render_str(self, text: str, **how: Any) -> Any:
+            return super().render_str(printable(text), **how)
+
+    return Printable(**{"highlight": False, **options})
 
 
 def table(*headings: str, fold: Collection[str] | None = None) -> Any:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from math import degrees, isfinite
@@ -14,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
+from fracid.foreign import file_stems
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -88,9 +88,7 @@ def compare(
     if json_:
         typer.echo((folder / RESULT).read_text(encoding="utf-8").rstrip("\n"))
     else:
-        from rich.console import Console
-
-        _show(found, folder, figures, Console(highlight=False))
+        _show(found, folder, figures, new_console())
     if not any(isfinite(row.cost) for row in found.rows):
         raise typer.Exit(DataError.exit_code)
 
@@ -159,9 +157,9 @@ def _write(found: Comparison, project: Project, folder: Path) -> list[Path]:
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
     paths = save(found.plot(), folder / FIGURES, "ladder")
-    for name, test in found.amplitude.items():
-        if test.drifts:
-            paths += save(test.plot(), folder / FIGURES, "amplitude-" + re.sub(r"\W+", "-", name))
+    for name, stem in file_stems(found.amplitude).items():
+        if found.amplitude[name].drifts:
+            paths += save(found.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
     return [path for path in paths if path.suffix == ".png"]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app
+from fracid.cli.app import CORES, Jobs, Json, Out, app, new_console
 from fracid.cli.fit import run_fit, show_fit
 
 if TYPE_CHECKING:
@@ -47,10 +47,8 @@ def demo(
     Release from 10°, hanging, 20 s at 1000 Hz, 4096 counts a turn with noise; nothing here was measured.
     Ctrl-C ends it (exit code 1).
     """
-    from rich.console import Console
-
     folder = out or Path("runs") / "demo"
-    console = Console(highlight=False, file=sys.stderr if json_ else sys.stdout)
+    console = new_console(file=sys.stderr if json_ else sys.stdout)
     results = {}
     console.print("The recordings of this demo are [bold]simulated[/bold] (λ = 0.8623, μ = 0.9146).")
     for name, preset, headline in STORY:

@@ -8,7 +8,6 @@ the orders and writes the report: 4 s where 7 s would pass.  Where it dies, this
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -17,12 +16,14 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fracid.foreign import file_stems
+
 if TYPE_CHECKING:
     from fracid.diagnostics import CostPlane
     from fracid.identify import Fit, RecordingFit
     from fracid.project import Project
 
-__all__ = ["drawing", "slug"]
+__all__ = ["drawing"]
 
 
 @contextmanager
@@ -91,10 +92,11 @@ def _draw_recordings(
     from fracid.plots import fitted_over_time, residual_plots, save
 
     paths: list[Path] = []
+    stems = file_stems(recordings)
     for recording in recordings.values():
         if not isfinite(recording.cost):
             continue
-        stem, resolution = slug(recording.name), resolutions.get(recording.name, {})
+        stem, resolution = stems[recording.name], resolutions.get(recording.name, {})
         paths += save(fitted_over_time(recording, zero=zero, resolution=resolution), where, f"figure2-{stem}")
         for output in recording.measured if recording.use == "fit" else ():
             paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
@@ -132,8 +134,3 @@ def _tried(folder: Path, names: tuple[str, str]) -> Any:
     lines = (json.loads(line) for line in (folder / EVALUATIONS).read_text(encoding="utf-8").splitlines())
     points = [line["point"] for line in lines]
     return np.array([[p[n] for n in names] for p in points if all(n in p for n in names)]).reshape(-1, 2)
-
-
-def slug(name: str) -> str:
-    """A recording's name as a file's."""
-    return re.sub(r"\W+", "-", name).strip("-") or "recording"

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app
+from fracid.cli.app import Json, Out, Trust, app, new_console
 
 __all__ = ["export"]
 
@@ -56,10 +56,9 @@ def export(
         record = {"files": [str(path) for path in found.files], "notes": list(found.notes)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return
-    from rich.console import Console
     from rich.markup import escape
 
-    console = Console(highlight=False)
+    console = new_console()
     for note in found.notes:
         console.print(escape(note), soft_wrap=True)
     for path in found.files:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
@@ -215,9 +215,7 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
     if json_:
         typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
     else:
-        from rich.console import Console
-
-        show_fit(ran, Console(highlight=False))
+        show_fit(ran, new_console())
     if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:

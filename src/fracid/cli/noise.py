@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -87,9 +87,7 @@ def noise(
     if json_:
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
-        from rich.console import Console
-
-        _show(study, folder, figure, Console(highlight=False))
+        _show(study, folder, figure, new_console())
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -64,9 +64,7 @@ def profile(
     if json_:
         typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
     else:
-        from rich.console import Console
-
-        _show(found, folder, figure, Console(highlight=False))
+        _show(found, folder, figure, new_console())
 
 
 @dataclass(frozen=True)

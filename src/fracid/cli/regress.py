@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
@@ -108,9 +108,7 @@ def regress(
     if json_:
         typer.echo(json.dumps(_record(found), indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        from rich.console import Console
-
-        _show(found, out, Console(highlight=False))
+        _show(found, out, new_console())
     if not any(c.identified for f in found.regressions.values() for c in f.parameters.values()):
         raise typer.Exit(DataError.exit_code)
 

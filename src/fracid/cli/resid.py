@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app
+from fracid.cli.app import Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
-from fracid.cli.drawing import slug
 from fracid.errors import DataError, InputError
+from fracid.foreign import file_stems
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -61,9 +61,7 @@ def resid(
     if json_:
         typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
     else:
-        from rich.console import Console
-
-        _show(found, folder, figures, Console(highlight=False))
+        _show(found, folder, figures, new_console())
     if not any(isfinite(a.level.rms) for a in found.all):
         raise DataError(f"No run of the model reached the end of {' or '.join(found.analyses)}: there is no residual.")
 
@@ -117,10 +115,11 @@ def _write(found: _Analysed, folder: Path) -> list[Path]:
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
     paths: list[Path] = []
+    stems = file_stems(found.run.recordings)
     for a in found.all:
         figure = residual_diagnostics(found.run.recordings[a.recording], a.output, analysis=a,
                                       resolution=found.run.resolutions[a.recording])  # fmt: skip
-        paths += save(figure, folder / FIGURES, f"residuals-{slug(a.recording)}-{a.output}")
+        paths += save(figure, folder / FIGURES, f"residuals-{stems[a.recording]}-{a.output}")
     return [path for path in paths if path.suffix == ".png"]
 
 

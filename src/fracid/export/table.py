@@ -7,11 +7,12 @@ file is the run's ``result.json`` with the recordings' curves in it.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from fracid.foreign import file_stems
 
 if TYPE_CHECKING:
     from fracid.identify import RecordingFit
@@ -38,7 +39,7 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
     'csv_tables'
     """
     experiments = {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
-    names = _file_names(list(run.recordings))
+    names = {name: f"{stem}.csv" for name, stem in file_stems(run.recordings).items()}
     tables = {}
     for name, recording in run.recordings.items():
         e = experiments[name]
@@ -65,19 +66,6 @@ UNITS = {"voltage": "V", "torque": "N m"}
 
 def _field(value: float) -> str:
     return repr(value) if np.isfinite(value) else ""
-
-
-def _file_names(names: list[str]) -> dict[str, str]:
-    """A file name each, of letters, digits and dashes; those that come out alike are numbered."""
-    found: dict[str, str] = {}
-    for name in names:
-        stem = re.sub(r"[^0-9A-Za-z]+", "-", name).strip("-") or "recording"
-        taken, number = {f.lower() for f in found.values()}, 2
-        file = f"{stem}.csv"
-        while file.lower() in taken:
-            file, number = f"{stem}-{number}.csv", number + 1
-        found[name] = file
-    return found
 
 
 def json_text(run: SavedRun, **more: Any) -> str:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
+from fracid.foreign import printable
 from fracid.recording.text import read_text
 
 __all__ = ["READERS", "Table", "read_table"]
@@ -117,7 +118,8 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
     if table is None or not table.values.size:
         raise DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
-    return _without_empty_columns(table)
+    table = _without_empty_columns(table)
+    return replace(table, names=tuple(map(printable, table.names)), units=tuple(map(printable, table.units)))
 
 
 def _bare(name: str) -> str:
