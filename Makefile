@@ -2,9 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+SITE := .venv/.site
 PEERS := .venv-bench/.ready
 
-.PHONY: setup demo test test-slow lint bench orders coverage bench-peers scaling fuzz clean-cache
+.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz clean-cache
 
 setup: $(READY)
 
@@ -54,6 +55,14 @@ $(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
 # Up to 10^7 steps: time, memory, error.  Writes its part of docs/work-precision.md.
 scaling: $(READY)
 	$(BIN)/python benchmarks/scaling.py
+
+# The documentation as a site: site/index.html opens from files.  Any warning, a dead link for one, ends the build.
+docs: $(SITE)
+	$(BIN)/sphinx-build --quiet --fresh-env --fail-on-warning --keep-going --nitpicky -b html docs site
+
+$(SITE): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	touch $@
 
 # The property tests with fresh random examples, ten times over.
 fuzz: $(READY)
