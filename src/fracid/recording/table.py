@@ -4,7 +4,8 @@
 ending               read as
 ===================  =============================================================
 .csv .tsv .txt .dat  text of any dialect (:mod:`fracid.recording.text`)
-.mat                 MATLAB v4 to v7.2 (scipy.io) and v7.3 (HDF5); structs are walked
+.mat                 MATLAB v4 to v7.2 (scipy.io) and v7.3 (HDF5); structs are walked, and so are the signals
+                     of a Simulink "Structure With Time", each under its label (not in v7.3)
 .npz .npy            NumPy
 .h5 .hdf5            HDF5; groups are walked
 .parquet             Parquet, needs ``pip install 'fracid[parquet]'``
@@ -281,7 +282,17 @@ def _fields(item: Any) -> Mapping[str, Any] | None:
     if hasattr(item, "_fieldnames"):  # a MATLAB struct, as SciPy gives it
         return {name: getattr(item, name) for name in item._fieldnames}
     names = getattr(getattr(item, "dtype", None), "names", None)
-    return {name: item[name] for name in names} if names else None
+    return {name: item[name] for name in names} if names else _signals(item)
+
+
+def _signals(item: Any) -> Mapping[str, Any] | None:
+    """The signals of a Simulink "Structure With Time", an array of structs with values and label, by their labels."""
+    structs = item.ravel().tolist() if isinstance(item, np.ndarray) and item.dtype == object else []
+    if not structs or not all(hasattr(s, "_fieldnames") and "values" in s._fieldnames for s in structs):
+        return None
+    labels = [str(getattr(s, "label", "")).strip() for s in structs]
+    named = [n if n.isidentifier() and labels.count(n) == 1 else f"signal{k}" for k, n in enumerate(labels, 1)]
+    return dict(zip(named, (s.values for s in structs), strict=True))
 
 
 def _is_numeric(array: NDArray[Any]) -> bool:
