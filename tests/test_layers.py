@@ -13,7 +13,7 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"errors", "units"},
-    {"findings", "foreign", "journal", "memo", "own_code"},
+    {"findings", "foreign", "journal", "memo", "own_code", "pictures", "style"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor"},
     {"memory"},
@@ -54,6 +54,8 @@ def imports(path):
     for node in ast.walk(tree):
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             node.body = []
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("plot"):
+            node.body = []  # drawing itself is a convenience: what stands above is imported when it is called
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "fracid":
             parts = node.module.split(".")

@@ -452,7 +452,9 @@ def test_an_overview_shows_each_signal_whole_and_close_up_in_its_unit(tmp_path):
     alpha = np.where(time < 2, 0.5, 0.5 * np.cos(6 * (time - 2)) * np.exp(-0.5 * (time - 2)))
     recording = Recording.of("held_$", time, {"alpha": alpha, "u": 0 * time}, units={"alpha": "rad", "u": "V"})
     figure = recording_overview(recording)
-    assert [axes.get_ylabel() for axes in figure.axes] == [r"$\alpha$ [°]", "", "u [V]", ""]
+    assert [axes.get_ylabel() for axes in figure.axes] == [r"$\alpha$ as recorded [°]", "", "u [V]", ""]
+    known = recording_overview(recording, zero="upright")
+    assert known.axes[0].get_ylabel() == r"$\alpha$, 0 = upright [°]"
     assert "about the release at 1.99" in words(figure)
     np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata().max(), np.degrees(0.5))
     save(figure, tmp_path, "overview")

@@ -54,6 +54,8 @@ from fracid.uncertainty import uncertainty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fracid.style import Style
+
 __all__ = ["AmplitudeTest", "Drift", "Window", "amplitude_test"]
 
 FloatArray = NDArray[np.float64]
@@ -178,11 +180,17 @@ class AmplitudeTest:
         """What it means, in words."""
         return (*(d.sentence for d in self.drifts), *self.notes)
 
-    def plot(self) -> Figure:
-        """Each order over amplitude; see :func:`fracid.plots.amplitudes`."""
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Each order over amplitude; see :func:`fracid.plots.amplitudes`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
         from fracid.plots import amplitudes
 
-        return amplitudes(self)
+        return amplitudes(self, style=style)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""

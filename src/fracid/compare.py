@@ -63,6 +63,8 @@ from fracid.uncertainty import uncertainty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fracid.style import Style
+
 __all__ = ["Comparison", "Row", "Score", "compare"]
 
 FloatArray = NDArray[np.float64]
@@ -183,11 +185,17 @@ class Comparison:
             "starts": self.starts,
         }
 
-    def plot(self) -> Figure:
-        """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`."""
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
         from fracid.plots import ladder
 
-        return ladder(self)
+        return ladder(self, style=style)
 
     def table(self) -> list[dict[str, Any]]:
         """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""

@@ -33,7 +33,7 @@ import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,11 @@ from fracid.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.search import Watch, refined
 from fracid.uncertainty import Uncertainty
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.style import Style
 
 __all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
 
@@ -182,6 +187,36 @@ class CutCheck:
             "range": {n: list(ends) for n, ends in self.range.items()},
             "warnings": list(self.warnings),
         }  # fmt: skip
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> CutCheck:
+        """The same from :meth:`to_json`.
+
+        Examples
+        --------
+        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
+        >>> CutCheck.of_json(check.to_json()) == check
+        True
+        """
+        treatments = (
+            Treatment(name, t["orders"], t["shift"], t["cost"], t["rmse"], t["still_moving"])
+            for name, t in said["treatments"].items()
+        )
+        fit = said["as_fitted"]
+        return cls(fit["orders"], said["half_width"], fit["cost"], fit["rmse"], tuple(treatments), said["left_out"])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import cut_shifts
+
+        return cut_shifts(self, style=style)
 
 
 def cut_check(

@@ -29,7 +29,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,11 @@ from fracid.problem import Problem
 from fracid.profiles import Profile
 from fracid.uncertainty import NORMAL_95, Uncertainty, jacobian, uncertainty
 from fracid.units import with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.style import Style
 
 __all__ = ["CostPlane", "Verdict", "cost_plane", "identifiability"]
 
@@ -356,6 +361,25 @@ class CostPlane:
     """Values of the second, shape (m,)."""
     cost: FloatArray
     """Shape (n, m); infinite where the run diverges."""
+
+    def plot(
+        self, *, best: tuple[float, float] | None = None, cost_name: str = "cost", style: str | Style = "screen"
+    ) -> Figure:
+        """The cost over the two orders; see :func:`fracid.plots.cost_plane`.
+
+        Parameters
+        ----------
+        best : (float, float), optional
+            What was found.
+        cost_name : str
+            For the colour bar.
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import cost_plane
+
+        return cost_plane(self.first, self.second, self.cost, best=best, cost_name=cost_name, names=self.names,
+                          style=style)  # fmt: skip
 
 
 def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1) -> CostPlane:

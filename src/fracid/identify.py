@@ -45,12 +45,17 @@ from fracid.cut import CutCheck, cut_check, whole_records
 from fracid.diagnostics import Verdict, identifiability
 from fracid.journal import Journal
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
+from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
+from fracid.recording import resolution
 from fracid.search import Start, Watch, growing, minimised, refined, search, won
 from fracid.uncertainty import METHODS, Uncertainty, uncertainty
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fracid.project import Project
+    from fracid.style import Style
 
 __all__ = ["Discretisation", "Estimate", "Fit", "RecordingFit", "identify"]
 
@@ -98,10 +103,17 @@ class RecordingFit:
     sha256: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
+    zero: str = ""
+    """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
 
     def unit(self, output: str) -> str:
         """The unit of an output, rad for an angle."""
         return self.units.get(output, "rad")
+
+    @property
+    def resolutions(self) -> dict[str, float | None]:
+        """Output → the step of its encoder [rad], as its samples show it; None where they show none."""
+        return {n: resolution(y) for n, y in self.measured.items()}
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -116,6 +128,47 @@ class RecordingFit:
     def residual(self, output: str) -> FloatArray:
         """Measured minus simulated [rad]."""
         return np.asarray(self.measured[output] - self.fitted[output])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import fitted_over_time
+
+        return fitted_over_time(self, resolution=self.resolutions, style=style)
+
+    def plot_residuals(
+        self,
+        output: str | None = None,
+        *,
+        tests: bool = False,
+        style: str | Style = "screen",
+    ) -> Figure:
+        """What the fit leaves over; see :func:`fracid.plots.residual_plots`.
+
+        Parameters
+        ----------
+        output : str, optional
+            ``alpha`` if left out, or the first output of a model that has none.
+        tests : bool
+            Also what :func:`fracid.residual_analysis` looks at; see :func:`fracid.plots.residual_diagnostics`.
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If there is no such output.
+        """
+        from fracid.plots import residual_diagnostics, residual_plots
+
+        name = output or ("alpha" if "alpha" in self.measured else next(iter(self.measured)))
+        draw = residual_diagnostics if tests else residual_plots
+        return draw(self, name, resolution=self.resolutions, style=style)
 
 
 @dataclass(frozen=True)
@@ -137,7 +190,7 @@ class Discretisation:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(FitPictures):
     """The result of :func:`identify`."""
 
     problem: Problem
@@ -408,6 +461,7 @@ def _recording(
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256, e.units,
+        problem.model.zero,
     )  # fmt: skip
 
 

@@ -62,8 +62,11 @@ from fracid.problem import Problem
 from fracid.uncertainty import METHODS, NORMAL_95, Sandwich, at_bound, sandwich
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fracid.identify import Fit
     from fracid.project import Project
+    from fracid.style import Style
 
 __all__ = ["End", "JointProfile", "Profile", "Profiles", "profile", "refit"]
 
@@ -204,6 +207,18 @@ class Profiles:
             "joint": None if self.joint is None else self.joint.to_json(),
             "notes": list(self.notes),
         }
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """The rise of the cost over each unknown, and its threshold; see :func:`fracid.plots.profiles`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import profiles
+
+        return profiles(self, style=style)
 
 
 def profile(

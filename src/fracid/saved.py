@@ -24,10 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.cut import CutCheck
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.identify import Estimate, RecordingFit
+from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Problem
 from fracid.project import Project, project_from_text
+from fracid.search import Start
 
 __all__ = ["SavedRun", "load_run"]
 
@@ -38,7 +41,7 @@ DIFFERENT = 1e-6
 
 
 @dataclass(frozen=True)
-class SavedRun:
+class SavedRun(FitPictures):
     """What :func:`load_run` gives."""
 
     folder: Path
@@ -57,6 +60,22 @@ class SavedRun:
     def x(self) -> FloatArray:
         """Where it ended, shape (n_unknowns,)."""
         return _vector(self.problem, self.values)
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
+        return {n: _estimate(said) for n, said in self.result.get("parameters", {}).items()}
+
+    @property
+    def starts(self) -> tuple[Start, ...]:
+        """What became of each start, as in :attr:`fracid.Fit.starts`."""
+        return tuple(_start(said, self.problem) for said in self.result.get("starts", []))
+
+    @property
+    def cut(self) -> CutCheck | None:
+        """How far the orders move with where the record begins, where that was looked at."""
+        said = self.result.get("cut")
+        return None if said is None else CutCheck.of_json(said)
 
     @cached_property
     def recordings(self) -> dict[str, RecordingFit]:
@@ -86,7 +105,8 @@ class SavedRun:
             {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
-        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units)
+        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
+                            self.problem.model.zero)  # fmt: skip
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):
@@ -225,3 +245,10 @@ def _estimate(said: Mapping[str, Any]) -> Estimate:
     known = {f.name: said[f.name] for f in fields(Estimate) if f.name in said}
     known = {n: tuple(v) if isinstance(v, list) else v for n, v in known.items()}
     return Estimate(**known | {"value": math.nan if said.get("value") is None else said["value"]})
+
+
+def _start(said: Mapping[str, Any], problem: Problem) -> Start:
+    """What result.json says of a start."""
+    point, end = (np.array([said[key].get(n, np.nan) for n in problem.names]) for key in ("start", "end"))
+    first = math.inf if said["cost_on_first_swing"] is None else said["cost_on_first_swing"]
+    return Start(said["origin"], point, first, end, said["cost"], said["ended"], said["evaluations"], said["joined"])

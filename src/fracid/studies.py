@@ -62,6 +62,8 @@ from fracid.uncertainty import Uncertainty, uncertainty
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fracid.style import Style
+
 __all__ = [
     "Cell",
     "NoiseStudy",
@@ -225,11 +227,17 @@ class NoiseStudy:
                 rows.append(own | {"unknown": name} | values | {"coverage95_low": low, "coverage95_high": high})
         return rows
 
-    def plot(self) -> Figure:
-        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`."""
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
         from fracid.plots import noise_levels
 
-        return noise_levels(self)
+        return noise_levels(self, style=style)
 
     def sentences(self) -> tuple[str, ...]:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""

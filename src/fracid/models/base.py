@@ -43,11 +43,17 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.style import Style
 
 __all__ = ["FloatArray", "Model", "Parameter", "RightHandSide", "unknown_name"]
 
@@ -261,6 +267,24 @@ class Model:
                 raise InputError(f"initial state {name} = {value!r}: expected a finite number")
             x[index[name]] = value
         return x
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Draw the rig to scale, with the zeros and positive senses of both angles: :func:`fracid.plots.rig_drawing`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Raises
+        ------
+        InputError
+            If it is no rotary pendulum.
+        """
+        from importlib import import_module  # a circle, in which mypy would take the function for its module
+
+        figure: Figure = import_module("fracid.plots").rig_drawing(self, style=style)
+        return figure
 
     def _overridden(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
         for name in values:

@@ -3,6 +3,7 @@
 ============================  ============================================================================
 figure                        shows
 ============================  ============================================================================
+:func:`rig_drawing`           the paper's Figure 1 of any rig: to scale, zeros and positive senses of both angles
 :func:`recording_overview`    a recording: each signal whole, and close up about its release
 :func:`fitted_over_time`      the paper's Figure 2: measured and fitted, close up where it is fast, residual below
 :func:`residual_plots`        the paper's Figure 3: residual over time, over the fitted value, its distribution
@@ -17,9 +18,12 @@ figure                        shows
 :func:`linear_response`       a linear model about a posture: Bode's plots and the step response
 ============================  ============================================================================
 
-What they keep to: angles in degrees and a unit on every axis; measured pale and broad under fitted dark and
-thin, so that both are told apart in grey and by every eye (the colours are Okabe and Ito's); a simulation
-that failed is drawn as missing and said to be, never left out.
+Every one takes ``style``, of which there are ``screen`` and ``journal`` (:mod:`fracid.style`).  :func:`save` writes
+SVG, PDF and PNG.
+
+What they keep to: angles in degrees and a unit on every axis, with the zero of the pendulum's angle; measured pale and
+broad under fitted dark and thin, so that both are told apart in grey and by every eye (the colours are Okabe and
+Ito's); a simulation that failed is drawn as missing and said to be, never left out.
 
 A line of many samples is drawn through the least and the greatest of each of some thousand bins: the same
 ink, in a file of a few hundred kilobytes.  Clouds of points are rasterised.
@@ -39,10 +43,14 @@ from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
 from fracid.plots.profile import profiles
 from fracid.plots.residuals import residual_diagnostics, residual_plots
+from fracid.plots.rig import rig_drawing
 from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
+from fracid.style import STYLES, Style
 
 __all__ = [
+    "STYLES",
+    "Style",
     "amplitudes",
     "cost_plane",
     "cut_shifts",
@@ -54,6 +62,7 @@ __all__ = [
     "recording_overview",
     "residual_diagnostics",
     "residual_plots",
+    "rig_drawing",
     "save",
     "waterfall",
 ]

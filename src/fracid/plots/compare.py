@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from fracid.amplitude import AmplitudeTest, Drift
     from fracid.compare import Comparison, Row, Score
+    from fracid.style import Style
 
 __all__ = ["amplitudes", "ladder"]
 
@@ -33,12 +34,14 @@ PAPER: dict[str, Any] = {"ls": "", "marker": "o", "ms": 13, "mfc": "none", "mec"
 """The ring about the paper's structure."""
 
 
-def ladder(found: Comparison) -> Figure:
+def ladder(found: Comparison, *, style: str | Style = "screen") -> Figure:
     """Draw the RMSE of each rung in sample and held out, with orders 1 and with orders free.
 
     Parameters
     ----------
     found : fracid.Comparison
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def ladder(found: Comparison) -> Figure:
     ['fitted: release']
     """
     columns = _columns(found)
-    figure = look.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(found.outputs))
+    figure = look.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(found.outputs), style)
     grid = figure.subplots(len(found.outputs), len(columns), squeeze=False, sharex=True)
     for output, panels in zip(found.outputs, grid, strict=True):
         for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
@@ -128,12 +131,14 @@ def _log(axes: Axes) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def amplitudes(test: AmplitudeTest) -> Figure:
+def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
     """Draw each order over the amplitude of the swing: level where it is real, drifting where it imitates friction.
 
     Parameters
     ----------
     test : fracid.AmplitudeTest
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -156,7 +161,7 @@ def amplitudes(test: AmplitudeTest) -> Figure:
     if not test.drifts:
         raise InputError(f"There is nothing to draw: no order was found in two windows. {' '.join(test.notes)}".strip())
     orders = list(dict.fromkeys(d.order for d in test.drifts))
-    figure = look.new(max(5.0, 4.2 * len(orders)), 3.9)
+    figure = look.new(max(5.0, 4.2 * len(orders)), 3.9, style)
     for axes, order in zip(figure.subplots(1, len(orders), squeeze=False)[0], orders, strict=True):
         _order(axes, order, [d for d in test.drifts if d.order == order])
     look.finish(figure, "the order in windows of falling amplitude")

@@ -14,17 +14,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.cut import CutCheck
+    from fracid.style import Style
 
 __all__ = ["cut_shifts"]
 
 
-def cut_shifts(check: CutCheck) -> Figure:
+def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
     """Draw each order as fitted, with its 95 % interval, and as found with something else taken for the past.
 
     Parameters
     ----------
     check : fracid.cut.CutCheck
         A treatment that fits worse than the fit, and so is no rival, is drawn hollow.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -46,7 +49,7 @@ def cut_shifts(check: CutCheck) -> Figure:
     if not check.treatments:
         raise InputError(f"There is no treatment to draw: {check.verdict}")
     names, rows = list(check.orders), [*reversed(check.treatments)]
-    figure = look.new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1))
+    figure = look.new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1), style)
     panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
     for axes, name in zip(panels, names, strict=True):
         _order(axes, check, name)

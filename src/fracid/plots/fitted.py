@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.identify import RecordingFit
+    from fracid.style import Style
 
 __all__ = ["fitted_over_time"]
 
@@ -26,7 +27,11 @@ SWINGS = 6
 
 
 def fitted_over_time(
-    recording: RecordingFit, *, zero: str = "hanging", resolution: Mapping[str, float | None] | None = None
+    recording: RecordingFit,
+    *,
+    zero: str | None = None,
+    resolution: Mapping[str, float | None] | None = None,
+    style: str | Style = "screen",
 ) -> Figure:
     """Draw the paper's Figure 2: measured and fitted over time, the residual in a strip below.
 
@@ -34,10 +39,12 @@ def fitted_over_time(
     ----------
     recording : RecordingFit
         One of ``fit.recordings``; values that are not finite are shown as missing.
-    zero : str
-        Where the pendulum angle is zero: the model's ``zero``; "" where that has no meaning.
+    zero : str, optional
+        Where the pendulum angle is zero: as the recording has it from its model; "" where that has no meaning.
     resolution : mapping, optional
         Output → step of its encoder [rad], None where unknown; drawn as a band one step high.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -57,7 +64,7 @@ def fitted_over_time(
     outputs, time = tuple(recording.measured), recording.time
     steps = {n: look.encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
-    figure = look.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs))
+    figure = look.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
     shape = {"height_ratios": [3, 1] * len(outputs), "width_ratios": (2, 1.3)[: len(spans)]}
     grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col", gridspec_kw=shape)
     for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
@@ -66,9 +73,7 @@ def fitted_over_time(
             _residual_strip(strip, recording, name, span, steps[name])
         look.title(panels[0], f"{look.symbol(name)}: {look.goodness(recording, name, steps[name])}", loc="left")
         shown, _ = look.unit_of(recording, name)
-        panels[0].set_ylabel(
-            f"{look.symbol(name)} [{shown}]" + (f"\n0 = {look.plain(zero)}" if name == "alpha" and zero else "")
-        )
+        panels[0].set_ylabel(look.angle_label(name, shown, recording.zero if zero is None else zero))
         strips[0].set_ylabel(f"residual\n[{shown}]")
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]

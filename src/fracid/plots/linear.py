@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.export.state_space import IntegerModel
+    from fracid.style import Style
 
 __all__ = ["linear_response"]
 
@@ -28,7 +29,7 @@ GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
 
 
-def linear_response(found: IntegerModel, posture: str) -> Figure:
+def linear_response(found: IntegerModel, posture: str, *, style: str | Style = "screen") -> Figure:
     """Draw magnitude, phase and step response from the first input to each output, about a posture.
 
     Parameters
@@ -37,6 +38,8 @@ def linear_response(found: IntegerModel, posture: str) -> Figure:
         From :func:`fracid.export.state_space.integer_model`.
     posture : str
         A key of its `linear`: ``hanging`` or ``upright``.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def linear_response(found: IntegerModel, posture: str) -> Figure:
     if not linear.inputs:
         raise ValueError("Nothing drives the model: it has no response.")
     outputs = linear.outputs
-    figure = new(4.2 * len(outputs), 8.2)
+    figure = new(4.2 * len(outputs), 8.2, style)
     panels = figure.subplots(3, len(outputs), squeeze=False)
     low, high = found.operators[0].band
     omega = np.geomspace(low / 2, high, 500)
@@ -72,17 +75,18 @@ def linear_response(found: IntegerModel, posture: str) -> Figure:
     unit = UNITS.get(linear.inputs[0], "unit")
     for column, output in enumerate(outputs):
         magnitude, phase, step = panels[:, column]
-        for response, style, name in responses:
+        for response, line, name in responses:
             h = response[:, column, 0]
-            magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **style, label=name)
-            phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **style)
+            magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **line, label=name)
+            phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **line)
         step.plot(time, np.degrees(exact[:, column]), **FRACTIONAL)
         step.plot(time, np.degrees(integer[:, column]), **INTEGER)
         for axes in (magnitude, phase):
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
                          label="what the data can tell" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
-        label(step, f"step of 1 {unit}", "time [s]", f"{letter} [°]")
+        about = f" from {posture}" if output == "alpha" else ""
+        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [°]")
         _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 rad/{unit}]")
         _titled(phase, "", "phase [°]")
         if not np.isfinite(exact[:, column]).all():

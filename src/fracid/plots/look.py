@@ -1,4 +1,8 @@
-"""What all figures share: colours, sizes, axes, units, the band of an encoder's step.
+"""What all figures share: colours, sizes, axes, units, zeros, the band of an encoder's step.
+
+A figure is drawn once, in sizes for the screen.  :func:`new` makes it as wide as its style wants it
+(:mod:`fracid.style`), and :func:`finish` brings its text and lines to that style.  Nothing is taken from or put into
+matplotlib's global settings, which are the caller's, and which threads share.
 
 References
 ----------
@@ -7,16 +11,18 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.style import STYLES, Style, style_named
 from fracid.units import SHOWN_UNITS as SHOWN_UNITS
 from fracid.units import shown_unit, with_unit
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -59,30 +65,109 @@ MARKS: dict[str, dict[str, Any]] = {
 """Told apart by shape as well as by colour."""
 
 SYMBOLS = {"theta": r"$\theta$", "alpha": r"$\alpha$", "lambda": r"$\lambda$", "mu": r"$\mu$"}
+LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
 
 
-def new(width: float, height: float) -> Figure:
-    """An empty figure of that size [inch]."""
+NARROW = 8.0
+"""What is drawn no wider than this [inch] fits a journal's column."""
+
+TALLEST = 230 / 25.4
+"""Of a figure on a journal's page [inch]."""
+
+
+def new(width: float, height: float, style: str | Style = "screen") -> Figure:
+    """An empty figure of that size [inch], or of its style's width and about the same shape."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    chosen = style_named(style)
+    wanted = chosen.column if width <= NARROW else chosen.page
+    if wanted is not None:
+        shrunk = wanted / 25.4 / width
+        width, height = shrunk * width, min(shrunk**0.8 * height, TALLEST)  # text does not shrink as much as panels
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    vars(figure)[_STYLE] = chosen  # with the figure, wherever it goes
+    return figure
 
 
-def finish(figure: Figure, title: str, *, grid: bool = True) -> None:
-    """Give all panels one look, and the figure its title and one legend for all."""
+_STYLE = "_fracid_style"
+
+
+def style_of(figure: Figure) -> Style:
+    """The style that a figure was made with; the screen's for one that is not ours."""
+    found: Style = vars(figure).get(_STYLE, STYLES["screen"])
+    return found
+
+
+def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
+    """Give all panels one look, the figure its heading and one legend for all, and everything its style."""
+    style = style_of(figure)
     legend: dict[str, Any] = {}
-    for axes in figure.axes:
-        if axes.get_label() != "<colorbar>":
-            _dress(axes, grid)
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                legend.setdefault(label, handle)
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    for axes in panels:
+        _dress(axes, grid)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            legend.setdefault(label, handle)
     if legend:
-        widths = [0.6 + 0.07 * len(label.replace("$", "")) for label in legend]  # [inch], about
+        widths = [0.6 + 0.07 * style.text * len(label.replace("$", "")) for label in legend]  # [inch], about
         row = figure.get_figwidth()
         columns = len(legend) if sum(widths) < row else max(1, int(row / max(widths)))
         figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns,
                       fontsize=SMALL, frameon=False)  # fmt: skip
-    figure.suptitle(title, fontsize=LARGE, wrap=True)
+    if style.heading:
+        figure.suptitle(heading, fontsize=LARGE, wrap=True)
+    figure.set_label(heading)  # the title in its file's metadata
+    if style.letters:
+        _letter(panels)
+    _bring_to(style, figure)
+
+
+def _letter(panels: list[Axes]) -> None:
+    """Put (a), (b), … before the headings of panels, where there is more than one."""
+    headed = [axes for axes in panels if axes.get_title() or axes.get_title(loc="left")]
+    for letter, axes in zip("abcdefghijklmnopqrstuvwxyz", headed if len(headed) > 1 else (), strict=False):
+        loc: Literal["left", "center"] = "left" if axes.get_title(loc="left") else "center"
+        axes.set_title(f"({letter}) {axes.get_title(loc=loc)}", fontsize=MEDIUM, loc=loc)
+
+
+def _bring_to(style: Style, figure: Figure) -> None:
+    """Scale all text, lines and marks of a figure that was drawn in the sizes of the screen."""
+    if style.text == style.lines == 1.0 and not style.least_text and not style.least_line:
+        return
+    from matplotlib.collections import Collection
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
+    size, width = max(style.text * SMALL, style.least_text), _thin(style, 0.8)
+    for axes in figure.axes:  # ticks are made when they are drawn, and would not know
+        axes.tick_params(labelsize=size, width=width, size=2.5)
+    for part in _parts(figure):
+        if isinstance(part, Text):
+            part.set_fontsize(max(style.text * float(part.get_fontsize()), style.least_text))
+        elif isinstance(part, Line2D):
+            part.set_linewidth(_thin(style, part.get_linewidth()))
+            part.set_markersize(style.lines * part.get_markersize())
+            part.set_markeredgewidth(_thin(style, part.get_markeredgewidth()))
+        elif isinstance(part, Patch):
+            part.set_linewidth(_thin(style, part.get_linewidth()))
+        elif isinstance(part, Collection):
+            part.set_linewidth([_thin(style, width) for width in np.atleast_1d(part.get_linewidth())])
+
+
+def _thin(style: Style, width: float) -> float:
+    """A line's width in a style; none stays none."""
+    return max(style.lines * width, style.least_line) if width > 0 else 0.0
+
+
+def _parts(artist: Artist) -> Iterator[Artist]:
+    """All that a figure is made of, but for the ticks of its axes."""
+    from matplotlib.axis import Axis, Tick
+
+    for child in artist.get_children():
+        if isinstance(child, Tick):
+            continue
+        yield child
+        yield from (child.label, child.offsetText) if isinstance(child, Axis) else _parts(child)
 
 
 def _dress(axes: Axes, grid: bool) -> None:
@@ -166,6 +251,31 @@ def extent(x: FloatArray) -> tuple[float, float]:
     """Least and greatest of the finite values; two zeros where there are none."""
     known = x[np.isfinite(x)]
     return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+
+
+def angle_label(name: str, shown: str, zero: str) -> str:
+    """What stands at the axis of a signal: its letter, where zero is if it is the pendulum's angle, and its unit.
+
+    Examples
+    --------
+    >>> angle_label("alpha", "°", "hanging"), angle_label("theta", "°", "hanging")
+    ('$\\\\alpha$, 0 = hanging [°]', '$\\\\theta$ [°]')
+    """
+    where = f", 0 = {plain(zero)}" if name == "alpha" and zero else ""
+    return f"{symbol(name)}{where} [{plain(shown)}]"
+
+
+def spoken(text: str) -> str:
+    r"""A text without the marks of formulas, for a file's metadata.
+
+    Examples
+    --------
+    >>> spoken(r"a\$b, residual of $\alpha$")
+    'a$b, residual of α'
+    """
+    for name, letter in LETTERS.items():
+        text = text.replace(SYMBOLS[name], letter)
+    return text.replace(r"\$", "$")
 
 
 def number(value: float, digits: int) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.studies import Cell, NoiseStudy, Statistics
+    from fracid.style import Style
 
 __all__ = ["noise_levels"]
 
@@ -29,13 +30,15 @@ BELIEVED = (90.0, 99.0)
 """Where a coverage keeps its word [%]."""
 
 
-def noise_levels(study: NoiseStudy) -> Figure:
+def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     """Draw bias and spread of each unknown against the level of noise, with the coverage of its intervals beside.
 
     Parameters
     ----------
     study : fracid.NoiseStudy
         Of more than 8 unknowns the first are drawn, the orders among them.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -65,7 +68,7 @@ def noise_levels(study: NoiseStudy) -> Figure:
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     shown = names[:MOST]
-    figure = look.new(8.2, 1.1 + 2.1 * len(shown))
+    figure = look.new(8.2, 1.1 + 2.1 * len(shown), style)
     panels = figure.subplots(len(shown), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for name, (left, right) in zip(shown, panels, strict=True):
         _unknown(left, right, study, name)

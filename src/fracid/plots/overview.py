@@ -14,18 +14,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.recording import Recording
+    from fracid.style import Style
 
 __all__ = ["recording_overview"]
 
 FloatArray = NDArray[np.float64]
 
 
-def recording_overview(recording: Recording) -> Figure:
+def recording_overview(recording: Recording, *, zero: str = "", style: str | Style = "screen") -> Figure:
     """Draw a recording: each signal whole (left) and about its release, or its start (right).
 
     Parameters
     ----------
     recording : Recording
+    zero : str
+        Where the pendulum's angle is zero, where that is known: "hanging" or "upright".
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -41,7 +46,7 @@ def recording_overview(recording: Recording) -> Figure:
     4
     """
     count = len(recording.signals)
-    figure = look.new(11, 1.2 + 2.0 * count)
+    figure = look.new(11, 1.2 + 2.0 * count, style)
     grid = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2, 1))
     near = _about_release(recording)
     inside = (recording.time >= near[0]) & (recording.time <= near[1])
@@ -49,7 +54,10 @@ def recording_overview(recording: Recording) -> Figure:
         unit = look.SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
         _signal(whole, recording, name, np.full(inside.shape, True))
         _signal(close, recording, name, inside)
-        whole.set_ylabel(f"{look.symbol(name)} [{look.plain(unit)}]")
+        raw = " as recorded" if not zero and recording.units[name] == "rad" else ""
+        whole.set_ylabel(
+            f"{look.symbol(name)}{raw} [{look.plain(unit)}]" if raw else look.angle_label(name, unit, zero)
+        )
     release = recording.report.release
     look.title(grid[0][0], "whole recording")
     look.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")

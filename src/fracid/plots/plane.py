@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from fracid.style import Style
+
 
 __all__ = ["cost_plane"]
 
@@ -34,6 +36,7 @@ def cost_plane(
     cost_name: str = "cost",
     true: tuple[float, float] | None = None,
     names: tuple[str, str] = ("lambda", "mu"),
+    style: str | Style = "screen",
 ) -> Figure:
     """Draw the cost over the plane of two orders: filled by its logarithm, lines at multiples of the least.
 
@@ -51,6 +54,8 @@ def cost_plane(
         For the colour bar.
     names : (str, str)
         Of the two orders.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -70,7 +75,7 @@ def cost_plane(
     ['order $\\\\mu$ [–]', 'ITAE [rad s²]']
     """
     first, second, values = _checked_plane(lambda_values, mu_values, cost)
-    figure = look.new(7, 5.8)
+    figure = look.new(7, 5.8, style)
     axes = figure.subplots()
     if not np.isfinite(values).all():
         grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.profiles import JointProfile, Profile, Profiles
+    from fracid.style import Style
 
 __all__ = ["profiles"]
 
@@ -26,13 +27,15 @@ CEILING = 12.0
 """Rises above this are beyond the panel of a profile."""
 
 
-def profiles(found: Profiles) -> Figure:
+def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
     """Draw each profile: the rise of the cost over the value, its threshold, and the parabola of the sandwich.
 
     Parameters
     ----------
     found : fracid.Profiles
         Its joint profile, where there is one, has a panel of its own, with the limit of its 95 % region.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -63,21 +66,21 @@ def profiles(found: Profiles) -> Figure:
         raise InputError("There is no profile to draw.")
     columns = min(count, 3)
     rows = -(-count // columns)
-    figure = look.new(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows)
+    figure = look.new(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows, style)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.remove()
-    calibrated = found.problem.cost_function.loss is not None
+    zero, calibrated = found.problem.model.zero, found.problem.cost_function.loss is not None
     for axes, panel in zip(grid, panels, strict=False):
-        _profile(axes, panel, calibrated)
+        _profile(axes, panel, calibrated, zero)
     if found.joint is not None:
-        _joint_profile(grid[count - 1], found.joint)
+        _joint_profile(grid[count - 1], found.joint, zero)
     look.finish(figure, f"Profiles of the cost, {look.cost_label(found.problem.cost_function.name)[0]}")
     return figure
 
 
-def _profile(axes: Axes, panel: Profile, calibrated: bool) -> None:
-    label, factor = _unknown_label(panel.name, panel.unit)
+def _profile(axes: Axes, panel: Profile, calibrated: bool, zero: str) -> None:
+    label, factor = _unknown_label(panel.name, panel.unit, zero)
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
     top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
     axes.plot(values, rise, color=look.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
@@ -100,8 +103,10 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool) -> None:
     axes.locator_params(axis="x", nbins=4)
 
 
-def _joint_profile(axes: Axes, joint: JointProfile) -> None:
-    labels, factors = zip(*(_unknown_label(n, u) for n, u in zip(joint.names, joint.units, strict=True)), strict=True)
+def _joint_profile(axes: Axes, joint: JointProfile, zero: str) -> None:
+    labels, factors = zip(
+        *(_unknown_label(n, u, zero) for n, u in zip(joint.names, joint.units, strict=True)), strict=True
+    )
     first, second = factors[0] * joint.first, factors[1] * joint.second
     first, second, rise = _smoothed(first, second, joint.rise)
     axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, THRESHOLD_2], cmap="Blues_r", alpha=0.6)
@@ -125,8 +130,9 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
     return *fine, np.maximum(RectBivariateSpline(first, second, rise)(*fine), 0.0)
 
 
-def _unknown_label(name: str, unit: str) -> tuple[str, float]:
+def _unknown_label(name: str, unit: str, zero: str) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
     shown, factor = look.SHOWN_UNITS.get(unit, (unit or "–", 1.0))
     order = "order " if name in ("lambda", "mu") else ""
-    return f"{order}{look.symbol(name)} [{look.plain(shown)}]", factor
+    where = f", 0 = {look.plain(zero)}" if name.startswith("alpha(0)") and zero else ""
+    return f"{order}{look.symbol(name)}{where} [{look.plain(shown)}]", factor

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.identify import RecordingFit
+    from fracid.style import Style
 
 __all__ = ["residual_diagnostics", "residual_plots"]
 
@@ -40,7 +41,11 @@ FloatArray = NDArray[np.float64]
 
 
 def residual_plots(
-    recording: RecordingFit, output: str, *, resolution: Mapping[str, float | None] | None = None
+    recording: RecordingFit,
+    output: str,
+    *,
+    resolution: Mapping[str, float | None] | None = None,
+    style: str | Style = "screen",
 ) -> Figure:
     """Draw the paper's Figure 3: what the fit leaves over, in four panels.
 
@@ -56,6 +61,8 @@ def residual_plots(
         Which output.
     resolution : mapping, optional
         As in :func:`fitted_over_time`.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -81,7 +88,7 @@ def residual_plots(
     known = np.isfinite(whole)
     unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
     residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
-    figure = look.new(9.5, 7)
+    figure = look.new(9.5, 7, style)
     over_time, over_fitted, distribution, probability = figure.subplots(2, 2).flat
     if residual.size:
         _over_time(over_time, recording.time, factor * whole, step, unit)
@@ -90,7 +97,9 @@ def residual_plots(
         _normal_probability(probability, residual)
     label = f"residual of {look.symbol(output)} [{shown}]"
     look.label(over_time, "over time", "time [s]", label)
-    look.label(over_fitted, "against the fitted value", f"fitted {look.symbol(output)} [{shown}]", label)
+    look.label(
+        over_fitted, "against the fitted value", f"fitted {look.angle_label(output, shown, recording.zero)}", label
+    )
     look.label(distribution, "distribution", label, f"density [{_per('1', shown)}]")
     look.label(probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label)
     _blank(() if residual.size else figure.axes)
@@ -104,6 +113,7 @@ def residual_diagnostics(
     *,
     resolution: Mapping[str, float | None] | None = None,
     analysis: ResidualAnalysis | None = None,
+    style: str | Style = "screen",
 ) -> Figure:
     """Draw Figure 3 with all that the tests of :func:`fracid.residual_analysis` look at, in seven panels.
 
@@ -121,6 +131,8 @@ def residual_diagnostics(
         As in :func:`fitted_over_time`.
     analysis : ResidualAnalysis, optional
         Of that output; made if left out.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -145,7 +157,7 @@ def residual_diagnostics(
     whole, known = recording.residual(output), np.isfinite(recording.residual(output))
     unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
     residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
-    figure = look.new(9.5, 13)
+    figure = look.new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
     if residual.size:
@@ -158,7 +170,9 @@ def residual_diagnostics(
     symbol = look.symbol(output)
     label = f"residual of {symbol} [{shown}]"
     look.label(panels["time"], "over time", "time [s]", label)
-    look.label(panels["fitted"], "against the fitted value", f"fitted {symbol} [{shown}]", label)
+    look.label(
+        panels["fitted"], "against the fitted value", f"fitted {look.angle_label(output, shown, recording.zero)}", label
+    )
     look.label(panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(shown, 's')}]", label)
     look.label(panels["normal"], "distribution", label, f"density [{_per('1', shown)}]")
     heading = panels["probability"].get_title() or "normal probability"

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.search import Start
+    from fracid.style import Style
 
 __all__ = ["waterfall"]
 
 FloatArray = NDArray[np.float64]
 
 
-def waterfall(starts: Sequence[Start], *, cost_name: str = "cost") -> Figure:
+def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | Style = "screen") -> Figure:
     """Draw the final cost of each start of a search, sorted: a broad lowest step is a minimum found again and again.
 
     Parameters
@@ -32,6 +33,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost") -> Figure:
         cost, or whose runs failed, has no place and is counted only.
     cost_name : str
         For the axis.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
 
     Returns
     -------
@@ -59,7 +62,7 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost") -> Figure:
 
     costs = [(final_cost(s, starts), s) for s in starts]
     ended = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
-    figure = look.new(7, 4.6)
+    figure = look.new(7, 4.6, style)
     axes = figure.subplots()
     kinds = {"given": ("o", look.BLUE), "regression": ("s", look.VERMILLION), "Sobol": ("D", look.GREEN)}
     for kind, (marker, colour) in kinds.items():

@@ -1,4 +1,8 @@
-"""Figures to files: whole or not at all, and the same bytes for the same figure."""
+"""Figures to files: whole or not at all, and the same bytes for the same figure.
+
+The letters of an SVG are outlines: it looks the same where the font is not installed.  Those of a PDF are letters, with
+their font embedded as TrueType (Type 42), as journals ask for: they can be searched, and changed in a drawing program.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,10 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
+from fracid.plots import look
 from fracid.runs import write_whole
 
 if TYPE_CHECKING:
@@ -21,15 +23,20 @@ if TYPE_CHECKING:
 
 __all__ = ["save"]
 
-FloatArray = NDArray[np.float64]
+SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42}
+"""Of matplotlib, while a file is written: identifiers that are not random, and fonts."""
 
-_salting = threading.Lock()
+NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
+"""Formats with metadata, and what keeps the date out of them."""
+
+_settling = threading.Lock()
 
 
 def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] = ("svg", "png")) -> tuple[Path, ...]:
     """Write a figure in each format, whole or not at all, and empty it.
 
-    The same figure gives the same bytes: an SVG has no date and its identifiers are not random.
+    The same figure gives the same bytes: no file has a date, and identifiers are not random.  The heading is in the
+    metadata, as the title.
 
     Parameters
     ----------
@@ -78,21 +85,23 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
 
 
 def _rendered(figure: Figure, ending: str) -> bytes:
-    with io.BytesIO() as content, _fixed_salt():
-        figure.savefig(content, format=ending, dpi=150, metadata={"Date": None} if ending == "svg" else None)
+    title = {"Title": look.spoken(str(figure.get_label()))} if figure.get_label() else {}
+    metadata = title | NO_DATE[ending] if ending in NO_DATE else None
+    with io.BytesIO() as content, _fixed_settings():
+        figure.savefig(content, format=ending, dpi=look.style_of(figure).dpi, metadata=metadata)
         figure.set_layout_engine("none")  # laid out once, all formats alike; it takes as long as the drawing
         return content.getvalue()
 
 
 @contextmanager
-def _fixed_salt() -> Iterator[None]:
-    """Matplotlib takes the salt of an SVG's identifiers from its global settings alone; one thread at a time."""
+def _fixed_settings() -> Iterator[None]:
+    """Matplotlib takes these from its global settings alone; one thread at a time."""
     import matplotlib as mpl
 
-    with _salting:
-        before = mpl.rcParams["svg.hashsalt"]
-        mpl.rcParams["svg.hashsalt"] = "fracid"
+    with _settling:
+        before = {name: mpl.rcParams[name] for name in SETTINGS}
+        mpl.rcParams.update(SETTINGS)
         try:
             yield
         finally:
-            mpl.rcParams["svg.hashsalt"] = before
+            mpl.rcParams.update(before)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,11 @@ from fracid.errors import DataError, InputError
 from fracid.recording.channel import Channel, header_unit, hold
 from fracid.recording.report import Report, measure
 from fracid.recording.table import Table, read_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.style import Style
 
 __all__ = ["Recording", "inspect_recording", "load_recording"]
 
@@ -52,6 +57,20 @@ class Recording:
         """Step of the uniform grid [s], None where the samples lie on none: :meth:`resample` first."""
         clock = self.report.clock
         return clock.duration / (clock.samples - 1) if clock.samples > 1 and clock.uniform else None
+
+    def plot(self, *, zero: str = "", style: str | Style = "screen") -> Figure:
+        """Each signal whole, and close up about the release; see :func:`fracid.plots.recording_overview`.
+
+        Parameters
+        ----------
+        zero : str
+            Where the pendulum's angle is zero, where that is known: "hanging" or "upright".
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import recording_overview
+
+        return recording_overview(self, zero=zero, style=style)
 
     def trim(self, start: float | str | None = None, stop: float | None = None) -> Recording:
         """Return the part from `start` to `stop` [s], both included; time keeps its zero.

@@ -1,17 +1,7 @@
-r"""How large the moving rig is drawn: lengths from the constants of the model.
-
-Of :math:`C_3 = m l_1 l_c` and :math:`C_4 = m g l_c` the arm is
-
-.. math::  l_1 = g\,C_3 / C_4 ,
-
-whatever the pendulum is made of.  The pendulum is drawn as the thin uniform rod that swings as fast,
-:math:`C_1 = m L^2/3` and :math:`C_4 = m g L/2`, so
-
-.. math::  L = \tfrac32\, g\,C_1 / C_4 .
+"""How large the moving rig is drawn: its shape by :mod:`fracid.models.geometry`, with the pendulum as found.
 
 The arm is that of the rig as given: a fit may put into C3 what is friction.  The pendulum is as found, where C1 is
-identifiable: its swing is what a recording tells best.  A free response knows the constants up to a factor, which
-cancels here.
+identifiable: its swing is what a recording tells best.
 """
 
 from __future__ import annotations
@@ -19,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from fracid.report.equations import is_rotary_pendulum
+from fracid.models.geometry import is_rotary_pendulum, rig_geometry
 
 if TYPE_CHECKING:
     from fracid.models import Model
 
 __all__ = ["rig_lengths"]
-
-GRAVITY = 9.81
-"""[m/s²]"""
 
 
 def rig_lengths(model: Model, found: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
@@ -48,10 +35,10 @@ def rig_lengths(model: Model, found: Mapping[str, Any] | None = None) -> dict[st
     """
     if not is_rotary_pendulum(model):
         return None
-    C1, C3, C4 = (model.parameter(n).value for n in ("C1", "C3", "C4"))
-    C1_found = (found or {}).get("C1", {})
-    if C1_found.get("identifiable") == "identifiable" and C1_found["value"]:
-        C1 = C1_found["value"]
-    if not (C1 > 0 and C3 > 0 and C4 > 0):
+    C1 = (found or {}).get("C1", {})
+    if C1.get("identifiable") == "identifiable" and C1["value"] and C1["value"] > 0:
+        model = model.with_parameters(C1=C1["value"])
+    if not (model.parameter("C3").value > 0 and model.parameter("C4").value > 0):
         return None
-    return {"arm": GRAVITY * C3 / C4, "pendulum": 1.5 * GRAVITY * C1 / C4, "zero": model.zero}
+    shape = rig_geometry(model)
+    return {"arm": shape.arm, "pendulum": shape.pendulum, "zero": model.zero}
