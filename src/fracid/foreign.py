@@ -11,6 +11,7 @@ a result, a page, a plot   :func:`refuse_unseen`, at the entrance: no recording'
 a file's name              :func:`file_stems`: letters, digits and dashes, not too long, and no two alike
 HTML, JSON in HTML         Jinja's autoescape and an escaped ``<``: :mod:`fracid.report`
 a figure's letters         ``$`` is no formula's: :mod:`fracid.plots.look`
+a spreadsheet              :func:`csv_cell`: is no formula
 a comment in MATLAB or C   on one line, without its end: :mod:`fracid.export`
 =========================  ===========================================================================================
 
@@ -26,7 +27,7 @@ from collections.abc import Iterable
 
 from fracid.errors import InputError
 
-__all__ = ["file_stems", "printable", "refuse_unseen"]
+__all__ = ["csv_cell", "file_stems", "printable", "refuse_unseen"]
 
 UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
 """Categories of Unicode."""
@@ -109,6 +110,17 @@ def file_stems(names: Iterable[str]) -> dict[str, str]:
         taken.add(stem.lower())
         found[name] = stem
     return found
+
+
+def csv_cell(text: str) -> str:
+    """Keep a spreadsheet from taking a text for a formula: with an apostrophe before; a signed number stays.
+
+    Examples
+    --------
+    >>> csv_cell("=1+1"), csv_cell("-15°")
+    ("'=1+1", '-15°')
+    """
+    return f"'{text}" if re.match(r"[=@]|[+-](?![\d.])", text) else text
 
 
 def _unseen(character: str) -> bool:

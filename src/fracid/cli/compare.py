@@ -15,8 +15,9 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
-from fracid.foreign import file_stems
+from fracid.foreign import csv_cell, file_stems
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -57,8 +58,13 @@ def compare(
         list[str] | None,
         typer.Option(metavar="NAME", help="A friction that stays as the file has it; may be given again."),
     ] = None,
-    preset: Annotated[str | None, typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.")] = None,
-    executor: Annotated[str, typer.Option(metavar="NAME", help="threads or processes.")] = "threads",
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=one_of(*PRESETS)),
+    ] = None,
+    executor: Annotated[
+        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=one_of(*EXECUTORS))
+    ] = "threads",
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
     ] = None,
@@ -167,7 +173,7 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
     return text.getvalue()
 
 
