@@ -289,7 +289,8 @@ class Twin:
 
 
 def _by_name(names: Iterable[Any], values: FloatArray) -> dict[str, float]:
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
+    """Values by name; an order that is a number in the place of a name stays that."""
+    return {name: float(value) for name, value in zip(names, values, strict=True) if isinstance(name, str)}
 
 
 def save_recording(recording: Recording, path: str | Path, *, note: str = "") -> Path:

@@ -6,8 +6,16 @@ from fracid.cli.app import app, main
 __all__ = ["app", "check", "compare", "demo", "export", "fit", "init", "main", "noise", "profile", "regress", "report",
            "resid", "resume", "simulate"]  # fmt: skip
 
-IN_USE = ["check", "init", "fit", "resid", "profile", "compare", "noise", "regress", "report", "export", "resume",
-          "simulate", "demo"]  # fmt: skip
-"""The commands in the order in which they are used: that of the help."""
+PANELS = {
+    "Look": ["check", "init"],
+    "Identify": ["fit", "regress", "resume"],
+    "Judge": ["resid", "profile", "compare", "noise", "reproduce"],
+    "Take away": ["report", "export", "simulate"],
+    "Try": ["demo"],
+}
+"""The commands in the order in which they are used, in the groups of the help."""
 
-app.registered_commands.sort(key=lambda command: IN_USE.index(getattr(command.callback, "__name__", "")))
+PLACE = {name: (place, panel) for place, (panel, name) in enumerate((p, n) for p in PANELS for n in PANELS[p])}
+for command in app.registered_commands:
+    command.rich_help_panel = PLACE[getattr(command.callback, "__name__", "")][1]
+app.registered_commands.sort(key=lambda command: PLACE[getattr(command.callback, "__name__", "")][0])

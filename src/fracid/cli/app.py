@@ -13,6 +13,7 @@ Heavy modules are imported inside the command that needs them: ``fracid --help``
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import sys
@@ -35,7 +36,6 @@ app = typer.Typer(
     name="fracid",
     help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
@@ -107,16 +107,26 @@ def table(*headings: str, fold: Collection[str] | None = None) -> Any:
     return made
 
 
-def _version(asked: bool) -> None:
-    if asked:
-        typer.echo(f"fracid {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
+@app.callback(
+    invoke_without_command=True,
+    epilog="New here? [bold]fracid demo[/bold] shows what comes out; [bold]fracid check FILE[/bold] looks at a "
+    "recording of yours.",
+)
 def _program(
+    ctx: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", help="Print the version; with --json of all that counts.")
     ] = False,
+    json_: Annotated[bool, typer.Option("--json", hidden=True)] = False,
 ) -> None:
     """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""
+    if version and json_:
+        from fracid.runs import versions
+
+        typer.echo(json.dumps(versions(), indent=2))
+    elif version:
+        typer.echo(f"fracid {__version__}")
+    elif ctx.invoked_subcommand is None:
+        typer.echo(ctx.get_help())
+    if version:
+        raise typer.Exit

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from fracid.cli.app import Json, Out, Trust, app, new_console
+from fracid.cli.completion import FORMATS, one_of
 
 __all__ = ["export"]
 
@@ -25,7 +26,11 @@ def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
     to: Annotated[
         list[str] | None,
-        typer.Option(metavar="FORMAT", help="matlab, c, csv, json or state-space; may be given again."),
+        typer.Option(
+            metavar="FORMAT",
+            help="matlab, c, csv, json or state-space; may be given again.",
+            autocompletion=one_of(*FORMATS),
+        ),
     ] = None,
     steps: Annotated[
         int | None,

@@ -16,6 +16,7 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
 from fracid.units import with_unit
@@ -50,16 +51,27 @@ FIT_EXAMPLE = (
 @app.command(epilog="\n\n".join(FIT_EXAMPLE))
 def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
-    preset: Annotated[str | None, typer.Option(metavar="NAME", help="paper: the paper to the letter.")] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=one_of(*PRESETS)),
+    ] = None,
     optimiser: Annotated[
-        str | None, typer.Option(help="In place of the file's: multistart, least-squares, genetic, ...")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="In place of the file's: multistart, least-squares, genetic, ...",
+            autocompletion=one_of(*OPTIMISERS),
+        ),
     ] = None,
     multi_start: Annotated[
         int | None,
         typer.Option("--multi-start", metavar="N", help="Starts: yours, the regression's, Sobol points.", min=1),
     ] = None,
     executor: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Where many starts run, each for itself: processes.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Where many starts run, each for itself: processes.", autocompletion=one_of(*EXECUTORS)
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")

@@ -10,6 +10,7 @@ import typer
 
 from fracid.cli.app import app
 from fracid.cli.check import column_from_text, time_from_text
+from fracid.cli.completion import COLUMNS, RIGS, one_of
 from fracid.errors import InputError
 
 __all__ = ["init"]
@@ -27,12 +28,18 @@ def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording.")],
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]...", help="As for fracid check; alpha, theta, voltage."),
+        typer.Option(
+            metavar="NAME=COLUMN[,FIELD=VALUE]...",
+            help="As for fracid check; alpha, theta, voltage.",
+            autocompletion=one_of(*COLUMNS),
+        ),
     ] = None,
     time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
-    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Whose constants to begin with.")] = None,
+    rig: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose constants to begin with.", autocompletion=one_of(*RIGS))
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,

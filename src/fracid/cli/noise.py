@@ -16,6 +16,7 @@ import typer
 
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -53,13 +54,26 @@ def noise(
     ] = "4096,20000",
     seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions at each level with each encoder.", min=1)] = 50,
     cost: Annotated[
-        str | None, typer.Option(metavar="NAME", help="In place of the project's: rmse, itae, iae, huber, ...")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="In place of the project's: rmse, itae, iae, huber, ...", autocompletion=one_of(*COSTS)
+        ),
     ] = None,
     optimiser: Annotated[
-        str | None, typer.Option(metavar="NAME", help="In place of the run's: multistart, genetic, cma, ...")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="In place of the run's: multistart, genetic, cma, ...",
+            autocompletion=one_of(*OPTIMISERS),
+        ),
     ] = None,
     executor: Annotated[
-        str | None, typer.Option(metavar="NAME", help="processes, or threads: of a model of your own the only way.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="processes, or threads: of a model of your own the only way.",
+            autocompletion=one_of(*EXECUTORS),
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")

@@ -12,6 +12,7 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -42,7 +43,11 @@ def profile(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
     parameter: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="An unknown; may be given again. The free orders if left out."),
+        typer.Option(
+            metavar="NAME",
+            help="An unknown; may be given again. The free orders if left out.",
+            autocompletion=from_run("orders", "parameters"),
+        ),
     ] = None,
     joint: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Two unknowns, together too.")] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Between the ends of an interval, about.")] = 12,

@@ -14,6 +14,7 @@ import typer
 from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text, start_from_text, time_from_text
+from fracid.cli.completion import RIGS, ZEROS, one_of
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -79,9 +80,19 @@ def regress(
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Of a recording without a time column.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     rig: Annotated[
-        str | None, typer.Option(help="Of a recording: whose values are taken for what is not found.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a recording: whose values are taken for what is not found.",
+            autocompletion=one_of(*RIGS),
+        ),
     ] = None,
-    zero: Annotated[str | None, typer.Option(help="Of a recording: where alpha = 0, hanging or upright.")] = None,
+    zero: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Of a recording: where alpha = 0, hanging or upright.", autocompletion=one_of(*ZEROS)
+        ),
+    ] = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 0,

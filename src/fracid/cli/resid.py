@@ -13,6 +13,7 @@ import typer
 
 from fracid.cli.app import Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
 from fracid.foreign import file_stems
 from fracid.units import with_unit
@@ -39,7 +40,10 @@ RESID_EXAMPLE = (
 def resid(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
     recording: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="May be given again. All of them if left out.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="May be given again. All of them if left out.", autocompletion=from_run("recordings")
+        ),
     ] = None,
     output: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="theta or alpha; may be given again. All if left out.")

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Trust, app
+from fracid.cli.completion import EXECUTORS, one_of
 from fracid.errors import InputError, NotTrusted
 
 if TYPE_CHECKING:
@@ -52,7 +53,12 @@ RESUME_EXAMPLE = (
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run that was cut short.")],
     executor: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of a study: threads or processes, in place of what it had.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a study: threads or processes, in place of what it had.",
+            autocompletion=one_of(*EXECUTORS),
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a study: a Dask scheduler, tcp://HOST:8786.")

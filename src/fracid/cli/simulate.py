@@ -15,6 +15,7 @@ import typer
 
 from fracid.cli.app import Json, Out, Seed, Trust, app, new_console
 from fracid.cli.app import table as new_table
+from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -50,7 +51,12 @@ UNITS = {
 @app.command(epilog="\n\n".join(SIMULATE_EXAMPLE))
 def simulate(
     source: Annotated[
-        str, typer.Argument(metavar="RIG|PROJECT|RUN", help="A rig's name, a project, a run; or my_rig.py:model.")
+        str,
+        typer.Argument(
+            metavar="RIG|PROJECT|RUN",
+            help="A rig's name, a project, a run; or my_rig.py:model.",
+            autocompletion=one_of(*RIGS),
+        ),
     ],
     order: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="lambda=0.86; again for more. 1 for a rig.")
@@ -70,7 +76,10 @@ def simulate(
         str | None, typer.Option(metavar="S", help="Held still before the release: what fracid check looks for.")
     ] = None,
     method: Annotated[
-        str | None, typer.Option(metavar="NAME", help="pi2, pi3, pi2-implicit, gl, gl-sequential, gl-paper.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="pi2, pi3, pi2-implicit, gl, gl-sequential, gl-paper.", autocompletion=one_of(*METHODS)
+        ),
     ] = None,
     input_: Annotated[
         str | None,
@@ -88,8 +97,16 @@ def simulate(
     friction: Annotated[
         bool, typer.Option("--friction", help="With the friction that was found on real recordings of the rig.")
     ] = False,
-    zero: Annotated[str | None, typer.Option(help="Of a rig: where alpha = 0, hanging or upright.")] = None,
-    recording: Annotated[str | None, typer.Option(metavar="NAME", help="Which, of a project or run.")] = None,
+    zero: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Of a rig: where alpha = 0, hanging or upright.", autocompletion=one_of(*ZEROS)
+        ),
+    ] = None,
+    recording: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Which, of a project or run.", autocompletion=from_run("recordings")),
+    ] = None,
     states: Annotated[bool, typer.Option("--states", help="Write all states, fractional rates too.")] = False,
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="One file, .csv, .mat or .npz, and nothing else.")
