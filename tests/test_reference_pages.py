@@ -1,20 +1,27 @@
-"""The pages that list keys have each of them, with its default, and none that is not there."""
+"""The pages that list keys have each of them, as the schema and a real result have it, and none that is not there."""
 
+import json
 import re
+import sys
 import tomllib
+from contextlib import nullcontext
 from dataclasses import MISSING, fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from fracid import project, rotary_pendulum
+from fracid import Recording, project, rotary_pendulum, save_recording, simulate
+from fracid.cli import main
 from fracid.costs import COSTS
-from fracid.models import MODELS, RIGS
+from fracid.findings import Finding
+from fracid.models import MODELS, RIGS, model_from_name
 from fracid.optimise import OPTIMISERS
 from fracid.project import PRESETS
 from fracid.recording import Channel
 from fracid.recording.channel import UNITS
 from fracid.recording.record import SECONDS
+from fracid.runs import LATER
 from fracid.simulate import METHODS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -125,3 +132,125 @@ def test_the_example_of_the_page_is_a_project_file():
     example = re.search(r"```toml\n(.*?)```", PROJECT_FILE, re.DOTALL)[1]
     said = project._File.model_validate(tomllib.loads(example))
     assert said.model.orders["mu"] == "lambda"
+
+
+# --- the run folder -----------------------------------------------------------------------------------
+
+
+RUN_FOLDER = tables((DOCS / "run-folder.md").read_text(encoding="utf-8"))
+PROJECT = """
+[model]
+name = "pendulum.py:model"
+[model.orders]
+mu = { start = 0.97, lower = 0.6, upper = 1.2 }
+[model.parameters]
+damping = { start = 0.2, lower = 0.0, upper = 2.0 }
+[[recording]]
+file = "high.csv"
+alpha = "alpha [rad]"
+from = 0.3
+[[recording]]
+file = "low.csv"
+alpha = "alpha [rad]"
+[[recording]]
+name = "held out"
+file = "low.csv"
+to = 1.0
+use = "validate"
+alpha = "alpha [rad]"
+[fit]
+initial_state = "estimate"
+starts = 2
+"""
+OWN_MODEL = """
+import math
+from fracid.models import Model, Parameter
+
+
+def rhs(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -40.0 * math.sin(x[0]) - p[0] * x[1] - p[1] * math.tanh(x[1] / 0.05)
+
+
+model = Model(
+    name="pendulum", rhs=rhs, states=("alpha", "rate"), orders=("mu", "mu"), outputs={"alpha": 0}, inputs=(),
+    parameters=(Parameter("damping", "1/s", 0.3, "viscous friction"), Parameter("dry", "1/s^2", 0.1, "dry friction")),
+    zero="hanging", source="a test",
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A run with all that result.json can hold: two recordings and one held out, two starts, the cut's check."""
+    made = tmp_path_factory.mktemp("run")
+    (made / "pendulum.py").write_text(OWN_MODEL, encoding="utf-8")
+    model = model_from_name("pendulum.py:model", folder=made)
+    noise = np.random.default_rng(1)
+    for name, angle in (("high", 0.8), ("low", 0.4)):
+        run = simulate(model, orders={"mu": 0.95}, initial={"alpha": angle}, step=1e-2, end=2.0)
+        alpha = run.states[:, 0] + 1e-3 * noise.standard_normal(len(run.states))
+        save_recording(Recording.of(name, run.time, {"alpha": alpha}), made / f"{name}.csv")
+    (made / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:  # without figures: they are the same whatever the model
+        patch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(lambda fit: ()))
+        with pytest.raises(SystemExit) as stop:
+            main(["fit", str(made / "rig.toml"), "--out", str(made / "run"), "--trust", "--cut", "--json"])
+    assert not stop.value.code
+    return made / "run"
+
+
+@pytest.fixture(scope="module")
+def result(folder):
+    return json.loads((folder / "result.json").read_text(encoding="utf-8"))
+
+
+def keys_of(heading):
+    return {row[0].strip("`") for row in RUN_FOLDER[heading] if len(row) == 2 and row[0] != "key"}
+
+
+def test_the_page_of_the_run_folder_has_every_key_of_a_result(result):
+    assert keys_of("result.json") == set(result)
+
+
+@pytest.mark.parametrize(
+    ("heading", "where"),
+    [
+        ("An estimate", lambda r: r["orders"]["mu"]),
+        ("An estimate", lambda r: r["parameters"]["dry"]),
+        ("An estimate", lambda r: r["recordings"]["high"]["initial_state"]["alpha"]),
+        ("A recording", lambda r: r["recordings"]["high"]),
+        ("A recording", lambda r: r["recordings"]["held out"]),
+        ("Cost", lambda r: r["cost"]),
+        ("Discretisation", lambda r: r["discretisation"]),
+        ("Alternative", lambda r: r["alternative"]),
+        ("A start", lambda r: r["starts"][1]),
+        ("Spread", lambda r: r["spread"]),
+        ("Cut", lambda r: r["cut"]),
+    ],
+)
+def test_the_page_of_the_run_folder_has_every_key_of_what_a_result_holds(result, heading, where):
+    assert keys_of(heading) == set(where(result))
+
+
+def test_the_page_of_the_run_folder_has_every_key_of_a_finding():
+    assert keys_of("A finding") == set(Finding("code", "where", 1.0, 2.0, "s", "A sentence.").to_json())
+
+
+def test_the_page_of_the_run_folder_names_what_spread_and_cut_hold(result):
+    page = (DOCS / "run-folder.md").read_text(encoding="utf-8")
+    treatment = next(iter(result["cut"]["treatments"].values()))
+    assert [key for key in (*treatment, *result["spread"]["unknowns"]["mu"]) if f"`{key}`" not in page] == []
+
+
+def test_the_page_of_the_run_folder_names_every_file_of_a_run(folder):
+    named = {row[0].strip("`/") for row in RUN_FOLDER["The run folder"] if row[0] != "file"}
+    assert {path.name for path in folder.iterdir()} <= named
+    assert set(LATER) - {"starts/journal.jsonl"} <= named
+
+
+def test_a_result_has_no_number_that_json_has_not(folder):
+    def refuse(word):
+        raise AssertionError(word)
+
+    json.loads((folder / "result.json").read_text(encoding="utf-8"), parse_constant=refuse)
