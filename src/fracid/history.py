@@ -26,7 +26,7 @@ from numba.extending import intrinsic, register_jitable, register_model
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
-from fracid.compiling import when_called
+from fracid.compiling import kept, when_called
 from fracid.memory import Kernel
 
 __all__ = [
@@ -275,7 +275,7 @@ def restore(_, before):
     return types.void(types.int32), emit
 
 
-@nb.njit(types.void(), cache=True)
+@kept(types.void())
 def forget_mode():
     """Set the processor's rounding as every program finds it, after a run that did not come to its :func:`restore`."""
     restore(types.int32(0x1F80))

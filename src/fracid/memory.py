@@ -79,12 +79,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import numba as nb
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from fracid.compiling import helper, when_called
+from fracid.compiling import helper, kept, when_called
 from fracid.errors import InputError
 from fracid.fractional import gl_weights
 
@@ -401,10 +400,10 @@ def _exact_third(q: float, steps: int) -> Kernel:
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
 _real, _whole, _row = types.float64, types.int64, types.float64[::1]
-_compile = {"cache": True, "nogil": True, "error_model": "numpy"}
+_compile = {"nogil": True, "error_model": "numpy"}
 
 
-@nb.njit(types.UniTuple(_row, 2)(_real, _whole), **_compile)
+@kept(types.UniTuple(_row, 2)(_real, _whole), **_compile)
 def _trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
@@ -440,7 +439,7 @@ def zeta(s: float) -> float:
     return total
 
 
-@nb.njit(types.UniTuple(_row, 2)(_real, _whole), **_compile)
+@kept(types.UniTuple(_row, 2)(_real, _whole), **_compile)
 def _third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""The weights of ``pi3``: those of f − δ²f/12 under ``pi``, less κ δ²f at the last step; and of the start.
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.compiling import RHS_SIGNATURE
+from fracid.compiling import RHS_SIGNATURE, kept
 from fracid.errors import InputError
 
 __all__ = ["RightHandSide", "compile_rhs", "name_of", "probe"]
@@ -49,10 +48,10 @@ def compile_rhs(rhs: Any) -> Any:
     """
     function = getattr(rhs, "py_func", rhs)
     _check_arity(function)
-    own = function.__module__.startswith("fracid.") and Path(function.__code__.co_filename).exists()
+    own = function.__module__.startswith("fracid.")
     checked = _largest_indices(function) is None
     try:
-        return nb.njit(RHS_SIGNATURE, error_model="numpy", nogil=True, cache=own, boundscheck=checked)(function)
+        return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
     except nb.core.errors.NumbaError as error:
         raise InputError(
             f"The right-hand side {name_of(function)} cannot be compiled by Numba: {_reason(error)} "
