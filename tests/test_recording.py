@@ -103,7 +103,7 @@ def test_other_encodings_are_read(tmp_path, encoding):
         ("hello\nworld\n", "no row of numbers"),
         ("t,x\n0,1\n1,stuck\n2,3\n", r"line 3, column 1 \(x\): 'stuck' is not a number"),
         ("t,x\n0,abc\n1,2\n2,3\n", "'abc' in column 1"),
-        ("0 1\n1 2\n2\n", "line 3: 1 cells where other lines have 2"),
+        ("0 1\n1 2\n2\n", "line 3: 1 cell where other lines have 2"),
         ("a\0b", "is not text"),
     ],
 )

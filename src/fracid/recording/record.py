@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
+from fracid.foreign import printable
 from fracid.recording.channel import Channel, header_unit, hold
 from fracid.recording.report import Report, measure
 from fracid.recording.table import Table, read_table
@@ -32,6 +34,12 @@ TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)(
 """A column that is named like time."""
 CLOCK_STAMP = 1e6
 """A first time beyond this [s], twelve days, is a date: time is then counted from the first sample."""
+
+
+LARGEST = 1e100
+"""No instrument gives more, in whatever unit; squares of more have no number."""
+MOST_RESAMPLED = 50
+"""Samples of a finer grid for each of the recording's."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +156,11 @@ class Recording:
         h = float(f"{clock.step:.3g}") if step is None else float(step)
         if not 0 < h <= clock.duration:
             raise InputError(f"step = {step!r} s is not possible; expected above 0 and at most {clock.duration:.6g} s.")
+        if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
+            raise InputError(
+                f"{self.name}: a step of {h:.3g} s makes {clock.duration / h:.3g} samples out of {clock.samples}; "
+                "give a longer one: resample = 0.001."
+            )
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
         signals = {n: self._at(n, grid) for n in self.signals}
         gaps = "".join(
@@ -312,14 +325,16 @@ def inspect_recording(
     'unfit'
     """
     path = Path(path)
+    before = _state(path)
     table = read_table(path, variable)
     clock, rows, said = _time(table, time)
     channels, more = _channels(table, columns, said.column, rows)
-    reading = [*said.sentences, *more]
+    reading = [*table.notes, *said.sentences, *more]
     signals, units, held = {}, {}, set()
     for signal, channel in channels.items():
         channel, unit_said = _with_unit(table, signal, channel)
-        raw = table.values[:, table.find(channel.column)]
+        raw, beyond = _measurable(table.values[:, table.find(channel.column)])
+        reading += [f"{signal}: {beyond}"] if beyond else []
         if channel.fill == "hold":
             raw, filled = _held(raw, signal, channel)
             reading.append(filled)
@@ -329,9 +344,40 @@ def inspect_recording(
         reading += [unit_said] if unit_said else []
     report = measure(clock, signals, units, tuple(reading))
     frozen = {n: _frozen(x) for n, x in signals.items()}
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = _digest(path)
+    if _state(path) != before:
+        raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
     whole = Recording(name or path.stem, path, digest, _frozen(clock), frozen, units, report, frozenset(held))
     return whole if start is None and stop is None else whole.trim(start, stop)
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return what changes when a file is written to."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None  # for read_table to tell
+    return found.st_size, found.st_mtime_ns
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+
+
+def _measurable(raw: Array) -> tuple[Array, str]:
+    """Return the samples without those that no instrument gives, and a sentence on them."""
+    beyond = int(np.count_nonzero(np.abs(raw) > LARGEST))  # infinite ones too; NaN is not
+    if not beyond:
+        return raw, ""
+    plural = "s are" if beyond > 1 else " is"
+    return (
+        np.where(np.abs(raw) > LARGEST, np.nan, raw),
+        f"{beyond} sample{plural} infinite or beyond {LARGEST:g}, and taken as missing.",
+    )
 
 
 def _demand(recording: Recording) -> None:
@@ -372,7 +418,7 @@ def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Ar
     unit = spec.get("unit") or (table.units[column] if table.units[column] in SECONDS else "s")
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
-    stamps = table.values[:, column] * SECONDS[unit]
+    stamps = _measurable(table.values[:, column])[0] * SECONDS[unit]
     rows = np.isfinite(stamps)
     stamps = stamps[rows]
     if not stamps.size:
@@ -401,15 +447,25 @@ def _guess_time(table: Table) -> int:
     if named and not evenness:  # a clock that repeats or goes back: the report will say so
         return named[0]
     if not evenness:
-        header = f" The header says: {' | '.join(table.header)}." if table.header else ""
+        header = f" The header says: {_short(' | '.join(table.header))}." if table.header else ""
+        sideways = " It has more columns than rows: should it be turned?" if _is_wide(table) else ""
         raise InputError(
-            f"{table.source}: no column increases like time.{header} Give the rate [Hz] or the time column."
+            f"{table.source}: no column increases like time.{header}{sideways} Give the rate [Hz] or the time column."
         )
     return min(evenness, key=lambda j: evenness[j])
 
 
+def _is_wide(table: Table) -> bool:
+    rows, columns = table.values.shape
+    return bool(columns > max(rows, 20))
+
+
+def _short(text: str) -> str:
+    return printable(" ".join(text.split()))[:200]
+
+
 def _unevenness(column: Array) -> float | None:
-    dt = np.diff(column[np.isfinite(column)])
+    dt = np.diff(_measurable(column)[0][np.isfinite(column)])
     if dt.size == 0 or not np.all(dt > 0):
         return None
     return float(np.std(dt) / np.median(dt))
@@ -430,25 +486,44 @@ def _channels(
             raise InputError(f"columns = {columns!r} names no signal; expected e.g. {{'alpha': 2}}.")
         return {name: Channel.of(given, name) for name, given in columns.items()}, []
     others = [j for j in range(len(table.names)) if j != time and (_unevenness(table.values[:, j]) or 1) > 1e-12]
-    blank = [j for j in others if np.isnan(table.values[rows, j]).all()]
-    still = [j for j in others if j not in blank and np.ptp(table.values[rows, j]) == 0]
-    kept = [j for j in others if j not in blank + still and not _is_clock(table, j, time)] or [
-        j for j in others if j in still
-    ]
+    blank = {j for j in others if np.isnan(table.values[rows, j]).all()}
+    still = {j for j in others if j not in blank and _is_still(table.values[rows, j])}
+    kept = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
     if not kept:
-        raise DataError(f"{table.source} holds no signal besides its time. Its columns: {', '.join(table.names)}.")
+        raise DataError(_no_signal(table, blank))
     sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in kept)}."]
+    sentences += _left_out(table)
     for left, why in [
         (blank, "blank where time is stamped"),
         ([j for j in still if j not in kept], "constant"),
     ]:
         if left:
             sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in left)}.")
-    twice = {name for name in table.names if table.names.count(name) > 1}
+    twice = {name for name, count in Counter(table.names).items() if count > 1}
     shared = re.match(r".*[/.]|", _common([table.names[j] for j in kept]))
     cut = len(shared[0]) if shared and len(kept) > 1 else 0  # /joint_states/joint0/position: joint0/position
     label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in kept}
     return {label[j]: Channel(j) for j in kept}, sentences
+
+
+def _is_still(column: Array) -> bool:
+    return bool(np.all(column == column[0]))
+
+
+def _no_signal(table: Table, blank: Collection[int]) -> str:
+    """Return why nothing but time is there."""
+    names = ", ".join(table.names[:20])
+    said = " ".join(_left_out(table)) or (
+        f"Blank throughout: {', '.join(table.names[j] for j in [*blank][:20])}." if blank else f"Its columns: {names}."
+    )
+    return f"{table.source} holds no signal besides its time. {said}"
+
+
+def _left_out(table: Table) -> list[str]:
+    """Say what of the file is no column and might have been meant to be one."""
+    odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in ("is text", "is a single number")]
+    more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
+    return [f"Left out: {'; '.join(map(printable, odd[:3]))}{more}."] if odd else []
 
 
 def _common(names: list[str]) -> str:
