@@ -7,6 +7,7 @@ import tomllib
 from contextlib import nullcontext
 from dataclasses import MISSING, fields
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ import pytest
 from fracid import Recording, project, rotary_pendulum, save_recording, simulate
 from fracid.cli import main
 from fracid.costs import COSTS
+from fracid.diagnostics import Kind
 from fracid.findings import Finding
+from fracid.identify import CHANCE, IMITATION
 from fracid.models import MODELS, RIGS, model_from_name
-from fracid.optimise import OPTIMISERS
+from fracid.optimise import OPTIMISERS, Outcome
 from fracid.project import PRESETS
 from fracid.recording import Channel
 from fracid.recording.channel import UNITS
@@ -132,6 +135,22 @@ def test_the_example_of_the_page_is_a_project_file():
     example = re.search(r"```toml\n(.*?)```", PROJECT_FILE, re.DOTALL)[1]
     said = project._File.model_validate(tomllib.loads(example))
     assert said.model.orders["mu"] == "lambda"
+
+
+# --- reading the report ---------------------------------------------------------------------------------
+
+
+READING = (DOCS / "reading-the-report.md").read_text(encoding="utf-8")
+
+
+def test_every_verdict_is_told_how_to_read():
+    told = {row[0] for row in tables(READING)["Verdicts"][1:]}
+    assert told == {*get_args(Kind), "fixed", IMITATION, CHANCE}
+
+
+@pytest.mark.parametrize("outcome", [o for o in Outcome if o not in (Outcome.STOPPED, Outcome.GENERATIONS_DONE)])
+def test_every_end_of_a_search_is_told_how_to_read(outcome):
+    assert f"*{outcome.value.split(':')[0]}*" in READING
 
 
 # --- the run folder -----------------------------------------------------------------------------------
