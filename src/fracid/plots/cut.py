@@ -55,7 +55,7 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
         _order(axes, check, name)
         axes.set_yticks(range(len(rows) + 1), [*(t.name for t in rows), "as fitted"])
         axes.set_ylim(-0.6, len(rows) + 0.6)
-        look.label(axes, "", look.symbol(name), "")
+        look.label(axes, "", f"order {look.symbol(name)} [–]", "")
     look.finish(figure, "orders, by what is taken for the motion before the start")
     return figure
 

@@ -284,7 +284,10 @@ def number(value: float, digits: int) -> str:
 
 
 def symbol(name: str) -> str:
-    """The letter of a signal or an order."""
+    """The letter of a signal or an order; of a start value, ``alpha(0) [release]``, with what follows it."""
+    head, bracket, rest = name.partition("(")
+    if bracket and head in SYMBOLS:
+        return SYMBOLS[head] + plain(bracket + rest)
     return SYMBOLS.get(name, plain(name))
 
 

@@ -79,9 +79,9 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
         _few_decades(axes)
     best = sum(cost <= SAME_COST * ended[0][0] for cost, _ in ended) if ended else 0
     lost = f"; {len(starts) - len(ended)} left for their cost" if len(ended) < len(starts) else ""
-    look.corner(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}")
     name, unit = look.cost_label(cost_name)
-    look.label(axes, "", "start, sorted by its final cost", f"final {name} {unit}".rstrip())
+    look.label(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}", "start, sorted by its final cost",
+               f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
     look.finish(figure, "where the starts ended")
