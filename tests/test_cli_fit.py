@@ -265,7 +265,7 @@ def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("no.toml",), "project file no.toml cannot be read: No such file"),
+        (("no.toml",), "There is no no.toml. There are other.toml, rig.toml"),
         (("rig.toml", "--preset", "papr"), "unknown preset 'papr': did you mean paper"),
         (("rig.toml", "--optimiser", "genetik"), "no optimiser 'genetik'"),
         (("rig.toml", "--jobs", "0"), "--jobs"),
@@ -314,7 +314,7 @@ def test_the_program_says_what_is_wrong_without_a_traceback(folder):
     done = program("fit", folder / "swing.csv")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: ")
-    assert "is not TOML" in done.stderr
+    assert "swing.csv is a recording, not a project. Write a project of it: fracid init" in done.stderr
     assert "Traceback" not in done.stderr
 
 

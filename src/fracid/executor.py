@@ -53,7 +53,7 @@ from itertools import islice
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
-from fracid.journal import Journal, Json
+from fracid.journal import Journal, Json, resumable
 from fracid.optimise.base import at_least
 
 __all__ = ["EXECUTORS", "Progress", "Task", "follow_parent", "run_tasks"]
@@ -164,7 +164,7 @@ def run_tasks(
 def _kept(done: int, total: int, journal: Journal | None) -> str:
     if journal is None:
         return f"{done} of {total} repetitions were done."
-    return f"{done} of {total} repetitions are done and kept; fracid resume {journal.path.parent} goes on."
+    return f"{done} of {total} repetitions are done and kept; fracid resume {resumable(journal.path)} goes on."
 
 
 class _Watch:

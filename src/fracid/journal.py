@@ -155,6 +155,22 @@ def whole_lines(path: Path) -> tuple[list[bytes], int]:
     return content[:end].splitlines(), end
 
 
+def resumable(path: Path) -> Path:
+    """The folder that ``fracid resume`` takes, for a log in it: its own, or the run's whose many starts it keeps.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> run = Path(tempfile.mkdtemp())
+    >>> (run / "run.json").touch()
+    >>> resumable(run / "starts" / "journal.jsonl") == run
+    True
+    """
+    own, above = path.parent, path.parent.parent
+    alone = (own / "run.json").exists() or (own / "environment.json").exists()
+    return above if not alone and (above / "run.json").exists() else own
+
+
 def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
     """Append to a log, whole or not at all; gives its new end [bytes].
 
@@ -195,7 +211,7 @@ def _cut_short(path: Path, error: OSError) -> Unfinished:
     why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
     return Unfinished(
         f"{path} cannot be written: {why}. What was done before is kept: make room, then type fracid resume "
-        f"{path.parent}."
+        f"{resumable(path)}."
     )
 
 
@@ -248,7 +264,7 @@ def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Js
         changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
         raise InputError(
             f"{path.parent} holds the repetitions of another study: {changes}. Give this one another folder: --out "
-            f"DIR; or finish that one: fracid resume {path.parent}."
+            f"DIR; or finish that one: fracid resume {resumable(path)}."
         )
 
 

@@ -127,9 +127,9 @@ def _nearest(path: Path, wanted: Kind) -> str:
     if not beside.is_dir():
         return f"There is no folder {beside} either; paths begin at {Path.cwd()}."
     there = {p.name: p for p in sorted(beside.iterdir()) if not p.name.startswith(".") and kind_of(p) == wanted}
-    close = difflib.get_close_matches(path.name, there, n=1) or [n for n in there if Path(n).stem == path.stem]
-    if close:
-        return f"Did you mean {_typed(beside / close[0])}?"
+    by_stem = {Path(name).stem: p for name, p in there.items()}
+    if close := difflib.get_close_matches(path.stem, by_stem, n=1):
+        return f"Did you mean {_typed(by_stem[close[0]])}?"
     if not there and wanted == "run":
         there = {p.name: p for p in sorted((beside / "runs").glob("*")) if kind_of(p) == "run"}
     if not there:

@@ -46,6 +46,7 @@ from fracid.costs import cost_from_name
 from fracid.errors import InputError, NotTrusted
 from fracid.foreign import refuse_unseen
 from fracid.memory import memory_from_name
+from fracid.mistaken import refuse_mistaken
 from fracid.models import Model, model_from_name
 from fracid.models.base import unknown_name
 from fracid.optimise import optimiser_from_name
@@ -210,6 +211,7 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     (('alpha',), ('lambda', 'mu'))
     """
     path = Path(path)
+    refuse_mistaken(path, "project")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from fracid.cut import CutCheck
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.identify import Estimate, RecordingFit
+from fracid.mistaken import refuse_mistaken
 from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Problem
 from fracid.project import Project, project_from_text
@@ -152,6 +153,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     wrote.
     """
     folder = Path(folder)
+    refuse_mistaken(folder, "run")
     result = _read(folder / "result.json")
     project = _project(folder, result, trust)
     hashes = result.get("data_sha256", {})

@@ -27,7 +27,8 @@ from fracid import __version__
 from fracid.errors import DataError, FracidError, NotTrusted
 from fracid.foreign import printable
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "new_console", "table"]
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "new_console", "open_page", "say_next",
+           "table", "typed"]  # fmt: skip
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -95,6 +96,35 @@ def new_console(**options: Any) -> Any:
             return super().render_str(printable(text), **how)
 
     return Printable(**{"highlight": False, **options})
+
+
+def typed(*words: object) -> str:
+    """A command as one types it, ``fracid fit 'my rig.toml'``."""
+    return shlex.join(["fracid", *map(str, words)])
+
+
+def say_next(console: Any, *steps: tuple[str, str]) -> None:
+    """Print what one would type next, and why: the last lines of a command that did what it was asked."""
+    from rich.markup import escape
+
+    for place, (command, why) in enumerate(steps):
+        heading = "next" if place == 0 else ""
+        console.print(f"{heading:8} {escape(command)}  [dim]{escape(why)}[/dim]", soft_wrap=True)
+
+
+def open_page(page: Path, asked: bool | None) -> bool:
+    """Open a page in the browser; gives whether one took it.
+
+    If nobody asked, only where somebody looks on: on a terminal with a display, and not in continuous integration.
+    """
+    shows = sys.platform in ("darwin", "win32") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
+    if asked is None:
+        asked = shows and sys.stdout.isatty() and "CI" not in os.environ
+    if not (asked and shows):
+        return False
+    import webbrowser
+
+    return webbrowser.open(page.resolve().as_uri())
 
 
 def table(*headings: str, fold: Collection[str] | None = None) -> Any:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, new_console
+from fracid.cli.app import Jobs, Json, Out, Seed, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -72,8 +73,20 @@ def check(
         _print_json(recording, figure)
     else:
         print_check(recording, figure)
+    if recording.report.level != "unfit" and not json_:
+        said = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
+        say_next(new_console(), (typed("init", file, *_again(said)), "writes a project of it, which runs as it is"))
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
+
+
+def _again(said: Mapping[str, Any]) -> list[str]:
+    """The options that were given, as words."""
+    words: list[str] = []
+    for option, value in said.items():
+        for one in value if isinstance(value, list) else [] if value is None else [value]:
+            words += [option, f"{one:.15g}" if isinstance(one, float) else str(one)]
+    return words
 
 
 # ------------------------------------------------------------------ from text to arguments

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
@@ -94,7 +94,10 @@ def compare(
     if json_:
         typer.echo((folder / RESULT).read_text(encoding="utf-8").rstrip("\n"))
     else:
-        _show(found, folder, figures, new_console())
+        console = new_console()
+        _show(found, folder, figures, console)
+        why = "with the structure that won in its file: residuals, intervals, a page"
+        say_next(console, (typed("fit", project, *["--trust"] * trust), why))
     if not any(isfinite(row.cost) for row in found.rows):
         raise typer.Exit(DataError.exit_code)
 

@@ -49,7 +49,8 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
         # an option without its value, as it is while one completes it, leaves all other words in ctx.args
         typed = [ctx.params.get("run"), ctx.params.get("source"), *ctx.args]
-        result = next((found for word in typed if word and (found := _result(Path(word)))), {})
+        results = (_result(Path(word)) for word in typed if word)
+        result: Any = next(filter(None, results), {})
         names = [name for block in blocks for name, said in result.get(block, {}).items() if _shown(block, said)]
         return [name for name in names if name.startswith(incomplete)]
 

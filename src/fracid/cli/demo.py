@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, app, new_console, open_page, say_next, typed
 from fracid.cli.fit import run_fit, show_fit
 
 if TYPE_CHECKING:
@@ -35,6 +35,10 @@ STORY = (
 
 @app.command(epilog="[bold]Example[/bold]\n\nfracid demo --out runs/demo")
 def demo(
+    open_: Annotated[
+        bool | None,
+        typer.Option("--open/--no-open", help="The report in the browser. If not said: on a terminal with a display."),
+    ] = None,
     out: Out = None,
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", help="In place of the projects' own.", min=0)
@@ -62,6 +66,11 @@ def demo(
             console.print(f"  {sentence}", soft_wrap=True)
         if ran.interrupted:
             raise typer.Exit(1)
+    page = folder / STORY[0][0] / "report.html"
+    console.print(f"\nreport   {page.resolve().as_uri()}", soft_wrap=True)
+    if not json_:
+        open_page(page, open_)
+        say_next(console, (typed("check", "FILE"), "a recording of your own"))
     if json_:
         typer.echo(json.dumps(results, indent=2, ensure_ascii=False))
 

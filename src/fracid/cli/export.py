@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, new_console
+from fracid.cli.app import Json, Out, Trust, app, new_console, say_next
 from fracid.cli.completion import FORMATS, one_of
 
 __all__ = ["export"]
@@ -68,3 +69,6 @@ def export(
         console.print(escape(note), soft_wrap=True)
     for path in found.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)
+    if model := next((path for path in found.files if path.name == "model.m"), None):
+        command = f"cd {shlex.quote(str(model.parent))} && octave --eval '[t, x] = model(); plot(t, x)'"
+        say_next(console, (command, "or in MATLAB: [t, x] = model();"))

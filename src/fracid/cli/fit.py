@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
@@ -117,12 +117,13 @@ def run_fit(
 ) -> Ran:  # fmt: skip
     """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
-    from fracid.optimise import Outcome
+    from fracid.optimise import Outcome, optimiser_from_name
     from fracid.project import load_project
     from fracid.runs import inputs_of, open_run, write_result
 
     project = load_project(path, preset=preset, trust=trust)
     name = _optimiser(optimiser, project.optimiser, starts)
+    optimiser_from_name(name)  # refused before an earlier run is cleared from the folder
     asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
              "cut": cut, "executor": executor}  # fmt: skip
     if executor and (starts or project.starts) < 2:
@@ -227,12 +228,25 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
     if json_:
         typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
     else:
-        show_fit(ran, new_console())
+        console = new_console()
+        show_fit(ran, console)
+        if isfinite(ran.fit.cost) and not ran.interrupted:
+            _say_next(ran, console)
     if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:
         sys.stderr.write(f"Interrupted; fracid resume {ran.folder}{' --trust' * bool(ran.project.own_code)} goes on.\n")
         raise typer.Exit(1)
+
+
+def _say_next(ran: Ran, console: Console) -> None:
+    trust = ["--trust"] * bool(ran.project.own_code)
+    say_next(
+        console,
+        (typed("report", ran.folder, "--open", *trust), "look at the page"),
+        (typed("resid", ran.folder, *trust), "what is left over: noise, or something that the model lacks?"),
+        (typed("compare", ran.project.path, *trust), "do the orders help, or is it friction?"),
+    )
 
 
 def show_fit(ran: Ran, console: Console) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid.cli.app import app
+from fracid.cli.app import app, new_console, say_next, typed
 from fracid.cli.check import column_from_text, time_from_text
 from fracid.cli.completion import COLUMNS, RIGS, one_of
 from fracid.errors import InputError
@@ -68,7 +68,8 @@ def init(
     load_project(target)  # it runs as it is, or says what stands against it
     for note in draft.notes:
         typer.echo(f"  {note}")
-    typer.echo(f"{target}  look at every line, then type: fracid fit {target}")
+    typer.echo(f"project  {target}")
+    say_next(new_console(), (typed("fit", target), "after a look at every line of it"))
 
 
 def _asked(

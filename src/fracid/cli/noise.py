@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, new_console
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
+from fracid.mistaken import refuse_mistaken
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,6 +94,8 @@ def noise(
     if no run of the model reaches the end of the recording.
     """
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
+    if source.suffix != ".toml":
+        refuse_mistaken(source, "run")
     fitted = _of_run(source, trust) if source.is_dir() else _of_project(source, jobs, trust)
     folder = out or (source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise")
     study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, scheduler or executor, jobs, json_)
@@ -101,7 +104,10 @@ def noise(
     if json_:
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
     else:
-        _show(study, folder, figure, new_console())
+        console = new_console()
+        _show(study, folder, figure, console)
+        command = "profile" if source.is_dir() else "fit"
+        say_next(console, (typed(command, source, *["--trust"] * trust), "what the measured data say of it"))
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
+from fracid.mistaken import refuse_mistaken
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,7 +70,12 @@ def profile(
     if json_:
         typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
     else:
-        _show(found, folder, figure, new_console())
+        console = new_console()
+        _show(found, folder, figure, console)
+        if folder == source:
+            say_next(console, (typed("report", source, "--open", *["--trust"] * trust), "the page, with the profiles"))
+        else:
+            say_next(console, (typed("fit", source, *["--trust"] * trust), "the whole result, with a page"))
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,8 @@ def _profiled(
     from fracid.saved import load_run
     from fracid.uncertainty import uncertainty
 
+    if source.suffix != ".toml":
+        refuse_mistaken(source, "run")
     if source.is_dir():
         saved = load_run(source, trust=trust)
         problem, x = saved.problem, saved.x

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text, start_from_text, time_from_text
 from fracid.cli.completion import RIGS, ZEROS, one_of
 from fracid.errors import DataError, InputError
+from fracid.mistaken import kind_of, refuse_mistaken
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -107,6 +108,8 @@ def regress(
     identified, 3 if none was.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
+    if kind_of(source) not in ("project", None):
+        refuse_mistaken(source, "recording")
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
     if source.suffix == ".toml":
         asked = _of_project(source, start, stop, options, trust)
@@ -119,7 +122,12 @@ def regress(
     if json_:
         typer.echo(json.dumps(_record(found), indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        _show(found, out, new_console())
+        console = new_console()
+        _show(found, out, console)
+        if source.suffix == ".toml":
+            say_next(console, (typed("fit", source, *["--trust"] * trust), "by simulation, from this start"))
+        else:
+            say_next(console, (typed("init", source), "a project of it, to be fitted by simulation"))
     if not any(c.identified for f in found.regressions.values() for c in f.parameters.values()):
         raise typer.Exit(DataError.exit_code)
 

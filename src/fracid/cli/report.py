@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Trust, app
+from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_next, typed
 
 __all__ = ["report"]
 
 REPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid report runs/rig  [dim](writes runs/rig/report.html)[/dim]",
+    "fracid report runs/rig --open  [dim](and opens it in the browser)[/dim]",
     "fracid report runs/rig --out rig.html  [dim](one file: send it to whom you like)[/dim]",
     "fracid profile runs/rig && fracid report runs/rig  [dim](with the profiles)[/dim]",
 )
@@ -25,6 +26,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Where to; report.html in the folder if left out.")
     ] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:
@@ -37,3 +39,8 @@ def report(
 
     path = write_report(run, jobs=jobs, out=out, trust=trust)
     typer.echo(f"report   {path}")
+    if open_ and not open_page(path, True):
+        typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
+    elif not open_:
+        say_next(new_console(), (typed("report", run, "--open"), "in the browser"),
+                 (typed("export", run), "for MATLAB, C and control design"))  # fmt: skip

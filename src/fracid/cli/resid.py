@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, new_console
+from fracid.cli.app import Json, Out, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
@@ -142,6 +142,8 @@ def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console)
     console.print(f"\nresult   {escape(str(folder / RESIDUALS))}", soft_wrap=True)
     for path in figures:
         console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+    project, trust = found.run.project, ["--trust"] * bool(found.run.project.own_code)
+    say_next(console, (typed("compare", project.path, *trust), "does another structure leave less?"))
 
 
 def _figures(found: _Analysed) -> Any:

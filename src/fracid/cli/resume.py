@@ -72,8 +72,11 @@ def resume(
     Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
     the command itself; 0 too if the run is finished already.
     """
+    from fracid.mistaken import refuse_mistaken
     from fracid.runs import JOURNAL, RUN, run_state
 
+    if not run.is_dir():
+        refuse_mistaken(run, "run")
     if (run / RUN).exists() or not (run / JOURNAL).exists():
         state = run_state(run)
         if state.kind not in KINDS:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Seed, Trust, app, new_console
+from fracid.cli.app import Json, Out, Seed, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
 from fracid.errors import DataError, InputError
@@ -217,10 +217,12 @@ def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[st
 
 
 def _no_source(source: str, rigs: Mapping[str, Any]) -> InputError:
+    from fracid.mistaken import kind_of, refuse_mistaken
     from fracid.models.base import unknown_name
-    from fracid.recording.table import READERS
 
-    if Path(source).suffix.lower() in READERS:
+    if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
+        refuse_mistaken(Path(source), "run")
+    if kind_of(Path(source)) == "recording":
         return InputError(f"{source} is a recording: fracid check {source} looks at it, fracid init {source} writes a "
                           "project of it, which can be simulated.")  # fmt: skip
     hint = unknown_name("rig", source, tuple(rigs))
@@ -431,4 +433,4 @@ def _show(source: str, twin: Twin, run: Trajectory, made: Recording, files: list
     for path in files:
         if kind := kinds.get(path.suffix, "recording"):
             console.print(f"{kind:10} {escape(str(path))}", soft_wrap=True)
-    console.print(f"next: fracid check {escape(str(files[0]))}", soft_wrap=True)
+    say_next(console, (typed("check", files[0]), "what it is worth, as of any recording"))
