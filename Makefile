@@ -4,8 +4,9 @@ BIN := .venv/bin
 READY := .venv/.ready
 SITE := .venv/.site
 PEERS := .venv-bench/.ready
+PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz clean-cache
+.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz package clean-cache
 
 setup: $(READY)
 
@@ -67,6 +68,15 @@ $(SITE): $(READY)
 # The property tests with fresh random examples, ten times over.
 fuzz: $(READY)
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
+
+# Wheel and sdist, built, looked into, installed where nothing else is, on the oldest and the newest Python, and used.
+package: $(PACKING)
+	.venv-package/bin/python tests/packaging/check_package.py
+
+$(PACKING): tests/packaging/requirements.txt
+	$(PYTHON) -m venv .venv-package
+	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check -r tests/packaging/requirements.txt
+	touch $@
 
 # Numba's cache of compiled loops does not notice a change in a module that they call.
 clean-cache:
