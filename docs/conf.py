@@ -44,7 +44,6 @@ suppress_warnings = ["myst.header"]  # pages begin with one title, but tables of
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"  # of fields; the parameters' own lines say their types, with shapes and units
 autodoc_typehints_description_target = "documented"
-autodoc_default_options = {"no-value": True}
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"
 numpydoc_show_class_members = False  # they follow by themselves

@@ -75,6 +75,19 @@ def _signature(_app, what, _name, thing, _options, signature, returned):
     return (signature_of(thing), returned) if what == "class" and signature and "<" in signature else None
 
 
+def without_objects(doctree):
+    """Take the defaults of fields that are objects out of their lines: ``= Cost(name='rmse', weight=<function …>)``."""
+    from sphinx.addnodes import desc_annotation
+
+    for shown in [*doctree.findall(desc_annotation)]:
+        if shown.astext().startswith(" = ") and "<" in shown.astext():
+            shown.parent.remove(shown)
+
+
+def _read(_app, doctree):
+    without_objects(doctree)
+
+
 def _process(_app, what, _name, _object, _options, lines):
     lines[:] = put_right(without_sections(lines) if what == "module" else lines)
 
@@ -82,5 +95,6 @@ def _process(_app, what, _name, _object, _options, lines):
 def setup(app):
     """Look at every signature, and at every docstring before numpydoc makes its sections."""
     app.connect("autodoc-process-signature", _signature)
+    app.connect("doctree-read", _read)
     app.connect("autodoc-process-docstring", _process, priority=100)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -34,7 +34,7 @@ def figures():
     """Return the names of all functions that draw or write figures."""
     import fracid.plots
 
-    return sorted(fracid.plots.__all__)
+    return sorted(name for name in fracid.plots.__all__ if callable(getattr(fracid.plots, name)))
 
 
 def _figure(name):
