@@ -15,6 +15,9 @@ PAGES = (
     "docs/uncertainty.md",
     "docs/compare.md",
     "docs/export.md",
+    "docs/theory.md",
+    "docs/recording.md",
+    "docs/honesty.md",
     "README.md",
 )
 
