@@ -31,7 +31,7 @@ LAYERS = (
     {"ladder"},
     {"identify"},
     {"runs", "saved"},
-    {"plots"},
+    {"plots", "reproduction"},
     {"amplitude", "export", "studies"},
     {"compare", "twin_recording"},
     {"report"},

@@ -203,9 +203,9 @@ def test_trusted_or_not_changed_code_is_not_gone_on_with(capsys, unfinished):
         ("compare plain.toml --scheduler tcp://there:8786", "--scheduler tcp://there:8786"),
         ("compare plain.toml --scheduler=tcp://there:8786", "type its address yourself"),
         ("compare plain.toml --executor tcp://there:8786", "type its address yourself"),
-        ("init swing.npz --out ../outside.toml --yes", "no study that can be gone on with"),
-        ("--help", "no study that can be gone on with"),
-        ("", "no study that can be gone on with"),
+        ("init swing.npz --out ../outside.toml --yes", "no study that can be typed again"),
+        ("--help", "no study that can be typed again"),
+        ("", "no study that can be typed again"),
     ],
 )
 def test_a_study_is_gone_on_with_but_what_only_the_caller_may_say_is_not_taken_from_its_folder(

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from fracid.reduction import System, linear_multi_term, linear_system, multi_term
     from fracid.regression import Regression, regress
     from fracid.report import write_report
+    from fracid.reproduction import Reproduction, reproduce
     from fracid.residuals import ResidualAnalysis, residual_analysis
     from fracid.saved import SavedRun, load_run
     from fracid.simulate import simulate, solve_fde
@@ -70,6 +71,7 @@ _HOME = {
     "Project": "project",
     "Recording": "recording",
     "Regression": "regression",
+    "Reproduction": "reproduction",
     "ResidualAnalysis": "residuals",
     "SavedRun": "saved",
     "Sensitivities": "batch",
@@ -99,6 +101,7 @@ _HOME = {
     "noise_study": "studies",
     "profile": "profiles",
     "regress": "regression",
+    "reproduce": "reproduction",
     "residual_analysis": "residuals",
     "rotary_pendulum": "models",
     "run_tasks": "executor",
@@ -115,11 +118,11 @@ _HOME = {
 __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
            "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted", "Outcome",
            "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
-           "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
+           "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
            "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
            "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
            "identify", "integer_model", "linear_multi_term", "linear_system", "load_project", "load_recording",
-           "load_run", "multi_term", "noise_study", "profile", "regress", "residual_analysis",
+           "load_run", "multi_term", "noise_study", "profile", "regress", "reproduce", "residual_analysis",
            "rotary_pendulum", "run_tasks", "save_recording", "sensitivities", "simulate", "solve_fde",
            "solve_fde_batch", "spread", "write_report"]  # fmt: skip
 

@@ -400,7 +400,7 @@ def _exact_third(q: float, steps: int) -> Kernel:
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
 _real, _whole, _row = types.float64, types.int64, types.float64[::1]
-_compile = {"nogil": True, "error_model": "numpy"}
+_compile: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 @kept(types.UniTuple(_row, 2)(_real, _whole), **_compile)

@@ -31,6 +31,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -52,8 +53,10 @@ __all__ = [
     "Run",
     "RunState",
     "inputs_of",
+    "machine",
     "open_folder",
     "open_run",
+    "result_of",
     "run_state",
     "versions",
     "write_result",
@@ -245,7 +248,7 @@ def open_folder(folder: Path) -> Path:
                 (folder / old).unlink(missing_ok=True)
             for path in (*_figures(folder), *_halves(folder)):
                 path.unlink(missing_ok=True)
-            environment: dict[str, Json] = {"versions": versions(), "platform": platform.platform()}
+            environment: dict[str, Json] = {"versions": versions(), **machine()}
             environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
             write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
         except OSError as error:
@@ -297,6 +300,28 @@ def versions() -> dict[str, str]:
     return found
 
 
+def machine() -> dict[str, str]:
+    """System and processor, by which the last bits of a result may differ.
+
+    Examples
+    --------
+    >>> sorted(machine())
+    ['platform', 'processor']
+    """
+    return {"platform": platform.platform(), "processor": _processor()}
+
+
+@cache
+def _processor() -> str:
+    """Its model, where Linux says it; else what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text whole or not at all; see :func:`write_whole`.
 
@@ -342,6 +367,22 @@ def write_whole(path: Path, content: bytes) -> None:
         neighbour.unlink(missing_ok=True)
 
 
+def result_of(fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:
+    """Give the content of ``result.json``.
+
+    Examples
+    --------
+    >>> result_of.__name__
+    'result_of'
+    """
+    return fit.to_json() | {
+        "preset": project.preset,
+        "data_sha256": {r.name: r.sha256 for r in project.recordings},
+        "versions": versions(),
+        "timing": {stage: round(seconds, 3) for stage, seconds in timing.items()},
+    }
+
+
 def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:
     """Write ``result.json`` and ``project.toml``; gives the former's content.
 
@@ -350,12 +391,7 @@ def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, 
     InputError
         If the disk will not take them.
     """
-    result = fit.to_json() | {
-        "preset": project.preset,
-        "data_sha256": {r.name: r.sha256 for r in project.recordings},
-        "versions": versions(),
-        "timing": {stage: round(seconds, 3) for stage, seconds in timing.items()},
-    }
+    result = result_of(fit, project, timing)
     try:
         write_text(folder / "result.json", json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
         write_text(folder / "project.toml", project.text)

@@ -1,10 +1,25 @@
 """The command line, ``fracid check``, ``fit`` …: one file a command; :mod:`fracid.cli.app` holds the frame."""
 
-from fracid.cli import check, compare, demo, export, fit, init, noise, profile, regress, report, resid, resume, simulate
+from fracid.cli import (
+    check,
+    compare,
+    demo,
+    export,
+    fit,
+    init,
+    noise,
+    profile,
+    regress,
+    report,
+    reproduce,
+    resid,
+    resume,
+    simulate,
+)
 from fracid.cli.app import app, main
 
 __all__ = ["app", "check", "compare", "demo", "export", "fit", "init", "main", "noise", "profile", "regress", "report",
-           "resid", "resume", "simulate"]  # fmt: skip
+           "reproduce", "resid", "resume", "simulate"]  # fmt: skip
 
 PANELS = {
     "Look": ["check", "init"],

@@ -33,7 +33,7 @@ from fracid.errors import InputError, NotTrusted
 if TYPE_CHECKING:
     from fracid.runs import RunState
 
-__all__ = ["KINDS", "resume"]
+__all__ = ["KINDS", "resume", "safe_words", "said_command"]
 
 STUDIES = ("compare", "noise")
 """The commands that are typed again."""
@@ -127,12 +127,8 @@ def _typed_again(
     folder: Path, jobs: int, executor: str | None, scheduler: str | None, json_: bool, trust: bool
 ) -> None:
     """Type a study's command again, where it was typed."""
-    try:
-        said = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
-        words, where = [str(word) for word in said["command"]], Path(said["directory"])
-    except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
-    again = _safe(folder, words, executor or scheduler, trust)
+    words, where = said_command(folder)
+    again = safe_words(folder, words, executor or scheduler, trust)
     more = ["--out", str(folder.resolve()), "--jobs", str(jobs), *(["--json"] if json_ else [])]
     more += ["--executor", executor] if executor else []
     more += ["--scheduler", scheduler] if scheduler else []
@@ -144,10 +140,19 @@ def _typed_again(
         raise typer.Exit(code)
 
 
-def _safe(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:
+def said_command(folder: Path) -> tuple[list[str], Path]:
+    """What was typed for a study, and where, by its environment.json."""
+    try:
+        said = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
+        return [str(word) for word in said["command"]], Path(said["directory"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
+
+
+def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:
     """The command without what only the caller may say: the folder may come from a stranger."""
     if words[:1] not in ([name] for name in STUDIES):
-        raise InputError(f"{folder} holds no study that can be gone on with; those are {' and '.join(STUDIES)}.")
+        raise InputError(f"{folder} holds no study that can be typed again; those are {' and '.join(STUDIES)}.")
     if any(".py:" in word for word in words) and not trust:
         raise NotTrusted(
             f"{folder} wants to run code: {shlex.join(['fracid', *words])}. Read the file; if you trust it say so: "

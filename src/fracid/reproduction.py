@@ -1,0 +1,261 @@
+"""A run done again, from what its folder says, and its result held against the first one.
+
+::
+
+    run folder  ──  project.toml, recordings (by their hashes), run.json: options, seed  ──  identify  ──  result
+         │                                                                                                   │
+         └── result.json  ──────────────────────────  value by value  ──────────────────────────────────────┘
+
+The same inputs, seed and versions on the same kind of machine give the same numbers to the last bit, for any number of
+threads: every sum has a fixed order, linear algebra has one thread, and all randomness has the seed's.  Other versions
+and other processors round differently in the last place, and a search that takes its way by differences of costs ends
+that much elsewhere.  So there *what was found* (values of unknowns, costs, root mean squares) is held to
+:data:`ELSEWHERE`, of its size or, if that is larger, of half its interval; derived numbers, a p-value or a difference
+of two nearly equal costs, may differ by more, and are told.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+
+if TYPE_CHECKING:
+    from fracid.saved import SavedRun
+
+__all__ = ["ELSEWHERE", "Difference", "Reproduction", "compared", "reproduce"]
+
+ELSEWHERE = 1e-9
+"""How far what was found may be off with other versions or on another machine."""
+
+PASSING = ("timing", "versions")
+"""Blocks of a result that say how it was made: not compared."""
+
+FOUND = ("value", "cost", "rmse")
+"""Names under which a result says what was found."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One place where two results are not the same."""
+
+    where: str
+    """``orders.mu.value``, as jq takes it."""
+    before: Any
+    after: Any
+    size: float
+    """|after − before| over the larger of both or, of an unknown, over half its interval; infinite for what is no
+    number in both."""
+    found: bool
+    """Whether it is something that was found, and not derived from it."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What :func:`reproduce` gives."""
+
+    result: Mapping[str, Any]
+    """The new one."""
+    values: int
+    """How many were compared."""
+    differences: tuple[Difference, ...]
+    """The largest first, what was found before what was derived."""
+    changed: Mapping[str, tuple[str, str]]
+    """What is not as it was, versions, machine, own code → before and now."""
+
+    @property
+    def identical(self) -> bool:
+        """Whether no value differs in its last bit."""
+        return not self.differences
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether it came out as it should: the same to the bit, or with other versions or elsewhere nearly so."""
+        found = [d.size for d in self.differences if d.found]
+        return self.identical or (bool(self.changed) and max(found, default=0.0) <= ELSEWHERE)
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        but = f" {_listed(self.changed)}: not as they were." if self.changed else ""
+        if self.identical:
+            return f"Identical: all {self.values} values are the same to the last bit.{but}"
+        found = [d.size for d in self.differences if d.found]
+        count = f"{len(self.differences)} of {self.values} values differ"
+        far = f"what was found by {max(found):.1g} of its size at most" if found else "none of those that were found"
+        if self.reproduced:
+            return f"Reproduced: {count}, {far}; {ELSEWHERE:g} is allowed.{but}"
+        if self.changed:
+            return f"Not reproduced: {count}, {far}; {ELSEWHERE:g} is allowed.{but}"
+        return (
+            f"Not reproduced: {count}, {far}, with the same data, seed, versions and machine. That is a fault of "
+            "fracid: please report it, with both results."
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return {
+            "identical": self.identical,
+            "reproduced": self.reproduced,
+            "verdict": self.verdict,
+            "values": self.values,
+            "changed": {what: list(pair) for what, pair in self.changed.items()},
+            "differences": [
+                {"where": d.where, "before": d.before, "after": d.after, "found": d.found,
+                 "size": d.size if isfinite(d.size) else None}
+                for d in self.differences
+            ],
+        }  # fmt: skip
+
+
+def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **options: Any) -> Reproduction:
+    """Do a fit again and hold its result against the one in its folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of a run of ``fracid fit`` that is finished.  Nothing is written there.
+    trust : bool
+        Let its project run code of its own; see :func:`fracid.load_run`.
+    jobs : int
+        Threads; no value depends on it.
+    **options
+        Passed on to :func:`fracid.identify`, such as ``callback``.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    InputError
+        If it is no finished fit, or if its recordings are not where they were, or are others.
+    NotTrusted
+        If its project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> reproduce(tempfile.mkdtemp())
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
+    wrote.
+    """
+    import scipy.linalg  # noqa: F401 (brings a library of its own, which must be there to be held)
+    from threadpoolctl import threadpool_limits
+
+    from fracid.identify import identify
+    from fracid.runs import result_of, run_state
+    from fracid.saved import load_run
+
+    run = load_run(folder, trust=trust)
+    state = run_state(run.folder)
+    if not state.finished:
+        raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
+    with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
+        fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
+    return compared(run.result, result_of(fit, run.project, {}), _changed(run, state.inputs))
+
+
+def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
+    """The options of the run, as identify takes them; a scheduler's starts are those of processes."""
+    starts, executor = options.get("starts"), options.get("executor") or "threads"
+    optimiser = "multistart" if starts else options.get("optimiser") or run.project.optimiser
+    return {
+        "optimiser": optimiser, "seed": options.get("seed"), "starts": starts, "cut": bool(options.get("cut")),
+        "executor": "processes" if "://" in executor else executor,
+    }  # fmt: skip
+
+
+def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Versions, code and machine that are not as they were; the data cannot be others, :func:`load_run` looks."""
+    from fracid.runs import inputs_of, machine
+
+    now = inputs_of(run.project)
+    found = {
+        what: (str(inputs[what]), now[what])
+        for what in now
+        if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
+    }
+    try:
+        there = json.loads((run.folder / "environment.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        there = {}
+    here = machine()
+    return found | {
+        f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]
+    }
+
+
+def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
+    """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
+    said = ", ".join(
+        what if what.startswith("the code") else f"{what} ({before}, now {now})"
+        for what, (before, now) in changed.items()
+    )
+    return said[:1].upper() + said[1:]
+
+
+# --- value by value ----------------------------------------------------------------------------------
+
+
+def compared(
+    before: Mapping[str, Any], after: Mapping[str, Any], changed: Mapping[str, tuple[str, str]] | None = None
+) -> Reproduction:
+    """Hold one result, as plain JSON values, against another.
+
+    Examples
+    --------
+    >>> one = {"orders": {"mu": {"value": 0.9, "interval95": [0.8, 1.0]}}, "timing": {"total": 3.1}}
+    >>> other = {"orders": {"mu": {"value": 0.90001, "interval95": [0.8, 1.0]}}, "timing": {"total": 2.9}}
+    >>> compared(one, one).verdict
+    'Identical: all 3 values are the same to the last bit.'
+    >>> [(d.where, float(round(d.size, 6))) for d in compared(one, other).differences]
+    [('orders.mu.value', 1.1e-05)]
+    """
+    pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
+    differences = sorted((d for d in pairs if d is not None), key=lambda d: (not d.found, -d.size, d.where))
+    return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
+
+
+def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -> Iterator[Difference | None]:
+    """One for each value: None where it is the same."""
+    before, after = ({} if v is _MISSING and isinstance(o, dict) else v for v, o in ((before, after), (after, before)))
+    if isinstance(before, dict) and isinstance(after, dict):
+        width = _half_width(before)
+        for name in {**before, **after}:
+            if path or name not in PASSING:
+                yield from _pairs((*path, name), before.get(name, _MISSING), after.get(name, _MISSING), width)
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for place, pair in enumerate(zip(before, after, strict=True)):
+            yield from _pairs((*path, str(place)), *pair)
+    elif type(before) is type(after) and before == after:
+        yield None
+    else:
+        size = _size(before, after, width if path[-1] == "value" else 0.0)
+        yield Difference(".".join(path), _shown(before), _shown(after), size, any(name in FOUND for name in path[-2:]))
+
+
+_MISSING = object()
+"""In place of a value that only one of the results has."""
+
+
+def _shown(value: Any) -> Any:
+    return "missing" if value is _MISSING else value
+
+
+def _half_width(estimate: Mapping[str, Any]) -> float:
+    ends = estimate.get("interval95")
+    return (ends[1] - ends[0]) / 2 if isinstance(ends, list) and len(ends) == 2 and None not in ends else 0.0
+
+
+def _size(before: Any, after: Any, width: float) -> float:
+    both = (before, after)
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in both):
+        return inf
+    return float(abs(after - before) / max(abs(before), abs(after), width))
