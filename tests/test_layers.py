@@ -27,7 +27,7 @@ LAYERS = (
     {"criteria", "profiles"},
     {"bootstrap", "diagnostics", "residuals"},
     {"search"},
-    {"alternative", "cut"},
+    {"alternative", "cut", "honesty"},
     {"ladder"},
     {"identify"},
     {"runs", "saved"},

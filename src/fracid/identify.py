@@ -13,7 +13,8 @@ cma                    CMA-ES, then least squares
 nelder-mead            the simplex, then least squares
 ====================== ==========================================================================
 
-Whatever found the minimum, :func:`identify` then
+Before the search it looks for faults of the data and of the project that would make it find nothing that means
+anything (:mod:`fracid.honesty`).  Whatever found the minimum, :func:`identify` then
 
 1. measures the uncertainty of every unknown (:mod:`fracid.uncertainty`) and says in words what the data can tell of
    it (:func:`fracid.identifiability`),
@@ -43,11 +44,13 @@ from fracid.alternative import Alternative, integer_alternative
 from fracid.bootstrap import Spread, spread
 from fracid.cut import CutCheck, cut_check, whole_records
 from fracid.diagnostics import Verdict, identifiability
+from fracid.findings import Finding
+from fracid.honesty import after, before, failed
 from fracid.journal import Journal
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Free, Problem, Unknown, refuse_twins
-from fracid.recording import resolution
+from fracid.recording import Report, resolution
 from fracid.search import Start, Watch, growing, minimised, refined, search, won
 from fracid.uncertainty import METHODS, Uncertainty, uncertainty
 
@@ -208,6 +211,9 @@ class Fit(FitPictures):
     seed: int
     optimiser: str
     warnings: tuple[str, ...] = ()
+    """Sentences, those of the findings among them."""
+    findings: tuple[Finding, ...] = ()
+    """Faults of data, project or model that were seen, each with the number that shows it."""
     timing: Mapping[str, float] = field(default_factory=dict)
     """Seconds spent, per stage."""
     starts: tuple[Start, ...] = ()
@@ -245,6 +251,7 @@ class Fit(FitPictures):
             "cut": None if self.cut is None else self.cut.to_json(),
             "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
             "warnings": list(self.warnings),
+            "findings": [f.to_json() for f in self.findings],
             "seed": self.seed,
         }
 
@@ -262,6 +269,7 @@ def identify(
     cut: bool = False,
     executor: str = "threads",
     journal: Journal | None = None,
+    seen: tuple[Finding, ...] | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
@@ -290,6 +298,8 @@ def identify(
         treatments of its past (:func:`fracid.cut_check`).
     executor, journal
         Where many starts run, and what keeps each as it ends; see :func:`fracid.executor.run_tasks`.
+    seen : tuple of Finding, optional
+        What :func:`fracid.honesty.before` found; asked for if left out.
     options : mapping
         Passed on to the optimiser.
 
@@ -315,8 +325,10 @@ def identify(
     (0.9, 0.95)
     """
     whole: Mapping[str, Experiment] = {}
+    reports: Mapping[str, Report] | None = None
     if not isinstance(problem, Problem):
         project = problem
+        reports = {r.name: r.report for r in project.recordings}
         whole = whole_records(project) if cut else {}
         problem, validation = project.problem, project.validation
         optimiser = optimiser or project.optimiser
@@ -324,13 +336,16 @@ def identify(
     name, seed = optimiser or "multistart", 1 if seed is None else seed
     refuse_twins([*problem.experiments, *validation])
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
+    seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
+    clock.lap("look")
     result, made = search(problem, name, rng, jobs=jobs, starts=starts or 1, watch=watch, options=dict(options or {}),
                           executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    found = _Findings(problem, result, made)
+    found = _Findings(problem, result, made, seen=[*seen])
     if not np.isfinite(result.best.cost):
         found.known = "every run failed"
         found.warnings.append(f"No run reached its end: {result.best.reason}.")
+        found.seen += failed(problem, result.best.point)
     elif not result.interrupted:
         _examine(found, name, validation, whole if cut else None, jobs, clock)
     return _fit(found, name, seed, watch.count, clock.laps)
@@ -351,6 +366,7 @@ class _Findings:
     alternative: Alternative | None = None
     cut: CutCheck | str | None = None
     warnings: list[str] = field(default_factory=list)
+    seen: list[Finding] = field(default_factory=list)
     interrupted: bool = False
 
 
@@ -364,12 +380,15 @@ def _examine(
         found.known = uncertainty(problem, x, jobs=jobs)
         found.verdicts = identifiability(problem, x, found.known, jobs=jobs)
         clock.lap("uncertainty")
+        found.seen += after(problem, x, found.known, jobs=jobs)
+        clock.lap("honesty")
         for e in validation:
             found.validated[e.name], reason = _validate(problem, x, e, jobs)
             found.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         clock.lap("validation")
         found.check = _discretisation(problem, x, found.known, jobs)
         found.warnings.append(found.check.warning)
+        found.seen += _coarse(problem, found.check)
         clock.lap("discretisation")
         if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
             found.spread = spread(problem, x, jobs=jobs)
@@ -415,7 +434,9 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         estimates |= {n: replace(estimates[n], identifiable=verdict, reason="") for n in found.alternative.orders}
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
-    said = (*_warnings(problem, known, found.verdicts), *_misfits(fitted, len(found.starts)), *found.warnings)
+    seen = (*found.seen, *_misfits(fitted, len(found.starts)))
+    said = (*(str(f) for f in seen if f.code != COARSE_STEP), *_warnings(problem, known, found.verdicts),
+            *found.warnings)  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
@@ -425,7 +446,7 @@ def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mappi
         alternative=found.alternative, spread=found.spread, cut=found.cut if isinstance(found.cut, CutCheck) else None,
         discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
         timing=dict(timing),
-        warnings=tuple(w for w in said if w),
+        warnings=tuple(w for w in said if w), findings=tuple(seen),
     )  # fmt: skip
 
 
@@ -487,6 +508,9 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
     return _recording(alone, best.point, estimates, e, "validate"), best.reason
 
 
+COARSE_STEP = "step"
+"""The code of a finding of the discretisation check, whose sentence stands there."""
+
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
@@ -519,6 +543,15 @@ def _discretisation(problem: Problem, x: FloatArray, known: Uncertainty | str, j
             f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
         ).strip()
     return Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
+
+
+def _coarse(problem: Problem, check: Discretisation) -> Iterator[Finding]:
+    """The discretisation check as a finding."""
+    if not check.warning:
+        return
+    change = 100 * abs(check.cost_half_step / check.cost - 1) if check.cost > 0 else np.inf
+    yield Finding(COARSE_STEP, "", change, 100 * COARSE, f"% of the cost at half the step of {problem.method}",
+                  check.warning)  # fmt: skip
 
 
 def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | str) -> str:
@@ -595,14 +628,15 @@ POOR = 20.0
 """A fit of less than this [%] is called poor."""
 
 
-def _misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[str]:
+def _misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Finding]:
     again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
     for r in recordings.values():
         for output, percent in r.fit_percent.items():
             if percent < POOR:
                 worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
                 means = f"fit {percent:.1f} %; no value of it means much{again}."
-                yield f"{r.name}: the model is {worse} for {output}, {means}"
+                yield Finding("cannot-explain", r.name, percent, POOR, "% fit",
+                              f"the model is {worse} for {output}, {means}")  # fmt: skip
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:

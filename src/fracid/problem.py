@@ -560,6 +560,11 @@ class Problem:
         return states
 
     @property
+    def rates(self) -> Mapping[int, int]:
+        """For each scored output's state i the state j with D^q x_i = x_j."""
+        return self._rates
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns."""
         return tuple(u.name for u in self.unknowns)

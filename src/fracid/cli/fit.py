@@ -150,11 +150,16 @@ def run_fit(
 
 def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser: str, **options: Any) -> Fit:
     """Identify; what was simulated before a resumption is read from the folder."""
+    from fracid.honesty import before
     from fracid.identify import identify
     from fracid.memo import Memo
     from fracid.optimise import EvaluationLog
     from fracid.runs import EVALUATIONS, MEMO
 
+    reports = {r.name: r.report for r in project.recordings}
+    seen = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    for finding in seen:  # now, for a search may take its time to find nothing
+        sys.stderr.write(f"{finding}\n")
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
         _progress(optimiser, quiet) as callback,
@@ -165,7 +170,7 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
             sys.stderr.write(f"{note}\n")
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
-                         journal=journal, **options)  # fmt: skip
+                         journal=journal, seen=seen, **options)  # fmt: skip
     return replace(found, problem=project.problem)
 
 

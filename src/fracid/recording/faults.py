@@ -16,8 +16,9 @@ Saturation
     cut off where it also comes near the limit gradually: a square wave jumps there, because it was told to.
 
 Sampling
-    A motion that is sampled often enough has no power near the highest frequency that can be seen, half the sampling
-    rate (Nyquist's).  Where a signal has, there may be more beyond, and that is seen at a wrong frequency.
+    A motion that is sampled often enough has no line near the highest frequency that can be seen, half the sampling
+    rate (Nyquist's).  Where a signal has, there may be more beyond, and that is seen at a wrong frequency.  Power
+    that is spread over all frequencies is noise, and no fault.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ EXACT = 2e-3
 BOTH_SIDES = 3
 """Changes from half a turn on one side to half a turn on the other that no pendulum makes."""
 
-HARDLY = math.radians(0.5)
-"""Swings below this to each side are suspiciously small [rad]."""
+HARDLY = math.radians(1.6)
+"""Swings below this to each side are suspiciously small [rad]: as radians they are 92°."""
 
 FLAT = 12.0
 """Fall at both ends of a top, in steps, where a parabola falls by 3."""
@@ -62,7 +63,7 @@ GRADUAL = 0.25
 """Of its range: an input that is this near its limit before it is reached was not told to jump."""
 
 NEAR_NYQUIST = 0.05
-"""Share of the power above a quarter of the sampling rate."""
+"""Share of the power at one frequency above a quarter of the sampling rate; white noise has 0.01."""
 
 SAMPLES_A_SWING = 8.0
 """Fewer draw no swing."""
@@ -206,13 +207,15 @@ def _sampling(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
     if not step > 0:
         return
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
-    share = float(power[power.size // 2 :].sum() / max(power.sum(), 1e-300))
+    total, band = np.concatenate([[0.0], np.cumsum(power)]), max(1, power.size // 100)
+    within = (total[band:] - total[:-band])[power.size // 2 :]  # a hundredth of all frequencies
+    share = float(within.max(initial=0.0)) / max(float(total[-1]), 1e-300)
     swing = x.size / max(1, int(np.argmax(power)))  # samples a period
     if share > NEAR_NYQUIST:
         yield Finding("aliased", s.name, 100 * share, 100 * NEAR_NYQUIST, "% of its power",
-                      f"{100 * share:.2g} % of its power lies above {0.25 / step:.3g} Hz, a quarter of the sampling "
-                      "rate: it is noise, or a motion faster than can be seen, shown at a wrong frequency. Sample "
-                      f"faster; {1 / step:.4g} Hz is too slow.")  # fmt: skip
+                      f"{100 * share:.2g} % of its power lies at one frequency above {0.25 / step:.3g} Hz, a quarter "
+                      "of the sampling rate: a motion that is faster still would be shown there, at a wrong frequency. "
+                      f"Sample faster; {1 / step:.4g} Hz may be too slow.")  # fmt: skip
     elif swing < SAMPLES_A_SWING:
         yield Finding("aliased", s.name, swing, SAMPLES_A_SWING, "samples a swing",
                       f"it has {swing:.2g} samples a swing: too few to draw it. Sample faster than {1 / step:.4g} Hz, "
