@@ -39,7 +39,6 @@ FORBIDDEN = {
 ALLOWED = {
     ("own_code.py", "exec_module"): "the one place where a user's file is run, trusted: tests/test_trust.py",
     ("executor.py", "pickle.loads"): "what this process's own pool, or the scheduler that the caller named, sends",
-    ("recording/table.py", "np.load"): "with allow_pickle=False, as the next test sees",
 }
 """File and call → why it may stay."""
 
@@ -60,13 +59,6 @@ CALLS = [
 
 def test_no_call_runs_what_it_is_given_but_those_with_a_reason():
     assert {(file, name) for file, name, _ in CALLS if name in FORBIDDEN} == set(ALLOWED)
-
-
-def test_arrays_are_loaded_without_pickle():
-    loads = [node for _, name, node in CALLS if name == "np.load"]
-    assert loads
-    for node in loads:
-        assert {k.arg: ast.unparse(k.value) for k in node.keywords}["allow_pickle"] == "False"
 
 
 def test_nothing_is_imported_that_runs_or_fetches_what_it_reads():

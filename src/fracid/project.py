@@ -34,9 +34,12 @@ release, by its genetic algorithm.  It overrides whatever else the file says of 
 from __future__ import annotations
 
 import difflib
+import stat
 import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -44,7 +47,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from fracid.costs import cost_from_name
 from fracid.errors import InputError, NotTrusted
-from fracid.foreign import refuse_unseen
+from fracid.foreign import printable, refuse_unseen
 from fracid.memory import memory_from_name
 from fracid.mistaken import refuse_mistaken
 from fracid.models import Model, model_from_name
@@ -58,6 +61,15 @@ __all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
 
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
+
+LARGEST_FILE = 2**24
+"""Of a project [bytes]: 100,000 recordings."""
+
+DEEPEST = 16
+"""Tables and lists within each other."""
+
+LONGEST_MESSAGE = 600
+"""Characters."""
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
@@ -212,12 +224,24 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     """
     path = Path(path)
     refuse_mistaken(path, "project")
+    return project_from_text(_text(path), path, preset=preset, trust=trust)
+
+
+def _text(path: Path) -> str:
+    """Read a project file; of a pipe or device nobody knows the end, and a recording by mistake may be large."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"The project file {path} cannot be read: {reason}.") from None
-    return project_from_text(text, path, preset=preset, trust=trust)
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+            raise InputError(f"The project file {path} is no plain file but a pipe or a device; save it to a file.")
+        if found.st_size > LARGEST_FILE:
+            raise InputError(f"The project file {path} has {found.st_size} bytes; expected {LARGEST_FILE} at most.")
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"The project file {path} cannot be read: it is not UTF-8 text; save it as UTF-8.") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"The project file {path} cannot be read: {getattr(error, 'strerror', error)}.") from None
 
 
 def project_from_text(text: str, path: Path, *, preset: str | None = None, trust: bool = False) -> Project:
@@ -232,17 +256,46 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
     """
     try:
-        said = _File.model_validate(tomllib.loads(text))
+        said = _File.model_validate(_toml(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not TOML: {error}.") from None
+        raise InputError(f"{path} is not TOML: {_short(error)}.") from None
     except ValidationError as error:
-        raise InputError(f"{path}: {_explain(error)}") from None
+        raise InputError(f"{path}: {_short(_explain(error))}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     try:
         return _project(path, text, said, preset or said.fit.preset, trust)
     except NotTrusted:
         raise
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {_short(error)}") from None
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """Parse, and refuse what no project says and Python stumbles over: depths and whole numbers without end."""
+    try:
+        said = tomllib.loads(text)
+    except RecursionError:
+        raise InputError("its tables or lists lie too deep in each other; a project has three levels.") from None
+    except ValueError as error:
+        if isinstance(error, tomllib.TOMLDecodeError):
+            raise
+        raise InputError("it holds a whole number of thousands of digits.") from None
+    level: list[Any] = [said]
+    for _ in range(DEEPEST):
+        level = [v for item in level for v in (item.values() if isinstance(item, dict) else item)]
+        if any(isinstance(v, int) and v.bit_length() > 63 for v in level):
+            raise InputError("it holds a whole number of more than 18 digits; write it with a point if it is meant.")
+        level = [v for v in level if isinstance(v, dict | list)]
+    if level:
+        raise InputError(f"its tables or lists lie more than {DEEPEST} deep in each other; a project has three levels.")
+    return said
+
+
+def _short(said: object) -> str:
+    """In one line that can be seen whole: what a file says may be of any length, and lie in any message."""
+    line = printable(" ".join(str(said).split()))
+    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} … {line[-190:]}"
 
 
 def _project(path: Path, text: str, said: _File, preset: str | None, trust: bool) -> Project:
@@ -276,7 +329,7 @@ def _project(path: Path, text: str, said: _File, preset: str | None, trust: bool
         fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps, fit.weights,  # type: ignore[arg-type]
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
-    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
+    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
     return Project(
         path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
     )
@@ -334,6 +387,8 @@ def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Rec
         raise InputError(
             f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
         )
+    if isinstance(said.start, float) and said.stop is not None and said.start >= said.stop:
+        raise InputError(f"{name}: from = {said.start:g} is not before to = {said.stop:g}.")
     found = load_recording(
         folder / said.file, columns, time=said.time, start=None if past else said.start, stop=said.stop,
         resample=said.resample, name=name, variable=said.variable,
@@ -345,10 +400,21 @@ def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Rec
 
 
 def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
-    names = [r.name for r in recordings]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"two recordings are named {name!r}; give each its own name.")
+    name, count = Counter(r.name for r in recordings).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"two recordings are named {name!r}; give each its own name.")
+
+
+def _shared(recordings: tuple[Recording, ...]) -> list[str]:
+    """Say which recordings share samples: these count twice, or judge what was fitted to them."""
+    by_start = sorted(recordings, key=lambda r: (r.sha256, r.time[0], r.time[-1]))
+    return [
+        f"{one.name} and {other.name} are the same samples of {other.path.name} from {other.time[0]:.6g} to "
+        f"{min(one.time[-1], other.time[-1]):.6g} s: they count twice, or judge what was fitted to them. "
+        "Part them with from and to."
+        for one, other in pairwise(by_start)
+        if one.sha256 == other.sha256 and other.time[0] < one.time[-1]
+    ]
 
 
 def _orders(said: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:

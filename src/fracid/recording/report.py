@@ -347,7 +347,9 @@ def resolution(signal: Array) -> float | None:
         return None
     q = float(np.mean(spacings[spacings < 1.5 * spacings.min()]))
     multiples = spacings[spacings < 20 * q] / q
-    return round(q, 12) if np.mean(np.abs(multiples - np.round(multiples))) < 0.1 else None
+    if not 1e-12 <= q <= 1e12 or np.mean(np.abs(multiples - np.round(multiples))) >= 0.1:
+        return None
+    return round(q, 12)
 
 
 def _counts_per_turn(q: float) -> int:
