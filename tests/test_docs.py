@@ -17,6 +17,7 @@ PAGES = (
     "docs/export.md",
     "docs/theory.md",
     "docs/recording.md",
+    "docs/choosing.md",
     "docs/honesty.md",
     "README.md",
 )
