@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz package clean-cache
+.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz notebook package clean-cache
 
 setup: $(READY)
 
@@ -77,6 +77,10 @@ $(PACKING): tests/packaging/requirements.txt
 	$(PYTHON) -m venv .venv-package
 	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check -r tests/packaging/requirements.txt
 	touch $@
+
+# Executes the notebook of the paper anew, with its figures: a minute.
+notebook: $(READY)
+	$(BIN)/python tests/notebook.py examples/paper.ipynb
 
 # Numba's cache of compiled loops does not notice a change in a module that they call.
 clean-cache:

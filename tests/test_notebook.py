@@ -1,0 +1,80 @@
+"""The notebook of the paper is stored as it was executed, and executed again it prints the same."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+
+FOLDER = Path(__file__).parents[1]
+PAPER = FOLDER / "examples" / "paper.ipynb"
+LARGEST = 1.5e6  # bytes
+SAME = 0.02
+"""By which a printed number may differ on another machine, relatively; and once in the last digit printed."""
+
+
+def stored():
+    return nbformat.read(PAPER, as_version=4)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def printed(notebook):
+    return "".join(o.text for cell in code(notebook) for o in cell.outputs if o.output_type == "stream")
+
+
+def pictures(notebook):
+    return [o for cell in code(notebook) for o in cell.outputs if "image/png" in o.get("data", {})]
+
+
+def numbers(text):
+    """All numbers of a text, as they stand there."""
+    return re.findall(r"(?<![\w.])[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?", text)
+
+
+def test_it_is_stored_with_its_outputs_executed_from_top_to_bottom():
+    cells = code(stored())
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    kinds = {o.get("name", o.output_type) for cell in cells for o in cell.outputs}
+    assert kinds <= {"stdout", "display_data", "execute_result"}  # neither errors nor warnings
+    assert len(pictures(stored())) >= 10
+    assert PAPER.stat().st_size < LARGEST
+
+
+def test_nothing_in_it_is_of_one_machine_or_one_run():
+    text = PAPER.read_text(encoding="utf-8")
+    assert not re.search(r"/home/|/root/|/tmp/|/work/|C:\\\\|<Figure|\"execution\"|iopub", text)
+
+
+def test_links_lead_somewhere():
+    text = "".join(cell.source for cell in stored().cells if cell.cell_type == "markdown")
+    targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", text)
+    assert targets
+    assert [t for t in targets if not (PAPER.parent / t).exists()] == []
+
+
+@pytest.mark.slow  # half a minute of one core
+def test_executed_again_it_prints_the_same(tmp_path):
+    (tmp_path / "docs").mkdir()
+    copy = tmp_path / PAPER.name
+    copy.write_bytes(PAPER.read_bytes())
+    command = [sys.executable, str(FOLDER / "tests" / "notebook.py"), str(copy)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    again = nbformat.read(copy, as_version=4)
+    assert len(pictures(again)) == len(pictures(stored()))
+    before, after = printed(stored()), printed(again)
+    assert re.sub(r"\d", "#", before)[:200] == re.sub(r"\d", "#", after)[:200]
+    pairs = list(zip(numbers(before), numbers(after), strict=True))
+    assert [(a, b) for a, b in pairs if not alike(a, b)] == []
+
+
+def alike(a, b):
+    """Within some per cent; of what is next to nothing (1.18e-10°) only that it is."""
+    x, y = (float(text.replace(",", "")) for text in (a, b))
+    digit = 10.0 ** -len(a.partition("e")[0].partition(".")[2])
+    return abs(x - y) <= max(SAME * abs(x), digit if "e" not in a else 1e-6)
