@@ -223,13 +223,13 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     (('alpha',), ('lambda', 'mu'))
     """
     path = Path(path)
-    refuse_mistaken(path, "project")
     return project_from_text(_text(path), path, preset=preset, trust=trust)
 
 
 def _text(path: Path) -> str:
     """Read a project file; of a pipe or device nobody knows the end, and a recording by mistake may be large."""
     try:
+        refuse_mistaken(path, "project")
         found = path.stat()
         if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
             raise InputError(f"The project file {path} is no plain file but a pipe or a device; save it to a file.")

@@ -80,8 +80,9 @@ def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]
         raise DataError(_nothing(Path(source), left_out))
     names, units = zip(*(name_and_unit(name, "", j) for j, name in enumerate(columns)), strict=True)
     values = np.empty((len(next(iter(columns.values()))), len(columns)))
-    for j, column in enumerate(columns.values()):
-        values[:, j] = column
+    with np.errstate(all="ignore"):  # numbers beyond float64 become infinite
+        for j, column in enumerate(columns.values()):
+            values[:, j] = column
     return Chosen(values, names, units, source, left_out)
 
 
@@ -190,7 +191,8 @@ def _numeric(item: Any) -> Array | LeftOut:
 
 def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
     """Lay a matrix out with time downwards: its longer axis; of a square, the one that has a clock."""
-    values = np.squeeze(np.asarray(array, dtype=float))
+    with np.errstate(all="ignore"):
+        values = np.squeeze(np.asarray(array, dtype=float))
     rows, columns = values.shape
     sideways = rows < columns or (rows == columns and _increases(values.T) and not _increases(values))
     values = values.T if sideways else values

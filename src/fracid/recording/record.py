@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,10 +32,14 @@ Array = NDArray[np.float64]
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")
 """A column that is named like time."""
+RATE_NAME = re.compile(r"sampl\w*[ _-]*(rate|freq)|^fs$|rate[ _-]*hz")
+"""A name in a header that is the samples a second."""
 CLOCK_STAMP = 1e6
 """A first time beyond this [s], twelve days, is a date: time is then counted from the first sample."""
 
 
+SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
+"""Of a clock [s]."""
 LARGEST = 1e100
 """No instrument gives more, in whatever unit; squares of more have no number."""
 MOST_RESAMPLED = 50
@@ -413,6 +417,8 @@ def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Ar
         )
     if "rate" in spec:
         return _from_rate(table, spec["rate"])
+    if not spec and len(table.names) == 1 and (rate := _header_rate(table.header)):
+        return (*_from_rate(table, rate)[:2], _Said(None, (f"The rate is {rate:g} Hz, as the header says.",)))
     guessed = not spec
     column = _guess_time(table) if guessed else table.find(spec["column"])
     unit = spec.get("unit") or (table.units[column] if table.units[column] in SECONDS else "s")
@@ -429,14 +435,37 @@ def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Ar
     if abs(stamps[0]) > CLOCK_STAMP:
         sentences.append(f"Time is counted from the first stamp, {stamps[0]:.6f} s.")
         stamps = stamps - stamps[0]
+    _refuse_no_clock(stamps, table)
     return stamps, rows, _Said(column, tuple(sentences))
+
+
+def _refuse_no_clock(stamps: Array, table: Table) -> None:
+    """Refuse what is no time at all; a clock that jitters, repeats or goes back is for the report to tell."""
+    steps = np.abs(np.diff(stamps))
+    steps = steps[steps > 0]
+    if steps.size and not (steps.min() > SHORTEST_STEP and np.ptp(stamps) < LONGEST_TIME):
+        raise DataError(
+            f"{table.source}: time has steps from {steps.min():.3g} to {steps.max():.3g} s over "
+            f"{np.ptp(stamps):.3g} s, as no clock has. Is it another column, or in another unit?"
+        )
 
 
 def _from_rate(table: Table, rate: Any) -> tuple[Array, NDArray[np.bool_], _Said]:
     if not isinstance(rate, (int, float)) or isinstance(rate, bool) or not 0 < rate < np.inf:
         raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
     n = len(table.values)
+    _refuse_no_clock(np.array([0.0, 1 / rate]), table)
     return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, ())
+
+
+def _header_rate(header: Sequence[str]) -> float | None:
+    """Return the samples a second of a header such as ``sample_rate, duration`` over ``1000, 5``."""
+    split = [[cell.strip() for cell in re.split(r"[,;\t]|\s{2,}", line.lstrip("#%/ "))] for line in header]
+    for names, values in pairwise(split):
+        for name, value in zip(names, values, strict=False):
+            if RATE_NAME.search(name.lower()) and re.fullmatch(r"\d+(\.\d+)?", value) and float(value) > 0:
+                return float(value)
+    return None
 
 
 def _guess_time(table: Table) -> int:

@@ -426,7 +426,7 @@ def release_time(time: Array, signal: Array) -> tuple[float | None, str]:
 def _speed(t: Array, x: Array) -> Array:
     """Return |dx/dt| by central differences, zero at the ends."""
     # over 20 ms: one encoder step within one sample is no motion
-    w = max(1, round(0.01 / float(np.median(np.diff(t)))))
+    w = max(1, round(min(0.01 / float(np.median(np.diff(t))), x.size)))
     w = min(w, (x.size - 1) // 2)
     speed = np.zeros_like(x)
     speed[w:-w] = np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w]))

@@ -126,7 +126,11 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
     fracid.errors.InputError: no file swing.docx...
     """
     path = Path(path)
-    if kind_of(path) is not None:
+    try:
+        known = kind_of(path) is not None
+    except (OSError, ValueError):  # for _size to tell
+        known = False
+    if known:
         refuse_mistaken(path, "recording")
     size = _size(path)
     reader = READERS.get(path.suffix.lower())
@@ -152,8 +156,10 @@ def _size(path: Path) -> int:
     """Return the size of a plain file [bytes], or say why there is none: a pipe or a device may never end."""
     try:
         found = path.stat()
-    except (FileNotFoundError, NotADirectoryError, ValueError):
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"no file {path}: {_nearby(path)}") from None
+    except ValueError:
+        raise InputError(f"no file {ascii_short(str(path))}: no file's name holds a zero byte.") from None
     except OSError as error:  # no permission, a link that leads to itself, a name too long
         raise InputError(f"{ascii_short(str(path))[1:-1]} cannot be read: {error.strerror or error}.") from None
     if stat.S_ISDIR(found.st_mode):
@@ -181,7 +187,7 @@ def _without_empty_columns(table: Table) -> Table:
         and table.names[-1] == f"column {len(table.names) - 1}"
         and np.isnan(table.values[:, -1]).all()
     ):
-        return Table(table.values[:, :-1], table.names[:-1], table.units[:-1], table.source, table.header)
+        return replace(table, values=table.values[:, :-1], names=table.names[:-1], units=table.units[:-1])
     return table
 
 
