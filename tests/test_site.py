@@ -131,8 +131,14 @@ def test_a_citation_in_a_table_keeps_its_width(part):
 
 
 def test_formulas_become_mathml_that_needs_no_script(part):
-    pytest.importorskip("latex2mathml")
+    pytest.importorskip("math_core")
     formula = part("mathml").to_mathml(r"D^{q_i} x_i = \tfrac{1}{2}", display=True)
     assert formula.startswith("<math")
     assert "<msup>" in formula
     assert "<script" not in formula
+
+
+@pytest.mark.parametrize("formula", [r"a &= b \\ c &= d", r"a = b \tag{*}", r"\begin{bmatrix} a \\ b \end{bmatrix}"])
+def test_formulas_of_several_lines_and_with_labels_are_read(part, formula):
+    pytest.importorskip("math_core")
+    assert "<mtable" in part("mathml").to_mathml(formula, display=True)

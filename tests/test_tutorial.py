@@ -65,7 +65,7 @@ def test_the_tutorial_runs_and_prints_what_it_says(tmp_path, monkeypatch, capsys
             assert project.read_text(encoding="utf-8") != before
         elif kind == "text":
             assert not_printed(block, output) == []
-        for line in block.splitlines() if kind == "console" else ():
+        for line in block.replace("\\\n", "").splitlines() if kind == "console" else ():
             code, output, said = run(capsys, *shlex.split(line.removeprefix("$ fracid ")))
             assert code == 0, (line, said)
     result = json.loads((tmp_path / "runs" / "release" / "result.json").read_text(encoding="utf-8"))
