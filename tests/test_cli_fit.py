@@ -368,7 +368,7 @@ def test_what_a_process_beside_draws_is_what_is_drawn_here(capsys, project, tmp_
     code, _, err = run(capsys, "fit", path, "--out", tmp_path / "run", "--jobs", jobs)
     assert code == 0, err
     drawn = {p.name for p in (tmp_path / "run" / "figures").iterdir()}
-    stems = ("figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha")
+    stems = ("figure1-rig", "figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha")
     assert drawn == {f"{stem}.{kind}" for stem in stems for kind in ("svg", "png")}
 
 

@@ -108,7 +108,8 @@ FIGURES = {
 @cache
 def drawn(name, style="screen"):
     figure = FIGURES[name](style=style)
-    figure.draw_without_rendering()
+    if style != "screen":
+        figure.draw_without_rendering()
     return figure
 
 
@@ -221,11 +222,12 @@ def test_every_axis_has_its_unit(name):
 
 WRITE = """
 import sys
-sys.path.insert(0, "tests")
-import test_plots_styles as styles
-from fracid.plots import save
-for name in ("rig_drawing", "cut_shifts"):
-    save(styles.FIGURES[name](style="journal"), sys.argv[1], name, ("pdf", "svg"))
+import fracid
+from fracid.plots import cost_plane, save
+rig = fracid.rotary_pendulum("srv02-rotpen")
+plane = cost_plane([0.8, 1.0], [0.8, 1.0], [[1.0, 2.0], [3.0, 4.0]], best=(0.8, 0.8), style="journal")
+for name, figure in (("rig", rig.plot(style="journal")), ("plane", plane)):
+    save(figure, sys.argv[1], name, ("pdf", "svg"))
 """
 
 
@@ -253,6 +255,8 @@ def test_a_pdf_has_its_fonts_as_truetype_a_title_and_no_date(written):
         assert b"/Type3" not in content
         assert b"/Title" in content
         assert b"CreationDate" not in content
+        width = float(content.split(b"/MediaBox [ 0 0 ")[1].split()[0])
+        assert width / 72 * 25.4 == pytest.approx(88, abs=0.1)
 
 
 def test_an_svg_has_a_title_and_no_date(written):

@@ -185,6 +185,14 @@ class Comparison:
             "starts": self.starts,
         }
 
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> Comparison:
+        """The same from :meth:`to_json`, or from compare.json."""
+        amplitude = {n: AmplitudeTest.of_json(test) for n, test in said["amplitude"].items()}
+        return cls(tuple(map(_row_of, said["structures"])), said["verdict"], tuple(said["notes"]),
+                   tuple(said["outputs"]), said["effective_samples"] or math.nan, said["leave_one_out"],
+                   said["cost"], said["seed"], said["starts"], amplitude)  # fmt: skip
+
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
 
@@ -736,6 +744,14 @@ def _row_json(row: Row) -> dict[str, Any]:
         "in_sample": {n: _score_json(s) for n, s in row.in_sample.items()},
         "held_out": {n: _score_json(s) for n, s in row.held_out.items()},
     }  # fmt: skip
+
+
+def _row_of(said: Mapping[str, Any]) -> Row:
+    orders = {n: (o["value"], _pair(o["interval95"])) for n, o in said["orders"].items()}
+    in_sample, held_out = ({n: _score_of(s) for n, s in said[use].items()} for use in ("in_sample", "held_out"))
+    return Row(said["friction"], said["fractional"], said["name"], said["paper"], _infinite(said["cost"]),
+               said["parameters"], _infinite(said["bic_above_best"]), orders, said["values"], tuple(said["at_bound"]),
+               in_sample, held_out, said["outcome"])  # fmt: skip
 
 
 def _lines(row: Row, outputs: Sequence[str]) -> Iterator[dict[str, Any]]:

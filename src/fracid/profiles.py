@@ -45,7 +45,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -184,6 +184,25 @@ class JointProfile:
         }  # fmt: skip
 
 
+def _profile_of(name: str, said: Mapping[str, Any], unknowns: int) -> Profile:
+    values = np.array(said["values"])
+    low, high = said["interval95"]
+    below, above = map(End, said["ends"])
+    wald = None if said["wald95"] is None else (said["wald95"][0], said["wald95"][1])
+    return Profile(name, said["unit"], said["value"], values, np.array(said["rise"]), np.array(said["cost"]),
+                   np.full((values.size, unknowns), math.nan), (below, above), (low, high), wald,
+                   said["verdict"])  # fmt: skip
+
+
+def _joint_of(said: Mapping[str, Any]) -> JointProfile:
+    one, other = said["names"]
+    first_unit, second_unit = said["units"]
+    rise = np.array([[math.inf if w is None else w for w in row] for row in said["rise"]])
+    correlation = math.nan if said["correlation"] is None else said["correlation"]
+    return JointProfile((one, other), (first_unit, second_unit), (said["best"][0], said["best"][1]),
+                        np.array(said["first"]), np.array(said["second"]), rise, correlation)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Profiles:
     """What :func:`profile` found."""
@@ -207,6 +226,23 @@ class Profiles:
             "joint": None if self.joint is None else self.joint.to_json(),
             "notes": list(self.notes),
         }
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any], problem: Problem) -> Profiles:
+        """The same from :meth:`to_json`, but for the other unknowns along the way.
+
+        Parameters
+        ----------
+        said : mapping
+            The content of profiles.json.
+        problem : Problem
+            That was profiled.
+        """
+        joint = said.get("joint")
+        x = np.array([said["minimum"][n] for n in problem.names])
+        profiles = {n: _profile_of(n, p, len(x)) for n, p in said["profiles"].items()}
+        return cls(problem, x, said["cost"]["value"], profiles, None if joint is None else _joint_of(joint),
+                   tuple(said["notes"]))  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """The rise of the cost over each unknown, and its threshold; see :func:`fracid.plots.profiles`.

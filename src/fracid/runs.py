@@ -10,7 +10,7 @@
     ├── evaluations.jsonl    every evaluation of the cost, as it ended (written by the optimiser's log)
     ├── .memo                while it is unfinished: what was simulated (:mod:`fracid.memo`)
     ├── journal.jsonl        of a study: every repetition, as it ended (:mod:`fracid.journal`)
-    ├── figures/             SVG and PNG
+    ├── figures/             SVG and PNG; of fracid draw in figures/journal, PDF
     └── report.html          all of it on one page
 
 The same inputs and seed give the same ``result.json`` but for its ``timing`` block, for any number of
@@ -275,7 +275,7 @@ def _refuse_strangers(folder: Path) -> None:
 
 def _figures(folder: Path) -> list[Path]:
     """Figures of an earlier run: of recordings, perhaps, that this one does not have."""
-    return [path for kind in ("*.svg", "*.png") for path in (folder / FIGURES).glob(kind)]
+    return [path for kind in ("*.svg", "*.png", "*.pdf") for path in (folder / FIGURES).rglob(kind)]
 
 
 def _halves(folder: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from fracid.cli import (
     check,
     compare,
     demo,
+    draw,
     export,
     fit,
     init,
@@ -18,14 +19,14 @@ from fracid.cli import (
 )
 from fracid.cli.app import app, main
 
-__all__ = ["app", "check", "compare", "demo", "export", "fit", "init", "main", "noise", "profile", "regress", "report",
-           "reproduce", "resid", "resume", "simulate"]  # fmt: skip
+__all__ = ["app", "check", "compare", "demo", "draw", "export", "fit", "init", "main", "noise", "profile", "regress",
+           "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
 
 PANELS = {
     "Look": ["check", "init"],
     "Identify": ["fit", "regress", "resume"],
     "Judge": ["resid", "profile", "compare", "noise", "reproduce"],
-    "Take away": ["report", "export", "simulate"],
+    "Take away": ["report", "draw", "export", "simulate"],
     "Try": ["demo"],
 }
 """The commands in the order in which they are used, in the groups of the help."""

@@ -1,14 +1,14 @@
-"""The figures and the report of a fit, with a process beside this one to draw the recordings.
+"""The figures of a run, and its report; in a fit with a process beside this one to draw the recordings.
 
 Matplotlib holds the interpreter's lock, so threads would draw one after the other.  The process is started when the fit
-begins, imports what drawing needs while the search runs, and draws the recordings while this one simulates the plane of
-the orders and writes the report: 4 s where 7 s would pass.  Where it dies, this process draws.
+begins, imports what drawing needs and draws the rig while the search runs, and draws the recordings while this one
+simulates the plane of the orders and writes the report: 4 s where 7 s would pass.  Where it dies, this process draws.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from math import isfinite
@@ -16,24 +16,31 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fracid.errors import InputError
 from fracid.foreign import file_stems
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fracid.diagnostics import CostPlane
     from fracid.identify import Fit, RecordingFit
+    from fracid.models import Model
     from fracid.project import Project
+    from fracid.saved import SavedRun
 
-__all__ = ["drawing"]
+__all__ = ["drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
+
+Figures = Iterator[tuple[str, "Figure"]]
+"""File names without their endings, and what is to stand there."""
 
 
 @contextmanager
 def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
     beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
-    if beside is not None:
-        beside.submit(_nothing)  # starts it
+    rig = _submitted(beside, _draw_rig, project.problem.model, folder)  # starts it
     try:
-        yield lambda found: _draw(found, project, folder, jobs, beside)
+        yield lambda found: _draw(found, project, folder, jobs, beside, rig)
     finally:
         if beside is not None:
             beside.shutdown(wait=False, cancel_futures=True)
@@ -51,78 +58,114 @@ def _prepare() -> None:
     follow_parent()
 
 
-def _nothing() -> None:
-    pass
-
-
 def _draw(
-    found: Fit, project: Project, folder: Path, jobs: int, beside: ProcessPoolExecutor | None
+    found: Fit,
+    project: Project,
+    folder: Path,
+    jobs: int,
+    beside: ProcessPoolExecutor | None,
+    rig: Future[tuple[Path, ...]] | None,
 ) -> tuple[Path, ...]:
-    """Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
+    """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
     from fracid.diagnostics import cost_plane
     from fracid.report import write_report
-    from fracid.runs import FIGURES
 
     resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
-    recordings = found.recordings, found.problem.model.zero, resolutions, folder / FIGURES
-    drawn = _submitted(beside, *recordings)
-    rest = _draw_search(found, folder / FIGURES)
+    recordings = found.recordings, resolutions, folder
+    drawn = _submitted(beside, _draw_recordings, *recordings)
+    rest = saved(of_search(found), folder)
     if isfinite(found.cost):
         two = len(found.problem.order_indices) >= 2
         plane = cost_plane(found.problem, found.x, jobs=jobs) if two else None
-        rest += () if plane is None else _draw_plane(found, plane, folder)
+        rest += saved(of_plane(found, plane, folder), folder) if plane is not None else ()
         rest += (write_report(folder, found, project, plane=plane, jobs=jobs),)
-    try:
-        return (_draw_recordings(*recordings) if drawn is None else drawn.result()) + rest
-    except BrokenExecutor:
-        return _draw_recordings(*recordings) + rest
+    first = _awaited(rig, _draw_rig, found.problem.model, folder)
+    return first + _awaited(drawn, _draw_recordings, *recordings) + rest
 
 
-def _submitted(beside: ProcessPoolExecutor | None, *recordings: Any) -> Future[tuple[Path, ...]] | None:
-    """The recordings on their way to the other process; None where there is none, or where it is dead already."""
+def _submitted(
+    beside: ProcessPoolExecutor | None, work: Callable[..., tuple[Path, ...]], *what: Any
+) -> Future[tuple[Path, ...]] | None:
+    """What is to be drawn, on its way to the other process; None where there is none, or where it is dead already."""
     try:
-        return None if beside is None else beside.submit(_draw_recordings, *recordings)
+        return None if beside is None else beside.submit(work, *what)
     except BrokenExecutor:
         return None
 
 
-def _draw_recordings(
-    recordings: Mapping[str, RecordingFit], zero: str, resolutions: Mapping[str, Mapping[str, Any]], where: Path
+def _awaited(
+    drawn: Future[tuple[Path, ...]] | None, work: Callable[..., tuple[Path, ...]], *what: Any
 ) -> tuple[Path, ...]:
-    from fracid.plots import fitted_over_time, residual_plots, save
+    """What the other process drew, or this one draws."""
+    try:
+        return work(*what) if drawn is None else drawn.result()
+    except BrokenExecutor:
+        return work(*what)
 
-    paths: list[Path] = []
+
+def _draw_rig(model: Model, folder: Path) -> tuple[Path, ...]:
+    return saved(of_rig(model), folder)
+
+
+def _draw_recordings(
+    recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], folder: Path
+) -> tuple[Path, ...]:
+    return saved(of_recordings(recordings, resolutions), folder)
+
+
+def saved(figures: Iterable[tuple[str, Figure]], folder: Path, formats: tuple[str, ...] = ("svg", "png"),
+          where: Path | None = None) -> tuple[Path, ...]:  # fmt: skip
+    """Write figures, each as it is drawn, into the folder of a run or where it is said."""
+    from fracid.plots import save
+    from fracid.runs import FIGURES
+
+    return tuple(path for stem, figure in figures for path in save(figure, where or folder / FIGURES, stem, formats))
+
+
+# ------------------------------------------------------------------ the figures by their files' names
+
+
+def of_rig(model: Model, style: str = "screen") -> Figures:
+    """The paper's Figure 1, of a rotary pendulum whose constants make its lengths."""
+    try:
+        yield "figure1-rig", model.plot(style=style)
+    except InputError:
+        return
+
+
+def of_recordings(
+    recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], style: str = "screen"
+) -> Figures:
+    """Figure 2 of each recording, and Figure 3 of each output of those that were fitted."""
+    from fracid.plots import fitted_over_time, residual_plots
+
     stems = file_stems(recordings)
     for recording in recordings.values():
         if not isfinite(recording.cost):
             continue
         stem, resolution = stems[recording.name], resolutions.get(recording.name, {})
-        paths += save(fitted_over_time(recording, zero=zero, resolution=resolution), where, f"figure2-{stem}")
+        yield f"figure2-{stem}", fitted_over_time(recording, resolution=resolution, style=style)
         for output in recording.measured if recording.use == "fit" else ():
-            paths += save(residual_plots(recording, output, resolution=resolution), where, f"figure3-{stem}-{output}")
-    return tuple(paths)
+            yield f"figure3-{stem}-{output}", residual_plots(recording, output, resolution=resolution, style=style)
 
 
-def _draw_search(found: Fit, where: Path) -> tuple[Path, ...]:
+def of_search(found: Fit | SavedRun, style: str = "screen") -> Figures:
     """Where many starts ended, and how far the orders move with the cut."""
-    from fracid.plots import cut_shifts, save, waterfall
-
-    paths: list[Path] = []
     if len(found.starts) > 1:
-        paths += save(waterfall(found.starts, cost_name=found.problem.cost_function.name), where, "waterfall")
+        yield "waterfall", found.plot_starts(style=style)
     if found.cut is not None and found.cut.treatments:
-        paths += save(cut_shifts(found.cut), where, "cut")
-    return tuple(paths)
+        yield "cut", found.cut.plot(style=style)
 
 
-def _draw_plane(found: Fit, plane: CostPlane, folder: Path) -> tuple[Path, ...]:
-    from fracid.plots import cost_plane, save
-    from fracid.runs import FIGURES
+def of_plane(found: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
+    """The cost over two orders, and where the search has been."""
+    from fracid.plots import cost_plane
 
-    best = (found.orders[plane.names[0]].value, found.orders[plane.names[1]].value)
-    figure = cost_plane(plane.first, plane.second, plane.cost, best=best, evaluations=_tried(folder, plane.names),
-                        cost_name=found.problem.cost_function.name, names=plane.names)  # fmt: skip
-    return save(figure, folder / FIGURES, "cost-over-orders")
+    first, second = found.problem.order_indices[:2]
+    best = (float(found.x[first]), float(found.x[second]))
+    yield "cost-over-orders", cost_plane(plane.first, plane.second, plane.cost, best=best, names=plane.names,
+                                         evaluations=_tried(folder, plane.names), style=style,
+                                         cost_name=found.problem.cost_function.name)  # fmt: skip
 
 
 def _tried(folder: Path, names: tuple[str, str]) -> Any:

@@ -1,0 +1,169 @@
+"""``fracid draw RUN|PROJECT|RIG``: the figures again, in the formats and the style of a journal."""
+
+from __future__ import annotations
+
+import json
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, Out, Trust, app
+from fracid.cli.completion import RIGS, one_of
+from fracid.errors import InputError
+
+if TYPE_CHECKING:
+    from fracid.cli.drawing import Figures
+    from fracid.saved import SavedRun
+
+__all__ = ["draw"]
+
+DRAW_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid draw runs/rig  [dim](PDF for a journal's columns, into runs/rig/figures/journal)[/dim]",
+    "fracid draw runs/rig --format pdf --format svg --out paper/figures",
+    "fracid draw runs/rig --style screen --format pdf",
+    "fracid draw runs/rig-compare  [dim](the ladder of structures)[/dim]",
+    "fracid draw qube-servo2 --zero upright  [dim](the rig itself, to scale)[/dim]",
+)
+
+WRITTEN = ("pdf", "svg", "png")
+
+
+@app.command(epilog="\n\n".join(DRAW_EXAMPLE))
+def draw(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN|PROJECT|RIG",
+            help="The folder of a run or of a comparison; a project file or the name of a rig.",
+            autocompletion=one_of(*RIGS),
+        ),
+    ],
+    style: Annotated[
+        str, typer.Option(metavar="NAME", help="journal or screen.", autocompletion=one_of("journal", "screen"))
+    ] = "journal",
+    formats: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="pdf, svg or png; may be given again. pdf if left out.",
+            autocompletion=one_of(*WRITTEN),
+        ),
+    ] = None,
+    zero: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Of a rig: hanging or upright.", autocompletion=one_of("hanging", "upright")),
+    ] = "hanging",
+    trust: Trust = False,
+    out: Out = None,
+    jobs: Jobs = CORES,
+) -> None:
+    """Draw the figures again: as wide as a journal's columns, as PDF with its fonts embedded.
+
+    Of a run: the rig, measured and fitted, the residuals and what is tested of them, the cost over the orders, where
+    the starts ended, the cut, and the profiles where fracid profile wrote them into the folder.  Of a comparison: the
+    ladder.  Of a project or a rig: the rig itself, to scale, with the zeros and positive senses of both angles.
+    """
+    from fracid.cli.drawing import saved
+    from fracid.runs import FIGURES
+    from fracid.style import style_named
+
+    style_named(style)
+    folder, wanted = Path(source), _formats(formats)
+    figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else _of_rig(source, zero, style, trust)
+    home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
+    where = out or (home if style == "screen" else home / style)
+    for path in saved(figures, folder, wanted, where):
+        typer.echo(f"figure   {path}")
+
+
+def _formats(asked: list[str] | None) -> tuple[str, ...]:
+    for name in asked or ():
+        if name not in WRITTEN:
+            raise InputError(f"Figures cannot be written as {name!r}; give --format {', '.join(WRITTEN)}.")
+    return tuple(dict.fromkeys(asked or ["pdf"]))
+
+
+def _of_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
+    """A rig by its name, or with the constants of a project."""
+    from fracid.models import RIGS, rotary_pendulum
+    from fracid.project import load_project
+
+    if name in RIGS:
+        yield name, rotary_pendulum(name, zero=zero).plot(style=style)
+    elif name.endswith(".toml"):
+        yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot(style=style)
+    else:
+        raise InputError(
+            f"{name!r} is neither a run, nor a project, nor a rig. Give a folder that fracid fit or fracid compare "
+            f"wrote, a project file, or one of the rigs {', '.join(RIGS)}."
+        )
+
+
+def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
+    """All that can be drawn of what lies there."""
+    if (compared := _read(folder / "compare.json")) is not None:
+        return _of_comparison(compared, style)
+    from fracid.saved import load_run
+
+    return _of_run(load_run(folder, trust=trust), style, jobs)
+
+
+def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
+    from fracid.cli import drawing
+    from fracid.diagnostics import cost_plane
+
+    plane: Figures = iter(())
+    if len(run.problem.order_indices) >= 2:
+        plane = drawing.of_plane(run, cost_plane(run.problem, run.x, jobs=jobs), run.folder, style)
+    return chain(
+        drawing.of_rig(run.problem.model, style), drawing.of_recordings(run.recordings, run.resolutions, style),
+        _of_tests(run, style), plane, drawing.of_search(run, style), _of_profiles(run, style),
+    )  # fmt: skip
+
+
+def _of_tests(run: SavedRun, style: str) -> Figures:
+    """What ``fracid resid`` looks at, of each output of each recording."""
+    from fracid.foreign import file_stems
+    from fracid.plots import residual_diagnostics
+
+    stems = file_stems(run.recordings)
+    for name, recording in run.recordings.items():
+        for output in recording.measured:
+            yield (
+                f"residuals-{stems[name]}-{output}",
+                residual_diagnostics(recording, output, resolution=run.resolutions[name], style=style),
+            )
+
+
+def _of_profiles(run: SavedRun, style: str) -> Figures:
+    from fracid.profiles import Profiles
+
+    said = _read(run.folder / "profiles.json")
+    if said is not None:
+        yield "profiles", Profiles.of_json(said, run.problem).plot(style=style)
+
+
+def _of_comparison(said: dict[str, Any], style: str) -> Figures:
+    from fracid.compare import Comparison
+    from fracid.foreign import file_stems
+
+    found = Comparison.of_json(said)
+    yield "ladder", found.plot(style=style)
+    for name, stem in file_stems(found.amplitude).items():
+        if found.amplitude[name].drifts:
+            yield f"amplitude-{stem}", found.amplitude[name].plot(style=style)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """A JSON file, None where there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        return None
+    except ValueError:
+        raise InputError(f"{path} cannot be read as JSON; write it again with the command that made it.") from None
+    return found if isinstance(found, dict) else None
