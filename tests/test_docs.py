@@ -18,6 +18,7 @@ PAGES = (
     "docs/theory.md",
     "docs/recording.md",
     "docs/choosing.md",
+    "docs/coming-from.md",
     "docs/honesty.md",
     "README.md",
 )
