@@ -15,7 +15,7 @@ LAYERS = (
     {"errors", "units"},
     {"findings", "foreign", "journal", "memo", "mistaken", "own_code", "pictures", "style"},
     {"fractional", "recording", "costs", "models", "optimise"},
-    {"compiling", "executor"},
+    {"compiling", "executor", "same_code"},
     {"memory"},
     {"history", "starting"},
     {"stepping", "trajectory"},

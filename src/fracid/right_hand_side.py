@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fracid.compiling import RHS_SIGNATURE, kept
 from fracid.errors import InputError
+from fracid.same_code import once_for_equals
 
 __all__ = ["RightHandSide", "compile_rhs", "name_of", "probe"]
 
@@ -27,9 +28,8 @@ FloatArray = NDArray[np.float64]
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
 
-@lru_cache(maxsize=128)
 def compile_rhs(rhs: Any) -> Any:
-    """Compile a right-hand side once for all runs.
+    """Compile a right-hand side once for all runs, and for all functions that mean the same.
 
     fracid's own are cached on disk; a user's is compiled anew in each process, since Numba's cache does
     not notice a change in what the function calls.  Where all indices are constants they are held against the
@@ -48,6 +48,11 @@ def compile_rhs(rhs: Any) -> Any:
     """
     function = getattr(rhs, "py_func", rhs)
     _check_arity(function)
+    return _compiled(function)
+
+
+@once_for_equals
+def _compiled(function: Any) -> Any:
     own = function.__module__.startswith("fracid.")
     checked = _largest_indices(function) is None
     try:
@@ -60,7 +65,7 @@ def compile_rhs(rhs: Any) -> Any:
         ) from None
 
 
-@lru_cache(maxsize=128)
+@once_for_equals
 def _largest_indices(function: Any) -> tuple[int, ...] | None:
     """How many entries of (t, x, u, p, out) a right-hand side touches, None where only the run can tell."""
     from numba.core import ir, ir_utils
