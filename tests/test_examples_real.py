@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fracid.honesty import before
 from fracid.identify import identify
 from fracid.project import load_project
 
@@ -30,15 +31,34 @@ pytestmark = [
 def example(tmp_path):
     """A function that reads an example with its recordings taken from the folder, and fits it."""
 
-    def run(path, change=lambda text: text, **options):
+    def run(path, change=lambda text: text, then=identify, **options):
         text = change((ROOT / "examples" / path).read_text(encoding="utf-8"))
         text = re.sub(
             r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(FOLDER.rglob(m[2])).as_posix()}"', text, flags=re.M
         )
         (tmp_path / "example.toml").write_text(text, encoding="utf-8")
-        return identify(load_project(tmp_path / "example.toml"), jobs=2, **options)
+        project = load_project(tmp_path / "example.toml")
+        return identify(project, jobs=2, **options) if then is identify else then(project)
 
     return run
+
+
+FAULTS = {
+    "theta counted backwards": ("wrong-sign", r"^(theta *= \{)", r"\1 sign = -1,"),
+    "alpha counted from upright": ("wrong-zero", r", zero = 3.14159\d*", ""),
+    "a model that stands": ("wrong-zero", 'zero = "hanging"', 'zero = "upright"'),
+    "alpha taken for degrees": ("radians-as-degrees", r"^(alpha *=.*unit = )\"rad\"", r'\1"deg"'),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_the_project_is_said_before_the_search(example, fault):
+    code, pattern, instead = FAULTS[fault]
+    seen = example(
+        "srv02-release.toml", lambda text: re.sub(pattern, instead, text, flags=re.M), then=lambda p: before(p.problem)
+    )
+    assert {f.code for f in seen} == {code}
+    assert example("srv02-release.toml", then=lambda p: before(p.problem)) == ()
 
 
 def degrees(recording):
@@ -50,6 +70,7 @@ def test_one_start_of_the_release_reaches_a_fifth_of_a_degree_on_both_angles(exa
     assert len(fit.starts) == 1
     assert max(degrees(fit.recordings["release 92°"]).values()) <= 0.22
     assert max(degrees(fit.recordings["release 16°"]).values()) <= 0.20  # not fitted
+    assert fit.findings == ()
     assert fit.alternative is None  # all friction is free, the orders are 1 within their intervals
 
 
@@ -65,6 +86,7 @@ def test_a_pulse_with_its_voltage_narrows_what_a_release_knows_of_the_arm(exampl
     release = example("srv02-release.toml")
     both = example("real/srv02-pulse.toml")
     assert not any("at its bound" in w for w in both.warnings)
+    assert both.findings == ()
     assert max(max(degrees(r).values()) for r in both.recordings.values()) < 0.5
     assert both.parameters["torque_per_volt"].interval95[1] < 0
     ratios = {
@@ -80,11 +102,13 @@ def test_a_full_fall_is_fitted_to_a_quarter_of_a_degree(example):
     fit = example("real/odrive-fall.toml")
     assert degrees(fit.recordings["fall"])["alpha"] <= 0.26
     assert fit.discretisation.warning == ""
+    assert fit.findings == ()
 
 
 def test_three_swings_of_a_clamped_arm_are_fitted_together_and_lambda_is_not_known(example):
     fit = example("real/stepper-freeswing.toml")
     assert len(fit.recordings) == 3
+    assert fit.findings == ()
     assert all(percent > 95 for r in fit.recordings.values() for percent in r.fit_percent.values())
     # The start's corrections know of lambda, so that it is seen by a hair: an interval far beyond its range.
     found = fit.orders["lambda"]

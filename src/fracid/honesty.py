@@ -143,9 +143,11 @@ def before(
     """
     every = (*problem.experiments, *validation)
     found = [f for e in every for f in _of_the_samples(problem, e, (reports or {}).get(e.name))]
-    found += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
+    in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in found)
+    if in_its_unit:  # else all that follows from it would be said too
+        found += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
     found += _worst(f for e in problem.experiments for f in _steps(problem, e))
-    if not any(f.code in ("wrong-zero", "degrees-as-radians", "radians-as-degrees") for f in found):
+    if in_its_unit and not any(f.code == "wrong-zero" for f in found):
         found += _wrong_sign(problem, jobs)
     return tuple(found)
 
@@ -469,7 +471,8 @@ def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Findin
     longest = max(problem.experiments, key=lambda e: _swings(_largest(e))[0])
     y = _largest(longest)
     swings, period, begins = _swings(y)
-    moving = float(np.std(y[-(len(y) // 4 + 1) :])) > STILL_MOVING * float(np.std(y[begins:]))
+    late = float(np.std(y[-(len(y) // 4 + 1) :]))
+    moving = late > max(STILL_MOVING * float(np.std(y[begins:])), 3 * _noise(y))
     if swings >= FEW_SWINGS or not moving:  # what came to rest tells no more
         return
     seconds = (len(y) - begins) * longest.step
