@@ -19,6 +19,7 @@ PAGES = (
     "docs/recording.md",
     "docs/choosing.md",
     "docs/coming-from.md",
+    "docs/limits.md",
     "docs/honesty.md",
     "README.md",
 )
