@@ -11,9 +11,21 @@ the recording               leaves free
 =========================== =============================================================================
 arm and pendulum move       both orders, the inertias, the friction of both joints; gravity C4 is given,
                             for a free response knows the constants only up to a common factor
-the arm stands still        the pendulum's order, its inertia and its friction; λ is 1: nothing shows it
+the arm stands still        the pendulum's order, its inertia and its friction; λ is 1: nothing shows it;
+                            the coupling C3 is 0, for what holds the arm is not in the model
 an input drives it          also the motor's torque per volt
 small swings                C6 stays: it shows with the square of the angle
+=========================== =============================================================================
+
+Where it begins:
+
+=========================== =============================================================================
+the recording               begins at
+=========================== =============================================================================
+held still, then let go     the release, which :mod:`fracid.recording.report` finds
+let go near upright         a turn of the swing well below: how it left the top, a hair decides
+set swinging by hand        the turn from which on the swing decays evenly: the hand is off
+driven, or at rest          its first sample
 =========================== =============================================================================
 """
 
@@ -29,14 +41,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.errors import InputError
 from fracid.models import RIGS, rotary_pendulum
 from fracid.recording import Recording, inspect_recording
 from fracid.recording.report import FAMILIAR_COUNTS, SignalReport
-from fracid.recording.table import read_table
+from fracid.recording.table import Table, read_table
 
 __all__ = ["Draft", "draft_project", "guess_columns"]
+
+FloatArray = NDArray[np.float64]
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
@@ -59,6 +74,15 @@ SMALL = math.radians(20)
 
 SPAN = 5.0
 """A constant is looked for within this factor of the rig's."""
+
+LIKE = 1.5
+"""A rig whose pendulum swings faster or slower than the recording's by the root of this lends it no inertias."""
+
+TOP = math.radians(150)
+"""Beyond this it is near upright, where a hair decides how it falls."""
+
+LEVELS = 12
+"""A column that has no more values than this, and keeps each for long, is a command."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +135,8 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
             f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
         )
     named = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
+    commands = [n for n in angles if n not in named.values() and len(angles) > 1 and _is_command(recording.signals[n])]
+    named["voltage"] = named["voltage"] or next(iter(commands), None)
     rest = sorted((n for n in angles if n not in named.values()), key=lambda n: _travel(reports[n]), reverse=True)
     if named["alpha"] is None:
         named["alpha"] = rest.pop(0) if rest else angles[0]
@@ -178,8 +204,13 @@ def draft_project(
     said: Columns
     if columns is None:
         raw = inspect_recording(file, time=time, variable=variable)
-        said, notes = guess_columns(raw, read_table(Path(file), variable).names)
-        notes += tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
+        table = read_table(Path(file), variable)
+        said, notes = guess_columns(raw, table.names)
+        if "voltage" not in said and (command := _rare_command(table)):
+            said["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
+            notes += (f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",)
+        if "voltage" not in said:
+            notes += tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
     else:
         said, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in said:
@@ -187,7 +218,7 @@ def draft_project(
     recording = inspect_recording(file, said, time=time, variable=variable)
     for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
         if name in said and "zero" not in said[name]:
-            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name))
+            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
             said[name] |= zero
             notes += (why,) if why else ()
     recording = inspect_recording(file, said, time=time, variable=variable)
@@ -220,6 +251,8 @@ def _column(name: str, header: Sequence[str]) -> int | str:
 
 def _channel(recording: Recording, s: SignalReport, what: str) -> tuple[dict[str, Any], str]:
     """Unit and counts of a column, and a clause that says what they are guessed from."""
+    if what == "voltage" and np.isnan(recording.signals[s.name]).any():
+        return {"unit": "V", "fill": "hold"}, ", in volts: a command that is logged when it changes"
     if what == "voltage":
         return {"unit": "V"}, ", in volts"
     if any(said.startswith(f"{s.name} is in ") for said in recording.report.reading):
@@ -241,7 +274,7 @@ def _familiar(counts: float) -> bool:
     return any(abs(counts / known - 1) < 2e-3 for known in FAMILIAR_COUNTS)
 
 
-def _zero(s: SignalReport) -> tuple[dict[str, Any], str]:
+def _zero(s: SignalReport, _: Recording) -> tuple[dict[str, Any], str]:
     """Where alpha is zero when it hangs: at the end of the record, where it is at rest there."""
     if not s.at_rest:
         return {}, "alpha does not come to rest, so its zero is the file's: is it 0 where the pendulum hangs?"
@@ -255,11 +288,70 @@ def _zero(s: SignalReport) -> tuple[dict[str, Any], str]:
     )
 
 
-def _arm_zero(s: SignalReport) -> tuple[dict[str, Any], str]:
+def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
     """An arm that is turns away from zero is brought back: nothing depends on its angle but the cable."""
-    if abs(s.rest) < 1.0:
+    first = float(next(iter(recording.signals[s.name]), 0.0))
+    where, zero = ("ends", s.rest) if s.at_rest or not math.isfinite(first) else ("begins", first)
+    if abs(zero) < 1.0:
         return {}, ""
-    return {"zero": round(s.rest, 6)}, f"theta ends at {s.rest:.4g} rad, which is taken for its zero."
+    return {"zero": round(zero, 6)}, f"theta {where} at {zero:.4g} rad, which is taken for its zero."
+
+
+# --- how it moves ------------------------------------------------------------------------------------
+
+
+def _is_command(x: FloatArray) -> bool:
+    """Whether a column has a few values alone, and keeps each for long: steps and pulses."""
+    levels = np.unique(x[np.isfinite(x)])
+    return 2 <= levels.size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size
+
+
+def _rare_command(table: Table) -> str | None:
+    """A column that is called like an input, is blank in part, and has more than one value."""
+    for name, x in zip(table.names, table.values.T, strict=True):
+        seen = x[np.isfinite(x)]
+        called = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
+        if called and 1 < seen.size < x.size and np.ptp(seen) > 0:
+            return name
+    return None
+
+
+def _way(recording: Recording) -> float:
+    """1 if the arm, still until then, first goes with the voltage, -1 if against it, 0 where that cannot be seen."""
+    if not {"voltage", "theta"} <= set(recording.signals):
+        return 0.0
+    u, theta = np.nan_to_num(recording.signals["voltage"]), np.nan_to_num(recording.signals["theta"])
+    on = np.flatnonzero(u != 0)
+    if not on.size:
+        return 0.0
+    after = np.arange(on[0], min(on[0] + round(0.25 / recording.report.clock.step), theta.size))
+    moved = theta[after[np.sign(u[after]) == np.sign(u[on[0]])]] - theta[on[0]]  # until the voltage turns round
+    furthest = float(moved[np.argmax(np.abs(moved))])
+    seen = abs(furthest) > 0.02 * float(theta.max() - theta.min())
+    return math.copysign(1.0, furthest * float(u[on[0]])) if seen else 0.0
+
+
+def _turns(alpha: FloatArray) -> NDArray[np.intp]:
+    """The samples at which a swing is furthest out, one between any two passes through zero."""
+    passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
+    swings = [s for s in np.split(np.arange(alpha.size), passes) if s.size > 2]
+    return np.array([s[np.argmax(np.abs(alpha[s]))] for s in swings], dtype=np.intp)
+
+
+def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
+    """The turn from which on a swing decays evenly, well below the top; None from the first sample on."""
+    turns = _turns(alpha)
+    high = np.abs(alpha[turns])
+    wide = int(np.count_nonzero(high > 0.2 * high.max())) if high.size else 0
+    if wide < 4:
+        return None
+    decay = np.log(high[: wide - 1] / high[1:wide])
+    even = np.abs(decay - np.median(decay)) < max(2 * abs(float(np.median(decay))), 0.1)
+    at_rest = turns[0] <= 0.02 * (turns[1] - turns[0])  # it begins at a turn
+    if at_rest and even[0] and high[0] <= TOP:
+        return None
+    good = [k for k in range(1, wide - 1) if even[k] and high[k] <= TOP]
+    return float(time[turns[good[0]]]) if good else None
 
 
 # --- the page ------------------------------------------------------------------------------------------
@@ -311,8 +403,11 @@ class _Page:
         if not self.driven:
             lines.append("# (all else scales with C4: a free response knows the constants up to a common factor)")
         free = ["C1", "C3", "C6", "J_theta"] if self.arm else ["C1"]
+        if not self.arm:
+            lines.append("C3 = 0.0".ljust(40) + "# the arm stands still, held by its motor: nothing couples to it")
+        slower = self._slower()
         for name in free:
-            start = self._inertia(gravity) if name == "C1" and not self.arm else own[name]
+            start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
             if name == "C6" and self.swing < SMALL:
                 lines.append(
                     f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
@@ -327,9 +422,12 @@ class _Page:
             lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
             lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
         if self.driven:
-            k = own["torque_per_volt"] or 0.05
+            k, way = own["torque_per_volt"] or 0.05, _way(self.recording)
+            k = k if way == 0 else math.copysign(k, way)
             low, high = sorted((k / SPAN, k * SPAN))
-            lines.append(_range("torque_per_volt", k, low, high, "turn its sign round if the arm goes the other way"))
+            why = {0.0: "turn its sign round if the arm goes the other way", 1.0: "the arm goes with the voltage",
+                   -1.0: "the arm goes against the voltage"}[way]  # fmt: skip
+            lines.append(_range("torque_per_volt", k, low, high, f"{why} [N m/V]"))
         fast = math.degrees(self.swing) > 45
         drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
         return [*lines, drag if fast else f"# {drag}"]
@@ -343,6 +441,19 @@ class _Page:
         spectrum = np.abs(np.fft.rfft(y[first:] * np.hanning(len(y) - first), 8 * len(y)))
         omega = 2 * math.pi * float(np.argmax(spectrum)) / (8 * len(y) * step)
         return gravity / omega**2 if omega > 0 else self.model.parameter("C1").value
+
+    def _slower(self) -> float:
+        """By what all inertias of the rig are to be multiplied so that its pendulum swings as in the recording.
+
+        At small angles ω² is C4 / (C1 − C3²/J_theta) where the arm is free, C4 / C1 where its friction holds it, and
+        between the two otherwise; 1 where the recording's is there, or near, or where something drives it.
+        """
+        if not self.arm or self.driven:
+            return 1.0
+        C1, C3, C4, J = (self.model.parameter(n).value for n in ("C1", "C3", "C4", "J_theta"))
+        seen, free = self._inertia(C4), C1 - C3**2 / J
+        factor = min(seen / free, 1.0) if seen < free else max(seen / C1, 1.0)
+        return factor if not 1 / LIKE < factor < LIKE else 1.0
 
     def _meaning(self, name: str) -> str:
         p = self.model.parameter(name)
@@ -366,14 +477,26 @@ class _Page:
         else:
             lines += [f"# {said}" for said in self.recording.report.reading if said.startswith("Time ")]
         lines += [f"{name} = {_table(fields)}" for name, fields in self.columns.items()]
-        r = self.recording.report
-        if r.release is not None:
-            lines.append(_line("from", "release", f"# found at {r.release:.3f} s: {r.release_reason}"))
-        else:
-            lines.append(f"# from = 1.0                            # no release was found: {r.release_reason}")
+        lines.append(self._from())
         lines.append(f"# to = {self.recording.time[-1]:.4g}")
         lines.append(_line("use", "fit", '# or "validate": judged on it, not fitted to it'))
         return lines
+
+    def _from(self) -> str:
+        """Where it begins: see the table at the top of this page."""
+        r, alpha = self.recording, np.nan_to_num(self.recording.signals["alpha"])
+        release = r.report.release
+        top = release is not None and abs(alpha[int(np.searchsorted(r.time, release))]) > TOP
+        if release is not None and not top:
+            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+        turn = None if self.driven else _free_from(r.time, alpha)
+        if turn is not None:
+            why = "# it turns there, below the top: how it left that, a hair decides" if top else (
+                "# it turns there, and swings freely from then on")  # fmt: skip
+            return f"from = {turn:.3f}".ljust(40) + why
+        if top:
+            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+        return f"# from = 1.0                            # no release was found: {r.report.release_reason}"
 
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
