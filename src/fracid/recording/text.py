@@ -356,6 +356,8 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
     titles = [k for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)]
     # a comment is a header only where nothing better is: prose has commas too
     titles = [k for k in titles if not header[k].startswith(COMMENT)] or titles
+    if width == 1:  # a list of names is not that of one column
+        titles = [k for k in titles if not re.search(r"[,;\t]", split[k][0])]
     if not titles:
         return blank, blank
     below = any(b == a + 1 for a, b in pairwise(titles[:2]))
