@@ -456,7 +456,7 @@ def _clock_faults(c: Clock) -> Iterable[str]:
 
 
 def _clock_warnings(c: Clock) -> Iterable[str]:
-    if c.samples < FEW:
+    if 1 < c.samples < FEW:
         yield f"{c.samples} samples are few to identify a model from"
     if c.gaps:
         listed = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])

@@ -1,0 +1,157 @@
+"""The catalogue of bad input: each row is made, read, and told in its sentence and with its exit code."""
+
+import os
+
+import numpy as np
+import pytest
+
+from bad_input import PAGE, PROJECTS, RECORDINGS, T, page, text
+from fracid.errors import DataError, FracidError, InputError
+from fracid.project import load_project
+from fracid.recording import load_recording, read_table
+from program import run
+
+
+def names(rows):
+    return [f"{row.group}: {row.wrong}" for row in rows]
+
+
+def holds(told, says):
+    """Whether a text holds the parts of a sentence, one after the other."""
+    at = 0
+    for part in says.split(" … "):
+        at = told.find(part, at)
+        if at < 0:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("row", RECORDINGS, ids=names(RECORDINGS))
+def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
+    if "permission" in row.wrong and os.geteuid() == 0:
+        pytest.skip("root may read everything")
+    path = row.write(tmp_path)
+    code, out, err = run(capsys, "check", path)
+    assert code == row.code, out + err
+    assert holds(out + err, row.says), out + err
+    assert "Traceback" not in out + err
+    if code == 0:
+        assert load_recording(path).time.size > 1
+        return
+    with pytest.raises(FracidError) as told:
+        load_recording(path)
+    assert told.value.exit_code == code
+    assert str(told.value).isprintable()
+
+
+@pytest.mark.parametrize("row", PROJECTS, ids=names(PROJECTS))
+def test_a_bad_project_is_told_and_never_a_traceback(row, tmp_path, capsys):
+    (tmp_path / "swing.csv").write_bytes(text()())
+    path = row.write(tmp_path)
+    if row.code == 0:
+        path.write_text(path.read_text(encoding="utf-8").replace("{folder}", tmp_path.name), encoding="utf-8")
+        assert any(holds(note, row.says) for note in load_project(path).notes) or not row.says
+        return
+    code, out, err = run(capsys, "fit", path, "--out", tmp_path / "run")
+    assert code == row.code, out + err
+    assert holds(err, row.says), err
+    assert "Traceback" not in out + err
+    assert not (tmp_path / "run" / "result.json").exists()
+    assert len(err) < 1000
+
+
+def test_the_page_is_what_the_table_says():
+    assert PAGE.read_text(encoding="utf-8") == page(), "type: python tests/bad_input.py --write"
+
+
+# --- what no bytes show ---------------------------------------------------------------------------------
+
+
+def test_a_recording_that_is_still_being_written_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text()())
+
+    def read_and_write(path, variable):
+        table = read_table(path, variable)
+        with path.open("ab") as file:
+            file.write(b"4.0,0,0\n")
+        return table
+
+    monkeypatch.setattr("fracid.recording.record.read_table", read_and_write)
+    with pytest.raises(DataError, match=r"log.csv changed while it was read. Is it still being written\?"):
+        load_recording(path)
+
+
+def test_a_recording_that_vanishes_while_it_is_read_is_told(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text()())
+
+    def read_and_delete(path, variable):
+        table = read_table(path, variable)
+        path.unlink()
+        return table
+
+    monkeypatch.setattr("fracid.recording.record.read_table", read_and_delete)
+    with pytest.raises(InputError, match="cannot be read: No such file or directory"):
+        load_recording(path)
+
+
+def test_a_permission_that_is_refused_is_told(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text()())
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setitem(__import__("fracid.recording.table", fromlist=["READERS"]).READERS, ".csv", refuse)
+    with pytest.raises(InputError, match="log.csv cannot be read: Permission denied"):
+        load_recording(path)
+
+
+def test_more_memory_than_there_is_is_told(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_bytes(text()())
+
+    def fill(*_):
+        raise MemoryError
+
+    monkeypatch.setitem(__import__("fracid.recording.table", fromlist=["READERS"]).READERS, ".csv", fill)
+    with pytest.raises(DataError, match="log.csv needs more memory than there is"):
+        load_recording(path)
+
+
+def test_a_complex_signal_that_is_asked_for_is_told_why_it_is_none(tmp_path):
+    np.savez(tmp_path / "run.npz", t=T, theta=T, alpha=1j * T)
+    with pytest.raises(InputError, match="run.npz: 'alpha' is complex; save its real part"):
+        load_recording(tmp_path / "run.npz", {"alpha": "alpha"})
+    with pytest.raises(InputError, match="has no variable 'beta'"):
+        load_recording(tmp_path / "run.npz", {"alpha": "alpha"}, variable="beta")
+
+
+@pytest.mark.slow
+def test_ten_thousand_recordings_are_a_project(tmp_path):
+    words = ['[model.orders]\nlambda = 1.0\nmu = 0.95\n[fit]\ninitial_state = "held"\n']
+    for k in range(10_000):
+        np.save(tmp_path / f"{k}.npy", np.column_stack([T[:20], np.cos(5 * T[:20]) + 1e-6 * k]))
+        words.append(f'[[recording]]\nfile = "{k}.npy"\ntime = {{ column = 0 }}\nalpha = {{ column = 1 }}\n')
+    (tmp_path / "rig.toml").write_text("".join(words))
+    assert len(load_project(tmp_path / "rig.toml").recordings) == 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["csv", "npz"])
+def test_ten_million_samples_are_read(tmp_path, ending):
+    time = np.arange(10**7) / 1000
+    alpha = np.round(4096 * np.cos(time)) * 2e-4
+    path = tmp_path / f"long.{ending}"
+    if ending == "npz":
+        np.savez(path, t=time, alpha=alpha)
+    else:
+        with path.open("w") as file:
+            file.write("t,alpha\n")
+            for k in range(0, time.size, 100_000):
+                pairs = zip(time[k : k + 100_000], alpha[k : k + 100_000], strict=True)
+                file.writelines(f"{t:.3f},{a:.4f}\n" for t, a in pairs)
+    recording = load_recording(path)
+    assert recording.time.size == 10**7
+    np.testing.assert_allclose(recording.signals["alpha"][::100_000], alpha[::100_000], atol=1e-9)
