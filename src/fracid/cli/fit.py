@@ -292,7 +292,8 @@ def _print_estimates(console: Console, found: Fit) -> None:
     table = new_table("", "value", "95 % interval", "unit", "")
     shown = {**found.orders, **{n: e for n, e in found.parameters.items() if e.free}}
     for recording in found.recordings.values():
-        shown |= {f"{n} [{recording.name}]": e for n, e in recording.parameters.items()}
+        own = f" [{recording.name}]" if len(found.recordings) > 1 else ""
+        shown |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     for name, e in shown.items():
         verdict = "" if e.identifiable == "identifiable" else e.identifiable
         table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
