@@ -15,6 +15,7 @@ experiments on yours.
 """
 
 import argparse
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,9 +112,9 @@ def experiments():
     rows = []
     for name, problem in cases.items():
         error, size = least_errors(problem), problem.parameter_starts
-        orders = [f"{error[n]:.1g}" if error[n] < 0.1 else "–" for n in ORDERS]
+        orders = [digits(1e4 * error[n]) if error[n] < 0.1 else "–" for n in ORDERS]
         constants = [percent(error[n] / size[n]) if n in error else "known" for n in with_C4]
-        rows.append([name, *orders, *constants, f"{np.degrees(error['alpha_rest']):.1g}°"])
+        rows.append([name, *orders, *constants, digits(1e3 * np.degrees(error["alpha_rest"]))])
     letters = ("C_1", "C_3", "C_6", r"J_\theta", r"b_\theta", r"b_\alpha", r"f_\theta", r"f_\alpha", "C_4")
     heads = ["λ", "μ", *(f"${letter}$" for letter in letters), "rest of α"]
     return table(["experiment", *heads], rows)
@@ -221,8 +222,13 @@ def draw():
 
 
 def percent(relative):
-    """Two digits; a dash where the value is not known to its own size."""
-    return f"{100 * relative:.2g} %" if relative < 0.5 else "–"
+    """A dash where the value is not known to half of its size."""
+    return digits(100 * relative) if relative < 0.5 else "–"
+
+
+def digits(value):
+    """Two of them, never as a power of ten."""
+    return f"{value:.{max(0, 1 - math.floor(math.log10(value)))}f}"
 
 
 def table(heads, rows):
