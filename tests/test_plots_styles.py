@@ -126,7 +126,7 @@ def words(figure):
 
 
 def test_all_figures_are_looked_at_here():
-    assert set(FIGURES) == set(plots.__all__) - {"STYLES", "Style", "save"}
+    assert set(FIGURES) == set(plots.__all__) - {"save"}
 
 
 # --- a journal's columns -----------------------------------------------------------------------------

@@ -73,5 +73,5 @@ def style_named(style: str | Style) -> Style:
     if isinstance(style, Style):
         return style
     if style not in STYLES:
-        raise InputError(f"There is no style {style!r}; give one of {', '.join(STYLES)}, or a fracid.plots.Style.")
+        raise InputError(f"There is no style {style!r}; give one of {', '.join(STYLES)}, or a fracid.style.Style.")
     return STYLES[style]

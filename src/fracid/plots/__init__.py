@@ -46,11 +46,8 @@ from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.rig import rig_drawing
 from fracid.plots.starts import waterfall
 from fracid.plots.writing import save
-from fracid.style import STYLES, Style
 
 __all__ = [
-    "STYLES",
-    "Style",
     "amplitudes",
     "cost_plane",
     "cut_shifts",
