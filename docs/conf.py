@@ -22,7 +22,8 @@ extensions = [
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
-    "commands",  # these six are in _site/
+    "accessible",  # these seven are in _site/
+    "commands",
     "docstrings",
     "mathml",
     "modules",
@@ -44,6 +45,7 @@ suppress_warnings = ["myst.header"]  # pages begin with one title, but tables of
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"  # of fields; the parameters' own lines say their types, with shapes and units
 autodoc_typehints_description_target = "documented"
+autodoc_type_aliases = {"FloatArray": "ndarray", "Array": "ndarray", "ArrayLike": "array_like"}
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"
 numpydoc_show_class_members = False  # they follow by themselves
@@ -58,5 +60,5 @@ html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
-pygments_style = "friendly"
-pygments_dark_style = "monokai"
+pygments_style = "a11y-high-contrast-light"  # of accessible-pygments, which comes with the theme
+pygments_dark_style = "a11y-high-contrast-dark"
