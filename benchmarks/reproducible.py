@@ -5,8 +5,8 @@
     python benchmarks/reproducible.py fit        # the rows of one kind
 
 Every row is a process of its own, ``fracid …`` as one types it, and its result is held against the first row's, value
-by value.  Rows that must be the same to the last bit are asserted.  Another processor is imitated: Numba compiles for the
-plainest of this kind, and NumPy and OpenBLAS are told to leave newer instructions alone; so all sums round differently.
+by value.  Rows that must be the same to the last bit are asserted.  Another processor is imitated: Numba compiles for
+the plainest of this kind, and NumPy and OpenBLAS are told to leave newer instructions alone; so sums round differently.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ KINDS: dict[str, tuple[tuple[str, ...], str, tuple[Row, ...]]] = {
             Row("linear algebra on 8 threads", environment={"OPENBLAS_NUM_THREADS": "8", "OMP_NUM_THREADS": "8"}),
             Row("texts hashed otherwise", environment={"PYTHONHASHSEED": "7"}),
             COLD, SPOILT,
-            Row("compiled code: its folder cannot be written", environment={"NUMBA_CACHE_DIR": "{new}/file"}, prepare=unusable),
+            Row("compiled code: its folder cannot be written", (), {"NUMBA_CACHE_DIR": "{new}/file"}, unusable),
             Row("another processor, imitated", environment=OLD, bits=False),
         ),
     ),

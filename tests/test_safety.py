@@ -328,3 +328,42 @@ def test_every_package_that_is_installed_with_it_is_pinned():
     found = needed("fracid", ("dev",))
     assert {"numba", "numpy", "llvmlite"} <= found
     assert {name: distribution(name).version for name in found} == {name: pins.get(name) for name in found}
+
+
+# --- a run folder from a stranger --------------------------------------------------------------------
+
+LINKS = [".lock", ".memo", "evaluations.jsonl", "report.html", "figures", "figures/figure2.png", "starts"]
+READERS = ["resid", "report", "export", "noise", "profile", "reproduce", "draw"]
+WRITERS = {"fit": ["fit", "rig.toml", "--out", "run"], "compare": ["compare", "rig.toml", "--out", "run"],
+           "resume": ["resume", "run"]}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "link"),
+    [*(([command, "run"], "figures") for command in READERS), *((WRITERS["fit"], link) for link in LINKS),
+     *((WRITERS[command], link) for command in ("compare", "resume") for link in (".lock", "figures"))],
+    ids=str,
+)  # fmt: skip
+def test_a_link_in_a_run_folder_leads_nowhere(capsys, hostile, tmp_path, monkeypatch, words, link):
+    monkeypatch.chdir(tmp_path)
+    for name in (FILE, "rig.toml"):
+        shutil.copy(hostile / "a" / "b" / name, tmp_path)
+    mine = tmp_path / "mine"
+    (mine / "inner").mkdir(parents=True)
+    (mine / "inner" / "thesis.png").write_text("do not touch")
+    target = mine / "inner" if link in ("figures", "starts") else mine / "inner" / "thesis.png"
+    folder = tmp_path / "run"
+    (folder / link).parent.mkdir(parents=True)
+    shutil.copy("rig.toml", folder / "project.toml")
+    project = {"project": str(tmp_path / "rig.toml"), "preset": None, "optimiser": None, "seed": None}
+    state = {"kind": "fit", "options": project, "inputs": {}, "finished": False}
+    for name, content in (("run.json", state), ("environment.json", {"command": []}), ("result.json", {})):
+        (folder / name).write_text(json.dumps(content))
+    if words[0] == "compare":
+        (folder / "result.json").unlink()
+    (folder / link).symlink_to(target)
+    code, out, err = run(capsys, *words)
+    assert (code, out) == (2, "")
+    assert (mine / "inner" / "thesis.png").read_text() == "do not touch"
+    assert [*(mine / "inner").iterdir()] == [mine / "inner" / "thesis.png"]
+    assert f"run/{link} is a link, and what is written to a run folder stays in it" in err

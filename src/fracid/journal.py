@@ -36,7 +36,7 @@ from typing import Any
 
 from fracid.errors import InputError, Unfinished
 
-__all__ = ["FolderLock", "Journal", "Json", "append_whole", "whole_lines"]
+__all__ = ["FolderLock", "Journal", "Json", "append_whole", "refuse_links", "whole_lines"]
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
@@ -287,7 +287,7 @@ class FolderLock:
     Raises
     ------
     InputError
-        If another process has it (the message says which), or the folder cannot be written.
+        If another process has it (the message says which), or the folder cannot be written, or holds a link.
 
     Examples
     --------
@@ -298,6 +298,7 @@ class FolderLock:
 
     def __init__(self, folder: Path) -> None:
         """Take it."""
+        refuse_links(folder)
         self.path = folder.resolve() / LOCK
         with _GUARD:
             file, holders = _HELD.get(self.path, (None, 0))
@@ -320,6 +321,33 @@ class FolderLock:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         """Let go of it."""
         self.release()
+
+
+def refuse_links(folder: Path) -> None:
+    """Refuse a run folder with links in it: what is written there must not end elsewhere, over a file of the caller's.
+
+    Raises
+    ------
+    InputError
+        Naming the first link, in the folder or in one of its folders.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> refuse_links(Path(tempfile.mkdtemp()))
+    """
+    try:
+        entries = [*folder.iterdir()]
+        inner = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
+        entries += [entry for place in inner for entry in place.iterdir()]
+    except OSError:  # told by who needs it
+        return
+    for entry in entries:
+        if entry.is_symlink():
+            raise InputError(
+                f"{entry} is a link, and what is written to a run folder stays in it: remove the link, or give another "
+                "folder."
+            )
 
 
 _GUARD = threading.Lock()

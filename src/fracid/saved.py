@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from fracid.cut import CutCheck
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.identify import Estimate, RecordingFit
+from fracid.journal import refuse_links
 from fracid.mistaken import refuse_mistaken
 from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Problem
@@ -154,6 +155,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     """
     folder = Path(folder)
     refuse_mistaken(folder, "run")
+    refuse_links(folder)
     result = _read(folder / "result.json")
     project = _project(folder, result, trust)
     hashes = result.get("data_sha256", {})
