@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz notebook package clean-cache
+.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -65,22 +65,15 @@ $(SITE): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@
 
-# The property tests with fresh random examples, ten times over.
+# Hostile files into every reader, goes on where it stopped until each has had a million: hours.  Then the property
+# tests with fresh random examples, ten times over.
 fuzz: $(READY)
+	$(BIN)/python tests/fuzz.py --inputs 1000000 --seconds 7200
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
 
-# Wheel and sdist, built, looked into, installed where nothing else is, on the oldest and the newest Python, and used.
-package: $(PACKING)
-	.venv-package/bin/python tests/packaging/check_package.py
-
-$(PACKING): tests/packaging/requirements.txt
-	$(PYTHON) -m venv .venv-package
-	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check -r tests/packaging/requirements.txt
-	touch $@
-
-# Executes the notebook of the paper anew, with its figures: a minute.
-notebook: $(READY)
-	$(BIN)/python tests/notebook.py examples/paper.ipynb
+# The same hostile files each time, two minutes.
+fuzz-ci: $(READY)
+	$(BIN)/python tests/fuzz.py --fresh --seconds 16
 
 # Numba's cache of compiled loops does not notice a change in a module that they call.
 clean-cache:

@@ -104,7 +104,7 @@ def test_a_permission_that_is_refused_is_told(tmp_path, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setitem(__import__("fracid.recording.table", fromlist=["READERS"]).READERS, ".csv", refuse)
-    with pytest.raises(InputError, match="log.csv cannot be read: Permission denied"):
+    with pytest.raises(InputError, match=r"log\.csv cannot be read: Permission denied"):
         load_recording(path)
 
 
@@ -116,13 +116,13 @@ def test_more_memory_than_there_is_is_told(tmp_path, monkeypatch):
         raise MemoryError
 
     monkeypatch.setitem(__import__("fracid.recording.table", fromlist=["READERS"]).READERS, ".csv", fill)
-    with pytest.raises(DataError, match="log.csv needs more memory than there is"):
+    with pytest.raises(DataError, match=r"log\.csv needs more memory than there is"):
         load_recording(path)
 
 
 def test_a_complex_signal_that_is_asked_for_is_told_why_it_is_none(tmp_path):
     np.savez(tmp_path / "run.npz", t=T, theta=T, alpha=1j * T)
-    with pytest.raises(InputError, match="run.npz: 'alpha' is complex; save its real part"):
+    with pytest.raises(InputError, match=r"run\.npz: 'alpha' is complex; save its real part"):
         load_recording(tmp_path / "run.npz", {"alpha": "alpha"})
     with pytest.raises(InputError, match="has no variable 'beta'"):
         load_recording(tmp_path / "run.npz", {"alpha": "alpha"}, variable="beta")

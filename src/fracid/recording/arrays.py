@@ -80,9 +80,10 @@ def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]
         raise DataError(_nothing(Path(source), left_out))
     names, units = zip(*(name_and_unit(name, "", j) for j, name in enumerate(columns)), strict=True)
     values = np.empty((len(next(iter(columns.values()))), len(columns)))
-    with np.errstate(all="ignore"):  # numbers beyond float64 become infinite
+    with np.errstate(all="ignore"):  # numbers beyond float64 become infinite, signalling NaNs quiet
         for j, column in enumerate(columns.values()):
             values[:, j] = column
+        values += 0.0
     return Chosen(values, names, units, source, left_out)
 
 
@@ -192,7 +193,7 @@ def _numeric(item: Any) -> Array | LeftOut:
 def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
     """Lay a matrix out with time downwards: its longer axis; of a square, the one that has a clock."""
     with np.errstate(all="ignore"):
-        values = np.squeeze(np.asarray(array, dtype=float))
+        values = np.squeeze(np.asarray(array, dtype=float)) + 0.0
     rows, columns = values.shape
     sideways = rows < columns or (rows == columns and _increases(values.T) and not _increases(values))
     values = values.T if sideways else values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from math import prod
 from pathlib import Path
@@ -73,7 +74,9 @@ def _array(file: IO[bytes], size: int) -> NDArray[np.generic] | LeftOut:
     version = npy.read_magic(file)
     if version not in HEADERS:
         raise ValueError(f"its format {version[0]}.{version[1]} is not known")
-    shape, fortran, dtype = HEADERS[version](file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Python, which parses the header: of a damaged one, it is about escapes
+        shape, fortran, dtype = HEADERS[version](file)
     if dtype.hasobject:
         return PICKLED
     if dtype.kind == "c":

@@ -1,0 +1,94 @@
+"""Fuzzing finds what it is meant to find; and for two minutes, in the slow group, it finds nothing."""
+
+import ctypes
+import time
+
+import numpy as np
+import pytest
+
+import fuzz
+from fracid.errors import DataError
+from fuzz_inputs import READERS, input_of
+
+QUICK = sorted(set(READERS) - {"project"})  # that one compiles first
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_an_input_is_found_again_by_its_number(reader):
+    inputs = [input_of(reader, number) for number in range(200)]
+    assert inputs == [input_of(reader, number) for number in range(200)]
+    assert len({raw for _, raw in inputs}) > 150
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_some_inputs_are_taken_and_most_are_refused_in_a_line(reader, tmp_path):
+    (tmp_path / "swing.csv").write_bytes(READERS["text"][1]()[0])
+    outcomes = [fuzz.judge(reader, number, tmp_path) for number in range(60)]
+    assert [o for o in outcomes if o.startswith("!")] == []
+    assert outcomes.count("taken") > 0
+    assert outcomes.count("InputError") + outcomes.count("DataError") > 10
+
+
+def broken(how):
+    """A way of reading that goes wrong at input 20."""
+
+    def read(reader, number, file):
+        if number == 20:
+            how()
+        raise DataError("It is refused.")
+
+    return read
+
+
+def fill_memory():
+    np.ones(9 << 24)  # 1.1 GiB
+
+
+def stand_still():
+    until = time.process_time() + 60
+    while time.process_time() < until:
+        pass
+
+
+def warn():
+    import warnings
+
+    warnings.warn("careless", stacklevel=1)
+
+
+FAULTS = {
+    "died by SIGSEGV": lambda: ctypes.string_at(0),
+    "more than 0.5 s of processor time": stand_still,
+    "used 1.": fill_memory,
+    "warning: careless": warn,
+    "ZeroDivisionError: division by zero": lambda: 1 / 0,
+}
+
+
+@pytest.mark.parametrize("told", FAULTS)
+def test_what_goes_wrong_is_counted_and_told_and_the_next_inputs_are_run(told, monkeypatch, tmp_path):
+    monkeypatch.setattr(fuzz, "_read", broken(FAULTS[told]))
+    monkeypatch.setattr(fuzz, "SECONDS", 0.5 if "processor" in told else 60.0)
+    tally, after = fuzz.fuzz("npy", range(15, 30), 60, keep=tmp_path)
+    assert after == 30
+    assert tally.inputs == 15
+    assert tally.outcomes == {"DataError": 14, "failed": 1}
+    assert told in tally.failures["20"]
+    assert (tmp_path / "npy-20.npy").read_bytes() == input_of("npy", 20)[1]
+
+
+@pytest.mark.parametrize(
+    ("message", "fault"),
+    [("two\nlines.", "one printable line"), ("\x1b[31mred.", "one printable line"), ("x" * 800, "800 characters")],
+)
+def test_a_message_that_nobody_can_read_is_a_fault(message, fault):
+    assert fault in fuzz._fault_of(message)
+    assert fuzz._fault_of("log.csv is empty.") is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reader", READERS)
+def test_no_hostile_file_breaks_a_reader(reader, tmp_path):
+    tally, _ = fuzz.fuzz(reader, range(20_000), 16, keep=tmp_path)
+    assert tally.failures == {}
+    assert tally.inputs > 100
