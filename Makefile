@@ -75,6 +75,19 @@ fuzz: $(READY)
 fuzz-ci: $(READY)
 	$(BIN)/python tests/fuzz.py --fresh --seconds 16
 
+# Wheel and sdist, built, looked into, installed where nothing else is, on the oldest and the newest Python, and used.
+package: $(PACKING)
+	.venv-package/bin/python tests/packaging/check_package.py
+
+$(PACKING): tests/packaging/requirements.txt
+	$(PYTHON) -m venv .venv-package
+	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check -r tests/packaging/requirements.txt
+	touch $@
+
+# Executes the notebook of the paper anew, with its figures: a minute.
+notebook: $(READY)
+	$(BIN)/python tests/notebook.py examples/paper.ipynb
+
 # Numba's cache of compiled loops does not notice a change in a module that they call.
 clean-cache:
 	rm -f src/fracid/__pycache__/*.nb? src/fracid/*/__pycache__/*.nb?
