@@ -69,7 +69,9 @@ def begun_late() -> fracid.Fit:
 def studied() -> fracid.NoiseStudy:
     """Three levels of noise, with and without an encoder."""
     rig = fracid.rotary_pendulum("srv02-rotpen", b_alpha=2e-4)
-    release = fracid.Experiment("release", 5e-3, np.zeros((801, 2)), np.zeros((1, 1)), initial={"alpha": 0.5})
+    release = fracid.Experiment(
+        "release", 4e-3, np.zeros((1501, 2)), np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.5}
+    )
     free = fracid.Free(1.0, 0.5, 1.2)
     problem = fracid.Problem(rig, (release,), {"lambda": free, "mu": free}, initial_state="held")
     return fracid.noise_study(problem, np.array([0.9, 0.95]), levels=[1e-3, 3e-3, 1e-2], seeds=20, jobs=2,

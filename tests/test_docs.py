@@ -15,6 +15,7 @@ PAGES = (
     "docs/uncertainty.md",
     "docs/compare.md",
     "docs/export.md",
+    "docs/figures.md",
     "docs/theory.md",
     "docs/recording.md",
     "docs/choosing.md",
