@@ -6,7 +6,7 @@ Every model of fracid, built in or a user's own, is one instance of :class:`Mode
 
 with x the states, :math:`q_i` the order of each state, u the inputs and p the parameters.
 
-How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"``; being a program it wants ``--trust``):
+How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"``; as a program it wants ``--trust``):
 
 1. Write ``rhs(t, x, u, p, out)``: put :math:`D^{q_i} x_i` into ``out[i]`` and return nothing.  All four
    arrays are one-dimensional float64; ``u`` has one entry for each name in ``inputs`` (zero where nothing
