@@ -6,17 +6,24 @@ from pathlib import Path
 LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((\.\./[^)#\s]+)\)")
 
 
-def named(text, folder):
-    """Return a page's text with its links to folders outside docs/ as plain words.
+def named(text, docs, folder):
+    """Return a page's text with its links to folders outside docs/ as plain words, to Markdown there as files.
 
-    >>> named("see [`examples/`](../examples)", Path("docs"))
+    >>> named("see [`examples/`](../examples)", Path("docs"), Path("docs"))
     'see `examples/`'
     """
-    return LINK.sub(lambda link: link[1] if (folder / link[2]).is_dir() else link[0], text)
+
+    def one(link):
+        target = (folder / link[2]).resolve()
+        if target.is_dir():
+            return link[1]
+        return link[0] if docs.resolve() in target.parents else f"[{link[1]}](path:{link[2]})"
+
+    return LINK.sub(one, text)
 
 
 def _read(app, page, source):
-    source[0] = named(source[0], Path(app.env.doc2path(page)).parent)
+    source[0] = named(source[0], Path(app.srcdir), Path(app.env.doc2path(page)).parent)
 
 
 def setup(app):
