@@ -25,7 +25,7 @@ import fracid
 
 HERE = Path(__file__).parent
 TRUTH = {"lambda": 0.9, "mu": 0.95}
-STEP, HELD, END = 2e-3, 1.2, 5.0  # [s]
+STEP, HELD, END = 2e-3, 1.2, 8.0  # [s]
 
 
 def simulink(rng):

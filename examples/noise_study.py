@@ -39,9 +39,9 @@ def main():
         print(f"released from {release}°")
         for cell in study.cells:
             found = "   ".join(
-                f"{name} off by {s.bias:+.4f}, spread {s.spread:.4f}" for name, s in cell.unknowns.items()
+                f"{name} off by {s.bias:+.5f}, spread {s.spread:.5f}" for name, s in cell.unknowns.items()
             )
-            print(f"  {cell.label:26} {found}")
+            print(f"  {cell.label:27} {found}")
         for sentence in study.sentences():
             print(f"  {sentence}")
     study.plot().savefig(Path(__file__).with_suffix(".png"), dpi=120)

@@ -78,7 +78,7 @@ def record(rng):
     voltage = run.states[::FINER, 1] + NOISE * rng.standard_normal(time.size)
     columns = np.column_stack([time, current, 1e3 * voltage])
     header = "time [s],current [A],voltage [mV]"
-    np.savetxt(CSV, columns, fmt="%.6g", delimiter=",", header=header, comments="")
+    np.savetxt(CSV, columns, fmt="%.9g", delimiter=",", header=header, comments="")
 
 
 # --- identify it ---------------------------------------------------------------------------------------------

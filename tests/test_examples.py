@@ -1,6 +1,7 @@
 """Every file of examples/ runs, and finds the truth that it made.
 
-A new file in that folder is run by itself; one that prints ``NAME value   95 %: low to high   truth …`` is held to it.
+A new file in that folder is run by itself; one that prints ``NAME value   95 %: low to high   truth …`` is held to it,
+and so is one whose output docs/examples.md shows.
 """
 
 import importlib.util
@@ -15,10 +16,16 @@ import numpy as np
 import pytest
 
 import fracid
+from printed import differences
 
 FOLDER = Path(__file__).parents[1] / "examples"
 OWN = ("duffing", "flexible_link", "supercapacitor", "own_cost")
 DRAWS = ("simulate.py", "identify_release.py", "noise_study.py", *(f"{name}.py" for name in OWN[:3]))
+
+PAGE = FOLDER.parent / "docs" / "examples.md"
+BLOCK = re.compile(r"^```text\n\$ python examples/(\S+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+SHOWN = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
+"""What the page says that each example prints, by its file."""
 
 FOUND = re.compile(r"(\S+)\s+(\S+)\s+95 %: (\S+) to (\S+)\s+truth (\S+)")
 SURE = 2.5
@@ -59,6 +66,10 @@ def test_an_example_runs_without_a_warning_and_finds_its_truth(folder, name):
     for what, *numbers in FOUND.findall(printed):
         value, low, high, truth = map(float, numbers)
         assert abs(value - truth) < SURE * (high - low) / 2, (what, printed)
+    if name in SHOWN:
+        shown = SHOWN[name].removeprefix("…\n")
+        last = printed.splitlines()[-len(shown.splitlines()) :]
+        assert differences(shown, "\n".join(last), skip=r"\d ms ") == []
     if name in DRAWS:
         assert (folder / name).with_suffix(".png").stat().st_size > 10_000
 
@@ -89,3 +100,8 @@ def test_code_of_an_examples_own_is_not_run_unasked(folder, name):
     example.record(np.random.default_rng(1))
     with pytest.raises(fracid.InputError, match="trust"):
         fracid.load_project(folder / f"{name}.toml")
+
+
+def test_the_page_names_every_example():
+    text = PAGE.read_text(encoding="utf-8")
+    assert [p.name for p in FOLDER.glob("*.*") if p.suffix in (".py", ".toml", ".ipynb") and p.name not in text] == []
