@@ -85,7 +85,7 @@ def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callabl
     signature : Numba's signature
     keep : bool
     **options
-        Of :func:`numba.njit`.
+        Of ``numba.njit``.
 
     Examples
     --------
