@@ -32,7 +32,7 @@ starts = 2
 """
 OF_A_RUN = {"figure1-rig", "figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha",
             "residuals-release-20-theta", "residuals-release-20-alpha", "cost-over-orders", "waterfall",
-            "profiles"}  # fmt: skip
+            "profiles", "linear-hanging", "linear-upright"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +108,17 @@ def test_of_a_comparison_it_draws_the_ladder(capsys, tmp_path):
     code, _, err = run(capsys, "draw", tmp_path)
     assert (code, err) == (0, "")
     assert [path.name for path in (tmp_path / "figures" / "journal").iterdir()] == ["ladder.pdf"]
+
+
+def test_of_a_study_of_noise_it_draws_what_the_study_draws(capsys, made, tmp_path, monkeypatch):
+    study = fracid.noise_study(made[1].problem, made[1].x, levels=[1e-3, 2e-3], seeds=2)
+    (tmp_path / "noise.json").write_text(json.dumps(study.to_json()), encoding="utf-8")
+    drawn = []
+    monkeypatch.setattr("fracid.plots.save", lambda figure, *where: drawn.append((figure, *where)) or ())
+    assert run(capsys, "draw", tmp_path) == (0, "", "")
+    ((figure, where, stem, formats),) = drawn
+    assert (where, stem, formats) == (tmp_path / "figures" / "journal", "noise", ("pdf",))
+    assert content(figure) == content(study.plot(style="journal"))
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,7 @@ __all__ = [
     "Cell",
     "NoiseStudy",
     "Plan",
+    "SavedStudy",
     "Statistics",
     "binomial95",
     "encoder",
@@ -184,6 +185,43 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class SavedStudy:
+    """What noise.json keeps of a study: enough to draw it again."""
+
+    names: tuple[str, ...]
+    """Of the unknowns."""
+    cost_name: str
+    cells: tuple[Cell, ...]
+    optimiser: str
+    seeds: int
+    """Repetitions a cell."""
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> SavedStudy:
+        """From the content of noise.json."""
+        cells = tuple(map(_cell_of, said["cells"]))
+        return cls(tuple(said["truth"]), said["cost"], cells, said["optimiser"], said["seeds"])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import noise_levels
+
+        return noise_levels(self, style=style)
+
+
+def _cell_of(said: Mapping[str, Any]) -> Cell:
+    own = {f.name: said[f.name] for f in fields(Cell) if f.name != "unknowns"}
+    known = [f.name for f in fields(Statistics) if f.name != "name"]
+    return Cell(**own, unknowns={n: Statistics(n, **{k: s[k] for k in known}) for n, s in said["unknowns"].items()})
+
+
+@dataclass(frozen=True)
 class NoiseStudy:
     """The result of :func:`noise_study`."""
 
@@ -198,6 +236,16 @@ class NoiseStudy:
     seeds: int
     """Repetitions a cell."""
     seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the unknowns."""
+        return self.problem.names
+
+    @property
+    def cost_name(self) -> str:
+        """Of the cost that was minimised."""
+        return self.problem.cost_function.name
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""

@@ -37,7 +37,7 @@ def draw(
         str,
         typer.Argument(
             metavar="RUN|PROJECT|RIG",
-            help="The folder of a run or of a comparison; a project file or the name of a rig.",
+            help="The folder of a run, a comparison or a study of noise; a project file or the name of a rig.",
             autocompletion=one_of(*RIGS),
         ),
     ],
@@ -64,8 +64,9 @@ def draw(
     """Draw the figures again: as wide as a journal's columns, as PDF with its fonts embedded.
 
     Of a run: the rig, measured and fitted, the residuals and what is tested of them, the cost over the orders, where
-    the starts ended, the cut, and the profiles where fracid profile wrote them into the folder.  Of a comparison: the
-    ladder.  Of a project or a rig: the rig itself, to scale, with the zeros and positive senses of both angles.
+    the starts ended, the cut, the linear models, and the profiles where fracid profile wrote them into the folder.  Of
+    a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig itself, to scale,
+    with the zeros and positive senses of both angles.
     """
     from fracid.cli.drawing import saved
     from fracid.runs import FIGURES
@@ -98,8 +99,8 @@ def _of_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
         yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot(style=style)
     else:
         raise InputError(
-            f"{name!r} is neither a run, nor a project, nor a rig. Give a folder that fracid fit or fracid compare "
-            f"wrote, a project file, or one of the rigs {', '.join(RIGS)}."
+            f"{name!r} is neither a run, nor a project, nor a rig. Give a folder that fracid fit, compare "
+            f"or noise wrote, a project file, or one of the rigs {', '.join(RIGS)}."
         )
 
 
@@ -107,6 +108,8 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
     """All that can be drawn of what lies there."""
     if (compared := _read(folder / "compare.json")) is not None:
         return _of_comparison(compared, style)
+    if not (folder / "result.json").exists() and (studied := _read(folder / "noise.json")) is not None:
+        return _of_study(studied, style)
     from fracid.saved import load_run
 
     return _of_run(load_run(folder, trust=trust), style, jobs)
@@ -122,6 +125,7 @@ def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
     return chain(
         drawing.of_rig(run.problem.model, style), drawing.of_recordings(run.recordings, run.resolutions, style),
         _of_tests(run, style), plane, drawing.of_search(run, style), _of_profiles(run, style),
+        _of_linear(run, style),
     )  # fmt: skip
 
 
@@ -156,6 +160,30 @@ def _of_comparison(said: dict[str, Any], style: str) -> Figures:
     for name, stem in file_stems(found.amplitude).items():
         if found.amplitude[name].drifts:
             yield f"amplitude-{stem}", found.amplitude[name].plot(style=style)
+
+
+def _of_study(said: dict[str, Any], style: str) -> Figures:
+    from fracid.studies import SavedStudy
+
+    found = SavedStudy.of_json(said)
+    if any(s.estimates for cell in found.cells for s in cell.unknowns.values()):
+        yield "noise", found.plot(style=style)
+
+
+def _of_linear(run: SavedRun, style: str) -> Figures:
+    """The linear models about both postures, where something drives them and its outputs are angles."""
+    from fracid.export.state_space import integer_model
+
+    units = run.problem.experiments[0].units
+    if any(units.get(output, "rad") != "rad" for output in run.problem.model.outputs):
+        return
+    try:
+        found = integer_model(run)
+    except InputError:  # it says why where it is asked for: fracid export RUN --to state-space
+        return
+    for posture, linear in found.linear.items():
+        if linear.inputs and linear.G.any():
+            yield f"linear-{posture}", found.plot(posture, style=style)
 
 
 def _read(path: Path) -> dict[str, Any] | None:

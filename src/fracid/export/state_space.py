@@ -51,7 +51,10 @@ from fracid.problem import LIMIT, Problem
 from fracid.simulate import METHODS, compile_rhs, integrate, time_scale
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from fracid.saved import SavedRun
+    from fracid.style import Style
 
 __all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "oustaloup", "sentences"]
 
@@ -323,6 +326,20 @@ class IntegerModel:
     orders: FloatArray
     operators: tuple[Operator, ...]
     """Of each state."""
+
+    def plot(self, posture: str = "hanging", *, style: str | Style = "screen") -> Figure:
+        """Magnitude, phase and step response about a posture; see :func:`fracid.plots.linear_response`.
+
+        Parameters
+        ----------
+        posture : str
+            A key of `linear`: ``hanging`` or ``upright``.
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        """
+        from fracid.plots import linear_response
+
+        return linear_response(self, posture, style=style)
 
     @cached_property
     def weight(self) -> FloatArray:

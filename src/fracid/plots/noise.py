@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.studies import Cell, NoiseStudy, Statistics
+    from fracid.studies import Cell, NoiseStudy, SavedStudy, Statistics
     from fracid.style import Style
 
 __all__ = ["noise_levels"]
@@ -30,7 +30,7 @@ BELIEVED = (90.0, 99.0)
 """Where a coverage keeps its word [%]."""
 
 
-def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
+def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen") -> Figure:
     """Draw bias and spread of each unknown against the level of noise, with the coverage of its intervals beside.
 
     Parameters
@@ -64,7 +64,7 @@ def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     >>> [axes.get_ylabel() for axes in noise_levels(study).axes]
     ['bias of $\\\\mu$ [–]', 'coverage [%]']
     """
-    names = [n for n in study.problem.names if any(c.unknowns[n].estimates for c in study.cells)]
+    names = [n for n in study.names if any(c.unknowns[n].estimates for c in study.cells)]
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     shown = names[:MOST]
@@ -75,12 +75,12 @@ def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("noise, standard deviation [°]")
     more = f" (the first {len(shown)} of {len(names)} unknowns)" if len(names) > len(shown) else ""
-    cost = look.cost_label(study.problem.cost_function.name)[0]
+    cost = look.cost_label(study.cost_name)[0]
     look.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
     return figure
 
 
-def _unknown(left: Axes, right: Axes, study: NoiseStudy, name: str) -> None:
+def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
     shown, factor = look.SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
