@@ -1,0 +1,88 @@
+"""What is no angle is shown in its own unit: in figures, in sentences, in the unknowns' units."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid import Experiment, Free, Model, Parameter, Problem
+from fracid.identify import RecordingFit
+from fracid.units import shown_unit, with_unit
+
+TIME = np.arange(0, 10, 0.01)
+
+
+def rhs(t, x, u, p, out):
+    out[0] = -p[0] * x[0] + u[0]
+
+
+CELL = Model(
+    name="cell", rhs=rhs, states=("v",), orders=("q",), outputs={"voltage": 0}, inputs=("current",),
+    parameters=(Parameter("rate", "1/s^q", 0.5, "of discharge", lower=0.0),), zero="", source="a test",
+)  # fmt: skip
+
+
+def recorded(unit):
+    """A release as RecordingFit has it, of an output in that unit."""
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(TIME.size)
+    fitted = np.exp(-0.5 * TIME) * np.cos(6 * TIME)
+    return RecordingFit("run", "fit", TIME, {"y": fitted + noise}, {"y": fitted}, 1e-3, {}, {}, units={"y": unit})
+
+
+def texts(figure):
+    from matplotlib.text import Text
+
+    return [t.get_text() for t in figure.findobj(Text) if t.get_text()]
+
+
+@pytest.mark.parametrize("unit", ["V", "m", "A", "1", "N m"])
+@pytest.mark.parametrize("draw", ["plot", "plot_residuals", "tests"])
+def test_a_figure_of_what_is_no_angle_has_no_degrees(unit, draw):
+    fit = recorded(unit)
+    figure = fit.plot() if draw == "plot" else fit.plot_residuals(tests=draw == "tests")
+    assert not [t for t in texts(figure) if "°" in t]
+    label = "–" if unit == "1" else unit
+    assert any(f"[{label}]" in t for t in texts(figure))
+
+
+def test_figures_of_an_angle_are_in_degrees_whether_its_unit_is_said_or_not():
+    said, unsaid = recorded("rad"), replace(recorded("rad"), units={})
+    assert texts(said.plot()) == texts(unsaid.plot())
+    assert any("[°]" in t for t in texts(said.plot()))
+
+
+@pytest.mark.parametrize("unit", ["V", "1"])
+def test_sentences_of_a_residual_say_its_unit(unit):
+    level = fracid.residual_analysis(recorded(unit), "y").sentences["level"]
+    said = re.match(r"rms ([\d.]+\d)(.*?)\. No step", level)
+    assert float(said[1]) == pytest.approx(1e-3, rel=0.1)
+    assert said[2].strip() == ("" if unit == "1" else unit)
+    off = replace(recorded(unit), fitted={"y": recorded(unit).measured["y"] - 0.5})
+    assert "°" not in fracid.residual_analysis(off, "y").sentences["whiteness"]
+
+
+def test_a_recordings_unit_goes_with_the_problem_to_the_fit_and_to_the_units_of_the_unknowns():
+    current = np.where(TIME > 1, 0.0, 1.0)
+    run = fracid.simulate(CELL, orders={"q": 0.9}, initial={}, step=0.01, end=9.99, inputs=current[:, None])
+    signals = {"current": current, "voltage": run.states[:, 0]}
+    recording = fracid.Recording.of("cell", TIME, signals, {"current": "A", "voltage": "V"})
+    cell = Experiment.of(recording, CELL, ["voltage"])
+    problem = Problem(
+        CELL, (cell,), {"q": Free(1.0, 0.5, 1.2)}, {"rate": Free(1.0, 0.0, 5.0)}, outputs=("voltage",),
+        initial_state="rest",
+    )  # fmt: skip
+    assert {u.name: u.unit for u in problem.unknowns} == {"q": "", "rate": "1/s^q", "v(0) [cell]": "V"}
+    fit = fracid.identify(problem)
+    assert fit.recordings["cell"].unit("voltage") == "V"
+    assert fit.orders["q"].value == pytest.approx(0.9, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "text"),
+    [("rad", np.pi, "180°"), ("rad/s", np.pi, "180°/s"), ("V", 1.5, "1.5 V"), ("1", 1.5, "1.5"), ("", 2.0, "2")],
+)
+def test_a_value_is_written_with_the_unit_in_which_it_is_shown(unit, value, text):
+    assert with_unit(value, unit) == text
+    assert value * shown_unit(unit)[1] == pytest.approx(float(re.match(r"[\d.]+", text)[0]))
