@@ -4,6 +4,7 @@ What only the built site shows, dead links for one, ``make docs`` refuses.
 """
 
 import importlib
+import inspect
 import re
 import sys
 from collections import Counter
@@ -48,6 +49,18 @@ def test_every_public_name_is_in_the_reference_once():
     assert not missing, f"add to a page of docs/reference/: {sorted(missing)}"
     assert set(shown) <= set(fracid.__all__)
     assert set(shown.values()) == {1}
+
+
+def test_what_a_public_class_inherits_is_in_the_reference_too():
+    words = "\n".join(text_of(page) for page in PAGES if page.startswith("reference/"))
+    classes = {name: getattr(fracid, name) for name in fracid.__all__ if inspect.isclass(getattr(fracid, name))}
+    heirs = [
+        name
+        for name, found in classes.items()
+        if any(base.__module__.startswith("fracid.") for base in found.__mro__[1:]) and not issubclass(found, Exception)
+    ]
+    assert heirs
+    assert [n for n in heirs if f"fracid.{n}\n   :members:\n   :inherited-members:\n" not in words] == []
 
 
 @pytest.mark.parametrize("page", PAGES)
