@@ -105,6 +105,10 @@ MISTAKES = {
     "init swing.csv --rig srv02 --out new.toml": "did you mean srv02-rotpen",
     "init swing.csv --out rig.toml": "give another name, --out FILE, or write over it: --force.",
     "noise runs/rig --cost itea": "did you mean",
+    "fit rig.toml --multi-start 3 --executor procesess": "There is no executor 'procesess'; type one of threads, proc",
+    "compare rig.toml --out study --keep coulomb_thata": "did you mean coulomb_theta",
+    "compare rig.toml --out study --executor many": "There is no executor 'many'",
+    "noise runs/rig --out runs/rig": "runs/rig holds a fit; give the study a folder of its own: --out DIR.",
     "fit rig.toml --executor processes": "say how many: --multi-start N.",
 }  # fmt: skip
 """What is typed → what the sentence must hold."""
@@ -117,6 +121,13 @@ def test_a_mistake_is_told_with_what_to_type(capsys, folder, words):
     assert MISTAKES[words] in err
     assert err.startswith("error: ")
     assert err.count("\n") == 1
+
+
+def test_no_mistake_clears_what_an_earlier_run_has_left(folder):
+    """The mistakes above have all been made, in the folders of a run and of a study."""
+    assert (folder / "runs" / "rig" / "result.json").exists()
+    assert (folder / "runs" / "rig" / "project.toml").exists()
+    assert (folder / "study" / "compare.json").exists()
 
 
 @pytest.mark.parametrize(

@@ -417,14 +417,14 @@ class _Page:
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
             viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
             lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
-            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, 0.5 * gravity, dry))
+            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, gravity, dry))
         if self.arm:
             lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
             lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
         if self.driven:
             k, way = own["torque_per_volt"] or 0.05, _way(self.recording)
             k = k if way == 0 else math.copysign(k, way)
-            low, high = sorted((k / SPAN, k * SPAN))
+            low, high = sorted((k / SPAN**2, k * SPAN**2))  # motors differ more than masses
             why = {0.0: "turn its sign round if the arm goes the other way", 1.0: "the arm goes with the voltage",
                    -1.0: "the arm goes against the voltage"}[way]  # fmt: skip
             lines.append(_range("torque_per_volt", k, low, high, f"{why} [N m/V]"))

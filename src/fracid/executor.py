@@ -56,7 +56,7 @@ from fracid.errors import InputError, Unfinished
 from fracid.journal import Journal, Json, resumable
 from fracid.optimise.base import at_least
 
-__all__ = ["EXECUTORS", "Progress", "Task", "follow_parent", "run_tasks"]
+__all__ = ["EXECUTORS", "Progress", "Task", "executor_from_name", "follow_parent", "run_tasks"]
 
 Work = Callable[..., Json]
 """Does one task: a function of a module, given the task's arguments."""
@@ -141,7 +141,7 @@ def run_tasks(
     >>> run_tasks(math.hypot, [Task("3, 4", (3.0, 4.0)), Task("5, 12", (5.0, 12.0))], jobs=2)
     {'3, 4': 5.0, '5, 12': 13.0}
     """
-    run = _executor(executor)
+    run = executor_from_name(executor)
     _check(work, tasks, executor)
     at_least("jobs", jobs, 1)
     done = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
@@ -211,7 +211,19 @@ def _check(work: Work, tasks: Sequence[Task], executor: str) -> None:
         raise InputError(f"{work!r} cannot be sent to other processes: give a function of a module, or threads.")
 
 
-def _executor(name: str) -> Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, _Ended]]]:
+def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, _Ended]]]:
+    """Find what runs tasks; a scheduler's address is not tried.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, and it is no address.
+
+    Examples
+    --------
+    >>> callable(executor_from_name("threads"))
+    True
+    """
     if name in EXECUTORS:
         return EXECUTORS[name]
     if "://" in name:

@@ -108,9 +108,13 @@ def _compared(
     """Run it, going on with what the journal in the folder has."""
     from fracid.cli.progress import progress_shown
     from fracid.compare import compare as library_compare
+    from fracid.executor import executor_from_name
     from fracid.journal import Journal
+    from fracid.ladder import ladder
     from fracid.runs import JOURNAL
 
+    executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
+    ladder(project.problem, keep=options["keep"], others=project.validation)
     study = _study(project, options)
     _begin(folder, study)
     with Journal(folder / JOURNAL, study) as journal, progress_shown("fits", events=json_) as tell:

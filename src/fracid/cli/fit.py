@@ -117,6 +117,7 @@ def run_fit(
 ) -> Ran:  # fmt: skip
     """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
+    from fracid.executor import executor_from_name
     from fracid.optimise import Outcome, optimiser_from_name
     from fracid.project import load_project
     from fracid.runs import inputs_of, open_run, write_result
@@ -126,6 +127,7 @@ def run_fit(
     optimiser_from_name(name)  # refused before an earlier run is cleared from the folder
     asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
              "cut": cut, "executor": executor}  # fmt: skip
+    executor_from_name(executor or "threads")
     if executor and (starts or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
     with (

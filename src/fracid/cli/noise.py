@@ -191,6 +191,8 @@ def _studied(
         fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
         optimiser=optimiser or fitted.optimiser, starts=fitted.starts,
     )  # fmt: skip
+    if (folder / "result.json").exists():
+        raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
     with (
         Journal(open_folder(folder) / JOURNAL, _header(plan, fitted)) as journal,
         progress_shown("repetitions", events=json_) as progress,
