@@ -187,6 +187,12 @@ class AmplitudeTest:
         ----------
         style : str or Style
             ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Examples
+        --------
+        >>> drift = Drift("mu", "release", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)
+        >>> AmplitudeTest((), (drift,)).plot().axes[0].get_ylabel()
+        'order $\\\\mu$ [–]'
         """
         from fracid.plots import amplitudes
 

@@ -213,6 +213,13 @@ class CutCheck:
         ----------
         style : str or Style
             ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Examples
+        --------
+        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
+        >>> check.plot().axes[0].get_xlabel()
+        'order $\\\\mu$ [–]'
         """
         from fracid.plots import cut_shifts
 

@@ -375,6 +375,13 @@ class CostPlane:
             For the colour bar.
         style : str or Style
             ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Examples
+        --------
+        >>> orders = np.linspace(0.8, 1.0, 5)
+        >>> plane = CostPlane(("lambda", "mu"), orders, orders, 1.0 + (orders[:, None] - orders) ** 2)
+        >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
+        'RMSE [rad]'
         """
         from fracid.plots import cost_plane
 

@@ -139,6 +139,14 @@ class RecordingFit:
         ----------
         style : str or Style
             ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Examples
+        --------
+        >>> t = np.arange(0, 20, 1e-2)
+        >>> swing = {"alpha": np.exp(-0.2 * t) * np.cos(7 * t)}
+        >>> release = RecordingFit("release", "fit", t, swing, swing, 0.0, {}, {}, zero="hanging")
+        >>> release.plot().axes[0].get_ylabel()
+        '$\\\\alpha$, 0 = hanging [°]'
         """
         from fracid.plots import fitted_over_time
 

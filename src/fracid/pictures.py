@@ -14,6 +14,15 @@ A :class:`fracid.SavedRun`, which :func:`fracid.load_run` reads from a run folde
 either, ``fit.recordings["release"]``, has the first two.  All take ``style="journal"``.
 
 The figures themselves are in :mod:`fracid.plots`, which stands above what is drawn: it is imported when it is called.
+
+>>> import numpy as np, fracid
+>>> rig = fracid.rotary_pendulum("srv02-rotpen")
+>>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+>>> swing = fracid.Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"theta": 0, "alpha": 0.3})
+>>> free = fracid.Free(1.0, 0.5, 1.2)
+>>> fit = fracid.identify(fracid.Problem(rig, (swing,), {"lambda": free, "mu": free}, initial_state="held"))
+>>> [round(25.4 * draw(style="journal").get_figwidth()) for draw in (fit.plot, fit.plot_residuals, fit.plot_rig)]
+[88, 180, 88]
 """
 
 from __future__ import annotations

@@ -280,6 +280,13 @@ class Model:
         ------
         InputError
             If it is no rotary pendulum.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> figure = rotary_pendulum("srv02-rotpen").plot(style="journal")
+        >>> round(25.4 * figure.get_figwidth())
+        88
         """
         from importlib import import_module  # a circle, in which mypy would take the function for its module
 

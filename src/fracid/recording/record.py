@@ -79,6 +79,12 @@ class Recording:
             Where the pendulum's angle is zero, where that is known: "hanging" or "upright".
         style : str or Style
             ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> twin.plot(zero="hanging").axes[0].get_ylabel()
+        '$\\\\alpha$, 0 = hanging [°]'
         """
         from fracid.plots import recording_overview
 
