@@ -16,6 +16,7 @@ import pytest
 
 import fracid
 from fracid.cli import fit as fit_command
+from fracid.cli.resume import safe_words
 from fracid.own_code import run_file
 from program import run
 
@@ -219,6 +220,22 @@ def test_a_study_is_gone_on_with_but_what_only_the_caller_may_say_is_not_taken_f
     before = sorted(folder.rglob("*"))
     assert message in refused(capsys, "resume", "run")
     assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize("typed", ["--scheduler tcp://there:8786", "--scheduler=tcp://there:8786",
+                                   "--executor tcp://there:8786", "--executor=tcp://there:8786"])  # fmt: skip
+def test_an_address_from_a_folder_is_not_used_whatever_else_is_typed(typed):
+    words = ["compare", "rig.toml", *typed.split(), "--jobs", "2"]
+    assert safe_words(Path("run"), words, "processes", False) == ["compare", "rig.toml", "--jobs", "2"]
+
+
+def test_a_run_json_of_other_options_is_a_sentence(capsys, unfinished):
+    state = json.loads(Path("run/run.json").read_text())
+    for change in ({"options": {}}, {"options": state["options"] | {"trust": True}}):
+        Path("run/run.json").write_text(json.dumps(state | change))
+        code, _, err = run(capsys, "resume", "run")
+        assert (code, Path("ran").exists()) == (2, False)
+        assert "another version" in err or "--trust" in err
 
 
 def test_a_fit_on_a_scheduler_wants_its_address_from_the_caller(capsys, unfinished):

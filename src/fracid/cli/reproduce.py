@@ -106,24 +106,14 @@ def _studied(run: Path, name: str, trust: bool, out: Path | None, jobs: int) -> 
     from fracid.reproduction import compared
 
     words, where = said_command(run)
-    again = safe_words(run, _without_address(words), None, trust)
+    elsewhere = any(ADDRESS in word for word in words)  # on processes here in its place, which changes no result
+    again = [*safe_words(run, words, "processes", trust), *(["--executor", "processes"] * elsewhere)]
     with TemporaryDirectory() as place:
         folder = Path(place) / "run" if out is None else out.resolve()
         more = ["--out", str(folder), "--jobs", str(jobs), *(["--trust"] if trust else [])]
         with _as_typed([*again, *more], where), redirect_stdout(io.StringIO()):
             app(args=[*again, *more], prog_name="fracid", standalone_mode=False)
         return compared(_read(run / name), _read(folder / name), _changed(run, folder))
-
-
-def _without_address(words: list[str]) -> list[str]:
-    """On processes of this machine in place of a scheduler, which changes no result."""
-    kept, skip = [], False
-    for word in words:
-        if not skip and word != "--scheduler" and ADDRESS not in word:
-            kept.append(word)
-        skip = word == "--scheduler"
-    there = any(ADDRESS in word for word in words)
-    return [*(word for word in kept if not (there and word == "--executor")), *(["--executor", "processes"] * there)]
 
 
 @contextmanager

@@ -38,6 +38,9 @@ __all__ = ["KINDS", "resume", "safe_words", "said_command"]
 STUDIES = ("compare", "noise")
 """The commands that are typed again."""
 
+ASKED = ("preset", "optimiser", "seed", "starts", "cut", "executor")
+"""The options of a fit that its run.json has."""
+
 ADDRESS = "://"
 """In every address of a scheduler."""
 
@@ -113,8 +116,10 @@ def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, tru
         typer.echo((folder / "result.json").read_text(encoding="utf-8") if json_ else
                    f"{folder} is finished; its result is {folder / 'result.json'}.")  # fmt: skip
         return
-    how = {name: value for name, value in options.items() if name != "project"}
-    ran = run_fit(Path(options["project"]), folder, jobs=jobs, quiet=json_, resume=True, trust=trust, **how)
+    if not {"project", *ASKED} <= set(options):
+        raise InputError(f"{folder} was written by another version of fracid: its run.json lacks an option.")
+    how = {name: options[name] for name in ASKED}
+    ran = run_fit(Path(str(options["project"])), folder, jobs=jobs, quiet=json_, resume=True, trust=trust, **how)
     tell_fit(ran, json_=json_)
 
 
@@ -160,4 +165,15 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
         )
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
         _typed_by_hand(folder, address.removeprefix("--scheduler="), None)
-    return [word for word in words if word != "--trust"]
+    return [word for word in _without_address(words) if word != "--trust"]
+
+
+def _without_address(words: list[str]) -> list[str]:
+    """Without a scheduler's address and the option before it."""
+    kept: list[str] = []
+    for word in words:
+        if ADDRESS not in word:
+            kept.append(word)
+        elif kept[-1] in ("--scheduler", "--executor"):
+            kept.pop()
+    return kept
