@@ -6,6 +6,7 @@ import pty
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -227,6 +228,15 @@ def test_through_a_pipe_there_is_no_colour_unless_it_is_forced(monkeypatch, swin
     assert COLOUR.search(shown(monkeypatch, words, terminal=False, FORCE_COLOR="1"))
     plain = shown(monkeypatch, [*words, "--json"], terminal=False, FORCE_COLOR="1")
     assert json.loads(plain)["level"] == "good"
+
+
+def test_every_command_prints_through_the_one_console_that_keeps_to_this():
+    """Then what holds for three commands above holds for all."""
+    folder = Path(sys.modules["fracid.cli"].__file__).parent
+    for file in folder.glob("*.py"):
+        if file.name not in ("app.py", "progress.py"):
+            text = file.read_text(encoding="utf-8")
+            assert not re.search(r"\bConsole\(|\bprint\(|\\x1b|\\033", text.replace("console.print(", "")), file.name
 
 
 @pytest.mark.parametrize("width", [60, 100])

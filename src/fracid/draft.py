@@ -49,7 +49,7 @@ from fracid.recording import Recording, inspect_recording
 from fracid.recording.report import FAMILIAR_COUNTS, SignalReport
 from fracid.recording.table import Table, read_table
 
-__all__ = ["Draft", "draft_project", "guess_columns"]
+__all__ = ["Draft", "draft_project", "guess_columns", "guess_file"]
 
 FloatArray = NDArray[np.float64]
 
@@ -157,6 +157,34 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
     return columns, tuple(notes)
 
 
+def guess_file(
+    file: str | Path, *, time: Mapping[str, Any] | None = None, variable: str | None = None
+) -> tuple[Columns, tuple[str, ...]]:
+    """Guess the columns of a file: those of :func:`guess_columns`, and a command that is logged when it changes.
+
+    Parameters and errors are those of :func:`draft_project`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "log.csv"
+    >>> rows = [f"{k / 100},{math.cos(k / 10):.4f},{'' if k % 50 else k}" for k in range(200)]
+    >>> _ = path.write_text("stamp,pendulum,command\\n" + "\\n".join(rows))
+    >>> guess_file(path)[0]["voltage"]
+    {'column': 'command', 'unit': 'V', 'fill': 'hold'}
+    """
+    raw, table = inspect_recording(file, time=time, variable=variable), read_table(Path(file), variable)
+    columns, notes = guess_columns(raw, table.names)
+    if "voltage" not in columns and (command := _rare_command(table)):
+        columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
+        return columns, (
+            *notes,
+            f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",
+        )
+    blank = tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
+    return columns, notes if "voltage" in columns else notes + blank
+
+
 def draft_project(
     file: str | Path,
     columns: Mapping[str, Mapping[str, Any]] | None = None,
@@ -203,14 +231,7 @@ def draft_project(
     rotary_pendulum(rig_name)  # refuses an unknown one
     said: Columns
     if columns is None:
-        raw = inspect_recording(file, time=time, variable=variable)
-        table = read_table(Path(file), variable)
-        said, notes = guess_columns(raw, table.names)
-        if "voltage" not in said and (command := _rare_command(table)):
-            said["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
-            notes += (f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",)
-        if "voltage" not in said:
-            notes += tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
+        said, notes = guess_file(file, time=time, variable=variable)
     else:
         said, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in said:

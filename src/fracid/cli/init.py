@@ -77,14 +77,13 @@ def _asked(
 ) -> tuple[dict[str, dict[str, Any]], str]:
     """What a person answers."""
     from fracid.cli.check import print_check
-    from fracid.draft import guess_columns
+    from fracid.draft import guess_file
     from fracid.models import RIGS
     from fracid.recording import inspect_recording
-    from fracid.recording.table import read_table
 
     recording = inspect_recording(file, time=clock, variable=variable)
     print_check(recording, None)
-    guess, notes = guess_columns(recording, read_table(file, variable).names)
+    guess, notes = guess_file(file, time=clock, variable=variable)
     for note in notes:
         typer.echo(f"  {note}")
     columns: dict[str, dict[str, Any]] = {}
