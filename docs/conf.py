@@ -59,6 +59,7 @@ html_title = "fracid"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_show_search_summary = False  # it would fetch the pages that were found, which no browser does from files
 html_show_sphinx = False
 pygments_style = "a11y-high-contrast-light"  # of accessible-pygments, which comes with the theme
 pygments_dark_style = "a11y-high-contrast-dark"

@@ -61,6 +61,7 @@ def test_the_search_works_from_files(site, browser):
     browser.run("location.search = '?q=identify'")
     browser.until("document.querySelector('p.search-summary')?.textContent.includes('found')")
     browser.until("[...document.querySelectorAll('ul.search a')].some(a => a.href.includes('#fracid.identify'))")
+    assert browser.complaints == []
 
 
 def test_formulas_are_drawn_and_not_spelt(site):
