@@ -180,7 +180,7 @@ def _print_signals(console: Console, report: Report) -> None:
     from rich.markup import escape
 
     rows = report.signal_rows()
-    table = new_table(*rows[0], fold=("signal",))
+    table = new_table(*rows[0], fold=("signal", "rest"))
     for row in rows:
         table.add_row(*map(escape, row.values()))
     console.print(table)
