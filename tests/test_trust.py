@@ -17,6 +17,7 @@ import pytest
 import fracid
 from fracid.cli import fit as fit_command
 from fracid.cli.resume import safe_words
+from fracid.compare import _origin
 from fracid.own_code import run_file
 from program import run
 
@@ -128,6 +129,18 @@ def test_from_python_the_caller_says_so(folder):
         assert not Path("ran").exists()
         assert fracid.load_project(project, trust=True).own_code == (Path(code),)
         Path("ran").unlink()
+
+
+def test_another_process_trusts_what_this_one_was_told_to_and_nothing_else(folder):
+    origin = _origin(fracid.load_project("rig.toml", trust=True), (), (), "processes")
+    assert origin.load()[0].model.name == "spring"
+    Path("rig.toml").write_text(PROJECT.format(orders="lambda = 1.0\nmu = 1.0", fit=""))
+    origin = _origin(fracid.load_project("rig.toml"), (), (), "processes")
+    Path("rig.toml").write_text(MODEL)
+    Path("ran").unlink()
+    with pytest.raises(fracid.NotTrusted):
+        origin.load()
+    assert not Path("ran").exists()
 
 
 def test_what_is_built_in_needs_no_trust(folder):
