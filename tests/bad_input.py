@@ -4,6 +4,8 @@
 One table; ``tests/test_bad_input.py`` has a test for each row, and ``docs/bad-input.md`` is written from it::
 
     python tests/bad_input.py --write
+    python tests/bad_input.py --large      measures 10⁷ samples and 10,000 recordings: three minutes
+    python tests/bad_input.py --fuzzed     what fuzzing has run so far, from runs/fuzz
 
 To add a row, write what is wrong, the file's name, what makes its bytes, the sentence, and the code.  The sentence is
 what fracid prints, literally; ``…`` stands for what is left out of it.  Code 0 means that the file is used, and the
@@ -13,8 +15,10 @@ sentence is a note on it.
 from __future__ import annotations
 
 import io
+import json
 import os
 import struct
+import subprocess
 import sys
 import zipfile
 import zlib
@@ -615,20 +619,94 @@ def _short(name: str) -> str:
 
 
 def _cell(says: str) -> str:
-    return f"`{says.replace('|', chr(92) + '|')}`" if says else "—"
+    """A sentence as code; what goes on after it is dots."""
+    more = "" if says.endswith((".", "?")) else " …"
+    return f"`{says.replace('|', chr(92) + '|')}{more}`" if says else "—"
+
+
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
 
 
 def _kept(name: str) -> str:
-    """Return what stands between the marks of a part that is measured."""
-    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+    """Return what stands between the marks of a part that is measured, with them."""
+    start, end = _marks(name)
     there = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
     inside = there.split(start)[1].split(end)[0] if start in there else ""
     return f"{start}{inside}{end}"
 
 
+def _put(name: str, lines: list[str]) -> None:
+    """Write a part that is measured into the page."""
+    start, end = _marks(name)
+    before, rest = PAGE.read_text(encoding="utf-8").split(start)
+    PAGE.write_text(before + start + "\n".join([*lines, "", end]) + rest.split(end)[1], encoding="utf-8")
+
+
+# --- what is measured -----------------------------------------------------------------------------------
+
+READ = """
+import resource, sys, time
+from fracid import {call}
+begin = time.process_time()
+{call}(sys.argv[1])
+print(time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def _measured(call: str, file: Path) -> str:
+    """Read a file in a process of its own; return processor time and peak memory as cells of a table."""
+    done = subprocess.run(
+        [sys.executable, "-c", READ.format(call=call), file], capture_output=True, text=True, check=True
+    )
+    seconds, megabytes = map(float, done.stdout.split())
+    return f"{file.stat().st_size / 1e6:.0f} MB | {seconds:.1f} s | {megabytes:.0f} MB"
+
+
+def large() -> list[str]:
+    """Measure long recordings and a project of many."""
+    time = np.arange(10**7) / 1000
+    alpha = np.round(4096 * np.cos(time)) * 2e-4
+    lines = ["| | file | processor time | peak memory |", "|---|---|---|---|"]
+    with TemporaryDirectory() as folder:
+        with Path(folder, "long.csv").open("w") as file:
+            for k in range(0, time.size, 10**5):
+                pairs = zip(time[k : k + 10**5], alpha[k : k + 10**5], strict=True)
+                file.writelines(f"{t:.3f},{a:.4f}\n" for t, a in pairs)
+        np.savez(Path(folder, "long.npz"), t=time, alpha=alpha)
+        for name, what in (("long.csv", "text"), ("long.npz", "`.npz`")):
+            lines.append(f"| 10⁷ samples of two columns, {what} | {_measured('load_recording', Path(folder, name))} |")
+        words = ['[model.orders]\nlambda = 1.0\nmu = 0.95\n[fit]\ninitial_state = "held"\n']
+        for k in range(10_000):
+            np.save(Path(folder, f"{k}.npy"), np.column_stack([T[:20], np.cos(5 * T[:20]) + 1e-6 * k]))
+            words.append(f'[[recording]]\nfile = "{k}.npy"\ntime = {{ column = 0 }}\nalpha = {{ column = 1 }}\n')
+        Path(folder, "rig.toml").write_text("".join(words))
+        lines.append(f"| a project of 10,000 recordings | {_measured('load_project', Path(folder, 'rig.toml'))} |")
+    return [
+        *lines,
+        "",
+        "By `python tests/bad_input.py --large`; peak memory is the whole process, fracid's modules included.",
+    ]
+
+
+def fuzzed() -> list[str]:
+    """What was run so far."""
+    lines = ["| reader | inputs | taken | refused in a line | failed |", "|---|---|---|---|---|"]
+    for file in sorted((PAGE.parents[1] / "runs" / "fuzz").glob("*.json")):
+        kept = json.loads(file.read_text())
+        n, taken, bad = (sum(kept["outcomes"].values()), *(kept["outcomes"].get(k, 0) for k in ("taken", "failed")))
+        lines.append(f"| {file.stem} | {n:,} | {taken:,} | {n - taken - bad:,} | {bad} |")
+    return [
+        *lines,
+        "",
+        "So many were run of the source as it is, by `make fuzz`; `python tests/fuzz.py --table` prints the count.",
+    ]
+
+
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--write"]:
+    for option, part in (("--large", large), ("--fuzzed", fuzzed)):
+        if option in sys.argv:
+            _put(option[2:], part())
+    if "--write" in sys.argv:
         PAGE.write_text(page(), encoding="utf-8")
-        print(f"{len(RECORDINGS) + len(PROJECTS)} rows: {PAGE}")
-    else:
-        print(page())
+    print(f"{len(RECORDINGS) + len(PROJECTS)} rows: {PAGE}")

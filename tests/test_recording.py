@@ -172,6 +172,16 @@ def test_a_binary_file_is_read_in_any_layout(tmp_path, ending, write, layout):
     np.testing.assert_array_equal(recording.signals["alpha"], ALPHA)
 
 
+def test_a_clock_beside_a_matrix_is_seen_and_the_columns_of_the_matrix_keep_their_positions(tmp_path):
+    signals = np.column_stack([0.1 * np.sin(3 * TIME), ALPHA])
+    scipy.io.savemat(tmp_path / "run.mat", {"out": {"time": TIME, "values": signals, "gains": np.ones(7)}})
+    recording = load_recording(tmp_path / "run.mat", {"alpha": 1})
+    np.testing.assert_array_equal(recording.time, TIME)
+    np.testing.assert_array_equal(recording.signals["alpha"], ALPHA)
+    with pytest.raises(InputError, match="'gains' has 7 numbers beside the matrix 'values'"):
+        load_recording(tmp_path / "run.mat", {"alpha": "gains"})
+
+
 def test_a_struct_of_a_mat_file_is_walked(tmp_path):
     scipy.io.savemat(tmp_path / "run.mat", {"log": {"t": TIME, "alpha": ALPHA}})
     assert read_table(tmp_path / "run.mat").names == ("t", "alpha")

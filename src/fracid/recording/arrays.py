@@ -1,14 +1,15 @@
 """From the named arrays of a file to one table: which of them is the recording.
 
-The one named by ``variable``; else the only matrix, whose longer axis is time; else all vectors of one
-length, each a column under its own name.  What is left out is kept with its reason.
+The one named by ``variable``; else the only matrix, whose longer axis is time, and behind its columns the vectors of
+that length; else all vectors of one length, each a column under its own name.  What is left out is kept with its
+reason.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +65,11 @@ def choose(content: Content, variable: str | None, path: Path) -> Chosen:
     matrices = {name: a for name, a in arrays.items() if np.squeeze(a).ndim == 2}
     if len(matrices) == 1 and _is_longest(next(iter(matrices.values())), arrays):
         (name, matrix), *_ = matrices.items()
-        beside = {n: f"stands beside the matrix {name!r}" for n in arrays if n != name}
-        return _matrix(matrix, source, left_out | beside)
+        beside = {n: a.ravel() for n, a in arrays.items() if n != name and a.size == max(matrix.shape)}
+        odd = {
+            n: f"has {a.size} numbers beside the matrix {name!r}" for n, a in arrays.items() if n not in (name, *beside)
+        }
+        return _with_vectors(_matrix(matrix, source, left_out | odd), beside)
     if matrices:
         first = ascii_short(next(iter(matrices)))
         raise InputError(f"{path.name} holds several arrays: {_list(arrays)}. Choose one: variable = {first}.")
@@ -199,6 +203,19 @@ def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
     values = values.T if sideways else values
     names = tuple(f"column {j}" for j in range(values.shape[1]))
     return Chosen(values, names, ("",) * len(names), source, left_out)
+
+
+def _with_vectors(matrix: Chosen, beside: Mapping[str, Array]) -> Chosen:
+    """Put vectors of the matrix's length behind its columns, whose positions stay: a clock, say."""
+    if not beside:
+        return matrix
+    more = stack(beside, matrix.source, {})
+    return replace(
+        matrix,
+        values=np.column_stack([matrix.values, more.values]),
+        names=(*matrix.names, *more.names),
+        units=(*matrix.units, *more.units),
+    )
 
 
 def _increases(values: NDArray[np.float64]) -> bool:

@@ -28,9 +28,9 @@ def read_parquet(path: Path) -> Content:
     try:
         with parquet.ParquetFile(path, thrift_string_size_limit=2**24, thrift_container_size_limit=2**20) as file:
             return _columns(file, path)
-    except (DataError, MemoryError):
+    except DataError:
         raise
-    except Exception as error:  # pyarrow has its own tree of errors
+    except Exception as error:  # pyarrow has its own tree of errors; damaged lengths are asked of the memory
         raise damaged(path, "Parquet file", str(error).replace(str(path), path.name)) from None
 
 
