@@ -7,6 +7,7 @@ import math
 import re
 import shutil
 import sys
+import tomllib
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.resources import files
@@ -24,7 +25,7 @@ from fracid.compare import Comparison, Row, Score
 from fracid.errors import InputError
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
-from fracid.report.material import Material
+from fracid.report.material import Material, first_part
 from fracid.report.rig import rig_lengths
 from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
 from fracid.report.words import verdict
@@ -749,3 +750,27 @@ def test_a_script_that_got_in_would_not_run(browser, file, page, tmp_path):
     browser.open(spoilt, **CALM)
     assert browser.run("window.hit") is None
     assert browser.run("player.now") == 0  # the page's own does
+
+
+# --- long recordings -----------------------------------------------------------------------------------
+
+
+def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the_page_says_so(material, monkeypatch):
+    name, r = next(iter(material.recordings.items()))
+    output, few = next(iter(r.measured)), r.time.size // 2
+    part = first_part(r, few)
+    assert part.measured[output].base is not None  # a view
+    assert np.shares_memory(part.measured[output], r.measured[output])
+    assert first_part(r) is r
+    monkeypatch.setattr("fracid.report.material.first_part", lambda r: first_part(r, few))
+    long = replace(material)  # nothing looked at yet
+    assert long.analyses[name][output].samples <= few
+    assert f"of the first {long.analyses[name][output].samples}" in report_page(long)
+    assert "of the first" not in report_page(material)
+
+
+def test_a_recording_that_was_used_whole_is_not_read_again(material):
+    for recording in material.project.recordings:
+        said = next(s for s in tomllib.loads(material.project.text)["recording"] if recording.path.name == s["file"])
+        again = material.as_recorded[recording.name] is not recording
+        assert again == bool({"from", "to"} & said.keys() or recording.report.resampled)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 __all__ = ["Material"]
 
 FloatArray = NDArray[np.float64]
+
+ANALYSED = 600_000
+"""Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,9 @@ class Material:
 
     @cached_property
     def analyses(self) -> dict[str, dict[str, ResidualAnalysis]]:
-        """Recording → output → what its residual says."""
+        """Recording → output → what its residual says; of a very long one, the first :data:`ANALYSED` samples."""
         return {
-            name: {n: residual_analysis(r, n, self.resolutions[name]) for n in r.measured}
+            name: {n: residual_analysis(first_part(r), n, self.resolutions[name]) for n in r.measured}
             for name, r in self.recordings.items()
         }
 
@@ -114,7 +117,17 @@ class Material:
         return _read(self.folder / name)
 
 
+def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
+    """The first so many samples of a recording and its simulation, without a copy."""
+    if r.time.size <= samples:
+        return r
+    measured, fitted = ({n: y[:samples] for n, y in lines.items()} for lines in (r.measured, r.fitted))
+    return replace(r, time=r.time[:samples], measured=measured, fitted=fitted)
+
+
 def _whole(recording: Recording, said: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
+    if not {"from", "to"} & said.keys() and recording.report.resampled is None:
+        return recording  # it was used whole
     try:
         return inspect_recording(
             recording.path, {n: said[n] for n in signals if n in said}, time=said.get("time"), name=recording.name,

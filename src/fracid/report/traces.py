@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.report.material import first_part
 from fracid.report.words import letter
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
 
     from fracid.residuals import autocorrelation, longest_stretch, power_spectrum
 
-    whole = r.residual(a.output)
+    whole = first_part(r).residual(a.output)
     e = whole[longest_stretch(np.isfinite(whole))]
     if not a.whiteness.thinning:  # it could not be tested
         return None
