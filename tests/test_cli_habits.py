@@ -259,3 +259,13 @@ def test_the_version_is_told_with_those_that_results_depend_on_where_json_is_ask
         code, out, _ = run(capsys, *words)
         assert code == 0
         assert set(json.loads(out)) >= {"fracid", "python", "numpy", "scipy", "numba"}
+
+
+def test_long_names_are_not_broken_on_a_narrow_terminal(monkeypatch, tmp_path):
+    name = "states_of_joint_1/position_of_its_encoder"
+    rows = "\n".join(f"{k / 100},{0.5 ** (k / 50) * (-1) ** (k // 20):.4f}" for k in range(400))
+    (tmp_path / "log.csv").write_text(f"time,{name}\n{rows}\n")
+    text = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown(monkeypatch, ["check", str(tmp_path / "log.csv")], width=60))
+    line = next(line for line in text.replace("\r", "").split("\n") if line.startswith(name))
+    assert line.startswith(f"{name}: range -")
+    assert len(line) <= 60

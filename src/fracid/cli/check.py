@@ -177,10 +177,19 @@ def print_check(recording: Recording, figure: Path | None) -> None:
 
 
 def _print_signals(console: Console, report: Report) -> None:
+    """A table; where the terminal is too narrow for one, a line each."""
     from rich.markup import escape
 
     rows = report.signal_rows()
-    table = new_table(*rows[0], fold=("signal", "rest"))
+    narrowest = sum(
+        2 + max(len(row[name]) for row in (*rows, {n: n for n in rows[0]})) for name in rows[0] if name != "rest"
+    )
+    if narrowest + len("(-1.09°") > console.width:
+        for row in rows:
+            said = ", ".join(f"{name} {value}" for name, value in row.items() if name != "signal")
+            console.print(f"[bold]{escape(row['signal'])}[/bold]: {escape(said)}")
+        return
+    table = new_table(*rows[0], fold=("rest",))
     for row in rows:
         table.add_row(*map(escape, row.values()))
     console.print(table)
