@@ -105,3 +105,17 @@ def test_code_of_an_examples_own_is_not_run_unasked(folder, name):
 def test_the_page_names_every_example():
     text = PAGE.read_text(encoding="utf-8")
     assert [p.name for p in FOLDER.glob("*.*") if p.suffix in (".py", ".toml", ".ipynb") and p.name not in text] == []
+
+
+@pytest.mark.slow  # 20 s of one core
+def test_a_model_of_ones_own_goes_all_the_way_from_the_command_line(folder):
+    module(folder / "supercapacitor.py").record(np.random.default_rng(1))
+    for command in ("fit supercapacitor.toml", "resid runs/supercapacitor", "export runs/supercapacitor"):
+        program = [sys.executable, "-m", "fracid", *command.split(), "--trust"]
+        done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert "Traceback" not in done.stderr
+        if command.startswith("fit"):
+            assert re.search(r"fit +0\.00\d+ V +99\.\d+ %", done.stdout)
+            assert "°" not in done.stdout
+    assert (folder / "runs" / "supercapacitor" / "report.html").is_file()

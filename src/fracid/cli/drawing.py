@@ -38,7 +38,11 @@ Figures = Iterator[tuple[str, "Figure"]]
 def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
     beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
-    rig = _submitted(beside, _draw_rig, project.problem.model, folder)  # starts it
+    # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
+    model: Model | None = project.problem.model
+    if not project.problem.model.rhs.__module__.startswith("fracid."):
+        model = None
+    rig = _submitted(beside, _draw_rig, model, folder)  # starts it
     try:
         yield lambda found: _draw(found, project, folder, jobs, beside, rig)
     finally:
@@ -103,8 +107,8 @@ def _awaited(
         return work(*what)
 
 
-def _draw_rig(model: Model, folder: Path) -> tuple[Path, ...]:
-    return saved(of_rig(model), folder)
+def _draw_rig(model: Model | None, folder: Path) -> tuple[Path, ...]:
+    return () if model is None else saved(of_rig(model), folder)
 
 
 def _draw_recordings(

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,7 @@ from fracid.memory import compressed
 from fracid.models import Model
 from fracid.problem import LIMIT, Problem
 from fracid.simulate import METHODS, compile_rhs, integrate, time_scale
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -326,6 +327,8 @@ class IntegerModel:
     orders: FloatArray
     operators: tuple[Operator, ...]
     """Of each state."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit; rad where it says nothing."""
 
     def plot(self, posture: str = "hanging", *, style: str | Style = "screen") -> Figure:
         """Magnitude, phase and step response about a posture; see :func:`fracid.plots.linear_response`.
@@ -544,7 +547,8 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     known = {q: oustaloup(q, band) for q in set(orders.tolist())}
-    return IntegerModel(problem.model, parameters, orders, tuple(known[q] for q in orders.tolist()))
+    return IntegerModel(problem.model, parameters, orders, tuple(known[q] for q in orders.tolist()),
+                        problem.experiments[0].units)  # fmt: skip
 
 
 def sentences(run: SavedRun, found: IntegerModel) -> Iterator[str]:
@@ -576,7 +580,7 @@ def _fidelity(run: SavedRun, found: IntegerModel) -> Iterator[str]:
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."
         return
     stiff = f", poles up to {found.decay.max():.2g} rad/s: take a stiff solver" if found.decay.max() > STIFF else ""
-    words = ", ".join(f"{n} {np.degrees(v):.2g}°" for n, v in errors.items())
+    words = ", ".join(f"{n} {with_unit(v, found.units.get(n, 'rad'), '.2g')}" for n, v in errors.items())
     yield (
         f"Simulated over {e.name}, the integer-order model ({len(found.decay)} states{stiff}) is off the fractional "
         f"one by {words} rms."

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.plots.look import BLUE, FITTED, ORANGE, finish, label, new, note, plain, symbol
+from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ __all__ = ["linear_response"]
 FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "round"}
 INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}
 
-UNITS = {"voltage": "V", "torque": "N m"}
+UNITS = {"voltage": "V", "torque": "N m", "current": "A"}
 
 GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
@@ -79,15 +80,17 @@ def linear_response(found: IntegerModel, posture: str, *, style: str | Style = "
             h = response[:, column, 0]
             magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **line, label=name)
             phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **line)
-        step.plot(time, np.degrees(exact[:, column]), **FRACTIONAL)
-        step.plot(time, np.degrees(integer[:, column]), **INTEGER)
+        own = found.units.get(output, "rad")
+        shown, factor = shown_unit(own)
+        step.plot(time, factor * exact[:, column], **FRACTIONAL)
+        step.plot(time, factor * integer[:, column], **INTEGER)
         for axes in (magnitude, phase):
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
                          label="what the data can tell" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
         about = f" from {posture}" if output == "alpha" else ""
-        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [°]")
-        _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 rad/{unit}]")
+        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{shown or '–'}]")
+        _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 {own}/{unit}]")
         _titled(phase, "", "phase [°]")
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
