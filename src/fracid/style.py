@@ -5,11 +5,11 @@ style                   ``screen``                                    ``journal`
 ======================  ============================================  =============================================
 width                   as wide as its panels need                    88 mm, one column; 180 mm, the page
 text                    8 to 11 pt                                    6.5 to 8 pt
-lines                   as drawn                                      a fifth thinner, none below 0.5 pt
+lines, marks            as drawn                                      a fifth thinner, none below 0.5 pt; a third
+                                                                      smaller
 heading                 above the figure                              none: it belongs into the caption
 panels                  without letters                               (a), (b), …
-pixels, where there     150 per inch                                  600 per inch
-are any
+pixels, if any          150 per inch                                  600 per inch
 ======================  ============================================  =============================================
 
 ``screen`` is the default; every figure takes ``style="journal"``.  The text has no serifs, the colours are told apart
@@ -38,7 +38,9 @@ class Style:
     least_text: float = 0.0
     """No text is smaller [pt]."""
     lines: float = 1.0
-    """Factor on the widths of lines and the sizes of marks."""
+    """Factor on the widths of lines."""
+    marks: float = 1.0
+    """Factor on the sizes of marks."""
     least_line: float = 0.0
     """No line is thinner [pt]."""
     heading: bool = True
@@ -51,9 +53,10 @@ class Style:
 
 STYLES = {
     "screen": Style(),
-    "journal": Style(88, 180, text=0.85, least_text=6.5, lines=0.8, least_line=0.5, heading=False, letters=True,
-                     dpi=600),
-}  # fmt: skip
+    "journal": Style(
+        88, 180, text=0.85, least_text=6.5, lines=0.8, marks=0.65, least_line=0.5, heading=False, letters=True, dpi=600
+    ),
+}
 """The styles by name."""
 
 

@@ -131,7 +131,7 @@ def _letter(panels: list[Axes]) -> None:
 
 def _bring_to(style: Style, figure: Figure) -> None:
     """Scale all text, lines and marks of a figure that was drawn in the sizes of the screen."""
-    if style.text == style.lines == 1.0 and not style.least_text and not style.least_line:
+    if style.text == style.lines == style.marks == 1.0 and not style.least_text and not style.least_line:
         return
     from matplotlib.collections import Collection
     from matplotlib.lines import Line2D
@@ -146,7 +146,7 @@ def _bring_to(style: Style, figure: Figure) -> None:
             part.set_fontsize(max(style.text * float(part.get_fontsize()), style.least_text))
         elif isinstance(part, Line2D):
             part.set_linewidth(_thin(style, part.get_linewidth()))
-            part.set_markersize(style.lines * part.get_markersize())
+            part.set_markersize(style.marks * part.get_markersize())
             part.set_markeredgewidth(_thin(style, part.get_markeredgewidth()))
         elif isinstance(part, Patch):
             part.set_linewidth(_thin(style, part.get_linewidth()))

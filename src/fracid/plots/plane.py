@@ -22,6 +22,9 @@ __all__ = ["cost_plane"]
 
 FloatArray = NDArray[np.float64]
 
+ROOM = 0.06
+"""A line that is narrower than this part of the plane has no room for its number."""
+
 MULTIPLES = (1.2, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 """Of the least cost, where lines are drawn."""
 
@@ -147,7 +150,10 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
     if inside:
         some = {v: texts[v] for v in inside[:: -(-len(inside) // 7)]}
         lines = axes.contour(*plane, levels=list(some), colors=look.INK, linewidths=0.7, linestyles="solid")
-        axes.clabel(lines, fmt=some, fontsize=7, zorder=3.5)
+        across = np.array([np.ptp(plane[0]), np.ptp(plane[1])])
+        roomy = [level for level, path in zip(lines.levels, lines.get_paths(), strict=True)
+                 if (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
+        axes.clabel(lines, roomy, fmt=some, fontsize=7, zorder=3.5)
         axes.plot([], [], color=look.INK, lw=0.7, label=legend)
 
 
