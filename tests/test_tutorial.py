@@ -12,7 +12,14 @@ from program import run
 
 PAGE = (Path(__file__).parent.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
-TRUTH = {"lambda": 0.93, "mu": 0.96}
+TRUTH = {
+    "lambda": 0.93,
+    "mu": 0.96,
+    "b_alpha": 5e-4,
+    "C1": 0.004290672,
+    "coulomb_theta": 0.042,
+    "coulomb_alpha": 2.5e-4,
+}
 
 
 def steps():
@@ -69,7 +76,7 @@ def test_the_tutorial_runs_and_prints_what_it_says(tmp_path, monkeypatch, capsys
             code, output, said = run(capsys, *shlex.split(line.removeprefix("$ fracid ")))
             assert code == 0, (line, said)
     result = json.loads((tmp_path / "runs" / "release" / "result.json").read_text(encoding="utf-8"))
-    found = {name: result["orders"][name]["interval95"] for name in TRUTH}
+    found = {name: (result["orders"] | result["parameters"])[name]["interval95"] for name in TRUTH}
     assert [name for name, (low, high) in found.items() if not low <= TRUTH[name] <= high] == []
 
 
