@@ -59,3 +59,13 @@ def test_the_least_errors_are_those_that_a_fit_claims_of_white_noise():
 def test_an_error_is_written_with_two_digits():
     digits = SCRIPT["digits"]
     assert [digits(v) for v in (451.0, 10.4, 2.04, 0.204, 0.00768)] == ["451", "10", "2.0", "0.20", "0.0077"]
+
+
+@pytest.mark.filterwarnings("ignore::fracid.simulate.PaperSchemeWarning")
+def test_the_pictures_of_the_theory_show_what_it_says():
+    pictures = runpy.run_path(str(Path(SCRIPT["__file__"]).with_name("theory_pictures.py")))
+    fractional, damped = pictures["order_as_damping"]().axes[0].lines
+    assert float(damped.get_label().split()[-1]) == pytest.approx(np.pi / 2 * (1 - 0.95), rel=0.02)
+    assert np.max(np.abs(fractional.get_ydata() - damped.get_ydata())) < 0.1
+    *raw, exact = (line.get_ydata()[-1] for line in pictures["raw_sums"]().axes[0].lines)
+    assert exact > raw[0] > raw[1] > raw[2] > 0  # the smaller the step, the further off
