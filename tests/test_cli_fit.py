@@ -91,7 +91,8 @@ def test_a_fit_shows_its_table_and_leaves_a_whole_run_folder_with_its_figures(ca
     log = (tmp_path / "run" / "evaluations.jsonl").read_text().splitlines()
     assert len(log) == result["evaluations"]
 
-    stems = ["figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha", "cost-over-orders"]
+    stems = ["figure1-rig", "figure2-release-20", "figure3-release-20-theta", "figure3-release-20-alpha"]
+    stems += ["cost-over-orders"]
     for stem in stems:
         assert (tmp_path / "run" / "figures" / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in (tmp_path / "run" / "figures" / f"{stem}.svg").read_text()

@@ -162,10 +162,15 @@ def test_a_callers_mistake_is_told_and_ends_with_2(capsys, good, options, words)
 
 
 def test_a_folder_or_file_that_is_no_run_is_told(capsys, good, tmp_path):
-    for path in (tmp_path, tmp_path / "nowhere", good / "rig.toml"):
+    said = {
+        tmp_path: "is no run folder: it has no result.json",
+        tmp_path / "nowhere": "There is no",
+        good / "rig.toml": "rig.toml is a project, not the folder of a run. Fit it first: fracid fit",
+    }
+    for path, sentence in said.items():
         code, _, err = run(capsys, "resid", path)
         assert code == 2
-        assert "is no run folder: it has no result.json" in err
+        assert sentence in err
 
 
 def test_a_run_whose_recording_has_changed_is_told(capsys, good, tmp_path):
