@@ -228,7 +228,7 @@ def cost_from_name(name: str) -> Cost:
     if not Path(file).is_file():
         raise InputError(f"cost = {name!r}: there is no file {file}.")
     try:
-        module = run_file(Path(file), f"fracid_user_{Path(file).stem}")
+        module = run_file(Path(file), f"fracid_user_cost_{Path(file).stem}")
     except Exception as error:
         raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
     own = getattr(module, function, None)
