@@ -5,11 +5,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.axis import Tick
 from matplotlib.collections import Collection
+from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
@@ -175,6 +177,25 @@ def test_nothing_written_leaves_a_journals_page(name):
             box = text.get_window_extent()
             assert sheet.x0 - slack <= box.x0 <= box.x1 <= sheet.x1 + slack, text.get_text()
             assert sheet.y0 - slack <= box.y0 <= box.y1 <= sheet.y1 + slack, text.get_text()
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_lines_of_one_panel_are_told_apart_in_grey(name):
+    for axes in drawn(name, "journal").axes:
+        lines = [line for line in axes.lines if not line.get_label().startswith("_")]
+        for one, other in combinations(lines, 2):
+            if one.get_label() != other.get_label() and one.get_color() != other.get_color():
+                apart = abs(grey(one) - grey(other)) > 0.12 or one.get_linewidth() > 1.5 * other.get_linewidth()
+                assert apart or shape(one) != shape(other), (one.get_label(), other.get_label())
+
+
+def grey(line):
+    """How light a line is in print, from 0 to 1."""
+    return np.dot(to_rgb(line.get_color()), (0.2126, 0.7152, 0.0722))
+
+
+def shape(line):
+    return line.get_linestyle(), line.get_marker(), line.is_dashed()
 
 
 def test_a_style_of_ones_own_is_taken():
