@@ -1,11 +1,15 @@
 """The catalogue of bad input: each row is made, read, and told in its sentence and with its exit code."""
 
 import os
+import struct
+import subprocess
+import sys
+import zlib
 
 import numpy as np
 import pytest
 
-from bad_input import PAGE, PROJECTS, RECORDINGS, T, page, text
+from bad_input import PAGE, PROJECTS, RECORDINGS, T, element, page, parquet, text
 from fracid.errors import DataError, FracidError, InputError
 from fracid.project import load_project
 from fracid.recording import load_recording, read_table
@@ -126,6 +130,54 @@ def test_a_complex_signal_that_is_asked_for_is_told_why_it_is_none(tmp_path):
         load_recording(tmp_path / "run.npz", {"alpha": "alpha"})
     with pytest.raises(InputError, match="has no variable 'beta'"):
         load_recording(tmp_path / "run.npz", {"alpha": "alpha"}, variable="beta")
+
+
+MEBIBYTE = 1 << 20
+
+
+def zeros_mat():
+    """As many zeros as a file of its size may unpack to."""
+    half = 4 * MEBIBYTE - 3000
+    inner = element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", half, 1))
+    numbers = element(9, bytes(8 * half))
+    raw = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    for name in (b"t", b"alpha"):
+        packed = zlib.compress(element(14, inner + element(1, name) + numbers), 9)
+        raw += struct.pack("<II", 15, len(packed)) + packed
+    return raw + element(14, b"") * ((MEBIBYTE - len(raw)) // 8)
+
+
+WORST = {
+    "zeros.mat": zeros_mat,
+    "columns.parquet": parquet(**{f"c{k}": [1.0, 2.0] for k in range(3000)}),
+    "rows.csv": lambda: b"0,1\n" * (MEBIBYTE // 4),
+    "blanks.csv": lambda: b"t,a,b\n" + b"".join(b"%d,,\n" % k for k in range(MEBIBYTE // 10)),
+    "columns.csv": lambda: (b"1," * 9998 + b"1\n") * 52,
+    "cells.csv": lambda: b"1 " * (MEBIBYTE // 2),
+}
+
+READ = """
+import json, resource, sys, time
+from fracid.errors import FracidError
+from fracid.recording import inspect_recording
+idle, begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+try:
+    json.dumps(inspect_recording(sys.argv[1]).report.to_dict())
+except FracidError:
+    pass
+print(time.process_time() - begin, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - idle) / 2**20)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WORST)
+def test_the_worst_files_of_a_mebibyte_take_less_than_five_seconds_and_a_gibibyte(name, tmp_path):
+    (tmp_path / name).write_bytes(WORST[name]())
+    assert (tmp_path / name).stat().st_size <= 1.01 * MEBIBYTE
+    done = subprocess.run([sys.executable, "-c", READ, tmp_path / name], capture_output=True, text=True, check=True)
+    seconds, gibibytes = map(float, done.stdout.split())
+    assert seconds < 5
+    assert gibibytes < 1
 
 
 @pytest.mark.slow

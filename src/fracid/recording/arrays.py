@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
 from fracid.foreign import ascii_short
-from fracid.recording.content import EMPTY, Content, LeftOut, seconds
+from fracid.recording.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
 
 __all__ = ["Chosen", "choose", "name_and_unit", "stack"]
 
@@ -62,6 +62,7 @@ def choose(content: Content, variable: str | None, path: Path) -> Chosen:
     left_out |= {name: "is a single number" for name, a in flat.items() if not isinstance(a, LeftOut) and a.size == 1}
     if not arrays:
         raise DataError(_nothing(path, left_out))
+    refuse_bomb(path, sum(a.size for a in arrays.values()), path.stat().st_size)
     matrices = {name: a for name, a in arrays.items() if np.squeeze(a).ndim == 2}
     if len(matrices) == 1 and _is_longest(next(iter(matrices.values())), arrays):
         (name, matrix), *_ = matrices.items()

@@ -8,6 +8,7 @@ nothing, and may be packed in chunks of any size: both are looked at before anyt
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -41,14 +42,30 @@ def read_hdf5(path: Path) -> Content:
     size = path.stat().st_size
     try:
         with h5py.File(path, "r") as file:
-            return _group(file, path, size, 0, set())
+            return _group(file, _Taken(path, size), 0, set())
     except (DataError, MemoryError):
         raise
     except Exception as error:  # h5py raises OSError, RuntimeError, KeyError, TypeError, ... for one damage or another
         raise damaged(path, "HDF5 file", error) from None
 
 
-def _group(group: Any, path: Path, size: int, depth: int, seen: set[Any]) -> Content:
+@dataclass
+class _Taken:
+    """What was read of a file so far."""
+
+    path: Path
+    size: int
+    """Of the file [bytes]."""
+    numbers: float = 0.0
+    """As many of eight bytes as what was read has bytes."""
+
+    def take(self, dataset: Any) -> None:
+        """Refuse a dataset that is too much, alone or with those before it; what is read are whole chunks."""
+        self.numbers += dataset.dtype.itemsize / 8 * max(dataset.size, prod(dataset.chunks or (1,)))
+        refuse_bomb(self.path, self.numbers, self.size)
+
+
+def _group(group: Any, taken: _Taken, depth: int, seen: set[Any]) -> Content:
     """Read a group; ``#refs#`` is where MATLAB hides its own bookkeeping."""
     import h5py
 
@@ -62,7 +79,7 @@ def _group(group: Any, path: Path, size: int, depth: int, seen: set[Any]) -> Con
         item = group[name]
         address = h5py.h5o.get_info(item.id).addr
         if isinstance(item, h5py.Dataset):
-            found[name] = _dataset(item, path, size)
+            found[name] = _dataset(item, taken)
         elif not isinstance(item, h5py.Group):
             found[name] = LeftOut("is a type, not data")
         elif "MATLAB_sparse" in item.attrs:
@@ -70,11 +87,11 @@ def _group(group: Any, path: Path, size: int, depth: int, seen: set[Any]) -> Con
         elif address in seen or depth >= DEEPEST:
             found[name] = LeftOut("is a group that was read before, or lies too deep")
         else:
-            found[name] = _group(item, path, size, depth + 1, seen | {address})
+            found[name] = _group(item, taken, depth + 1, seen | {address})
     return found
 
 
-def _dataset(dataset: Any, path: Path, size: int) -> NDArray[np.generic] | LeftOut:
+def _dataset(dataset: Any, taken: _Taken) -> NDArray[np.generic] | LeftOut:
     """Read a dataset of real numbers, or say why not."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
@@ -91,9 +108,8 @@ def _dataset(dataset: Any, path: Path, size: int) -> NDArray[np.generic] | LeftO
     plain = _plain(dataset.dtype)
     if plain is not None:
         return plain
-    fields = len(dataset.dtype.names or "1")
-    refuse_bomb(path, fields * max(dataset.size, prod(dataset.chunks or (1,))), size)
-    _refuse_packed_bomb(dataset, path, size)
+    taken.take(dataset)
+    _refuse_packed_bomb(dataset, taken.path, taken.size)
     return np.asarray(dataset[()])
 
 

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,8 @@ GAP = 1.5
 """A difference of time above this many steps is a gap."""
 LONG_GAP = 0.05
 """A gap of more than this part of the duration makes a recording unfit."""
+LISTED = 1000
+"""Times of each kind that are written out."""
 FEW = 50
 """Fewer samples make a recording no better than usable."""
 HELD = 0.6
@@ -223,15 +225,28 @@ class Report:
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; a value that is not a number becomes None.
 
+        Of times that are listed (gaps, missing samples, stamps that repeat or go back) the first 1000 are in it, and
+        how many there are.
+
         Examples
         --------
         >>> measure(np.arange(99.0), {"a": np.arange(99.0)}, {"a": "1"}).to_dict()["level"]
         'good'
         """
         derived = {"level": self.level, "verdict": self.verdict, "notes": list(self.notes)}
-        clock = asdict(self.clock) | {"rate": self.clock.rate, "uniform": self.clock.uniform}
-        signals = {s.name: asdict(s) | {"range": s.range} for s in self.signals}
-        plain: dict[str, Any] = _plain(derived | asdict(self) | {"clock": clock, "signals": signals})
+        c = self.clock
+        counts = {f"{name}_count": len(getattr(c, name)) for name in ("gaps", "duplicated", "backward")}
+        short = replace(
+            self,
+            clock=replace(c, gaps=c.gaps[:LISTED], duplicated=c.duplicated[:LISTED], backward=c.backward[:LISTED]),
+            signals=tuple(replace(s, missing=s.missing[:LISTED]) for s in self.signals),
+        )
+        clock = asdict(short.clock) | {"rate": c.rate, "uniform": c.uniform} | counts
+        signals = {
+            s.name: asdict(s) | {"range": s.range, "missing_count": len(whole.missing)}
+            for s, whole in zip(short.signals, self.signals, strict=True)
+        }
+        plain: dict[str, Any] = _plain(derived | asdict(short) | {"clock": clock, "signals": signals})
         return plain
 
 

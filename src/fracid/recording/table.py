@@ -76,6 +76,8 @@ class Table:
         >>> Table(np.zeros((2, 2)), ("t", "theta"), ("", ""), "a.csv").find("theta")
         1
         """
+        if isinstance(key, int) and 0 <= key < len(self.names):
+            return key
         for names in (self.names, tuple(map(_bare, self.names))):  # "theta [deg]", or "theta" for short
             if names.count(str(key)) > 1:
                 many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
