@@ -118,4 +118,5 @@ def test_a_model_of_ones_own_goes_all_the_way_from_the_command_line(folder):
         if command.startswith("fit"):
             assert re.search(r"fit +0\.00\d+ V +99\.\d+ %", done.stdout)
             assert "°" not in done.stdout
+        assert "fracid compare" not in done.stdout  # without friction there is no ladder
     assert (folder / "runs" / "supercapacitor" / "report.html").is_file()

@@ -36,11 +36,23 @@ from numpy.typing import NDArray
 
 from fracid.alternative import freed_friction
 from fracid.errors import InputError
-from fracid.models.base import unknown_name
+from fracid.models.base import Model, unknown_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.simulate import METHODS
 
-__all__ = ["FRICTION", "ORDER", "PAPER", "RUNGS", "Ladder", "Structure", "held", "ladder", "name_of", "unseen"]
+__all__ = [
+    "FRICTION",
+    "ORDER",
+    "PAPER",
+    "RUNGS",
+    "Ladder",
+    "Structure",
+    "has_friction",
+    "held",
+    "ladder",
+    "name_of",
+    "unseen",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -212,11 +224,23 @@ def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
     ]
 
 
+def has_friction(model: Model) -> bool:
+    """Whether a model has friction by the names that make a ladder.
+
+    Examples
+    --------
+    >>> from fracid.models import rotary_pendulum
+    >>> has_friction(rotary_pendulum())
+    True
+    """
+    return any(n.startswith(FRICTION) for n in model.parameter_names)
+
+
 def _rungs(problem: Problem, keep: Collection[str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
     """Rung → the parameters that it adds; and in words what the model does not have."""
     every = {rung: [n for n in problem.model.parameter_names if n.startswith(p)] for rung, p in RUNGS.items()}
     rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
-    if not any(every.values()):
+    if not has_friction(problem.model):
         raise InputError(
             f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in FRICTION)}, "
             "so there is no ladder: name the parameters of its friction so."

@@ -247,12 +247,15 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
 
 
 def _say_next(ran: Ran, console: Console) -> None:
+    from fracid.ladder import has_friction
+
     trust = ["--trust"] * bool(ran.project.own_code)
+    ladder = [(typed("compare", ran.project.path, *trust), "do the orders help, or is it friction?")]
     say_next(
         console,
         (typed("report", ran.folder, "--open", *trust), "look at the page"),
         (typed("resid", ran.folder, *trust), "what is left over: noise, or something that the model lacks?"),
-        (typed("compare", ran.project.path, *trust), "do the orders help, or is it friction?"),
+        *ladder * has_friction(ran.project.problem.model),
     )
 
 

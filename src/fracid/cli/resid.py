@@ -142,8 +142,13 @@ def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console)
     console.print(f"\nresult   {escape(str(folder / RESIDUALS))}", soft_wrap=True)
     for path in figures:
         console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+    from fracid.ladder import has_friction
+
     project, trust = found.run.project, ["--trust"] * bool(found.run.project.own_code)
-    say_next(console, (typed("compare", project.path, *trust), "does another structure leave less?"))
+    if has_friction(project.problem.model):
+        say_next(console, (typed("compare", project.path, *trust), "does another structure leave less?"))
+    else:
+        say_next(console, (typed("profile", found.run.folder, *trust), "which values do the data exclude?"))
 
 
 def _figures(found: _Analysed) -> Any:
