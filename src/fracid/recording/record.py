@@ -392,7 +392,9 @@ def _measurable(raw: Array) -> tuple[Array, str]:
 
 def _demand(recording: Recording) -> None:
     if recording.report.faults:
-        raise DataError(f"{recording.name}: {' '.join(recording.report.faults)}")
+        first, others = recording.report.faults[:2], len(recording.report.faults) - 2
+        more = f" And {others} more fault{'s' * (others > 1)}: fracid check lists them." if others > 0 else ""
+        raise DataError(f"{recording.name}: {' '.join(first)}{more}")
 
 
 def _frozen(array: Array) -> Array:

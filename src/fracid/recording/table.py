@@ -151,7 +151,11 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
             f"{path.name} has {len(table.names)} columns; fracid reads {MOST_COLUMNS} at most. Time must run downwards."
         )
     table = _without_empty_columns(table)
-    return replace(table, names=tuple(map(printable, table.names)), units=tuple(map(printable, table.units)))
+    return replace(table, names=tuple(map(_one_line, table.names)), units=tuple(map(_one_line, table.units)))
+
+
+def _one_line(name: str) -> str:
+    return printable(name).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def _size(path: Path) -> int:
