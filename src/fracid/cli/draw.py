@@ -171,12 +171,9 @@ def _of_study(said: dict[str, Any], style: str) -> Figures:
 
 
 def _of_linear(run: SavedRun, style: str) -> Figures:
-    """The linear models about both postures, where something drives them and its outputs are angles."""
+    """The linear models about both postures, where something drives them."""
     from fracid.export.state_space import integer_model
 
-    units = run.problem.experiments[0].units
-    if any(units.get(output, "rad") != "rad" for output in run.problem.model.outputs):
-        return
     try:
         found = integer_model(run)
     except InputError:  # it says why where it is asked for: fracid export RUN --to state-space
