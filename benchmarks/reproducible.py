@@ -186,9 +186,7 @@ def said(found: Any) -> str:
     """In a few words."""
     if found.identical:
         return f"the same, all {found.values} values to the last bit"
-    sizes = [d.size for d in found.differences if d.found]
-    most = f"what was found by {max(sizes, default=0):.1g} of its size at most"
-    return f"{len(found.differences)} of {found.values} values differ; {most}"
+    return f"{len(found.differences)} of {found.values} values differ, {found.how_far}"
 
 
 def main(words: list[str]) -> None:

@@ -9,9 +9,10 @@
 The same inputs, seed and versions on the same kind of machine give the same numbers to the last bit, for any number of
 threads: every sum has a fixed order, linear algebra has one thread, and all randomness has the seed's.  Other versions
 and other processors round differently in the last place, and a search that takes its way by differences of costs ends
-that much elsewhere.  So there *what was found* (values of unknowns, costs, root mean squares) is held to
-:data:`ELSEWHERE`, of its size or, if that is larger, of half its interval; derived numbers, a p-value or a difference
-of two nearly equal costs, may differ by more, and are told.
+that much elsewhere.  So there *what was found* (values of unknowns, their cost, root mean squares) is held to
+:data:`ELSEWHERE` of its size or, of an unknown that the data hardly tell, to :data:`OF_INTERVAL` of half its interval:
+derivatives by differences are known to 10⁻⁸, and so is, in units of its interval, where least squares ends.  Derived
+numbers, a p-value or a difference of two nearly equal costs, may differ by more, and are told.
 """
 
 from __future__ import annotations
@@ -31,13 +32,16 @@ if TYPE_CHECKING:
 __all__ = ["ELSEWHERE", "Difference", "Reproduction", "compared", "reproduce"]
 
 ELSEWHERE = 1e-9
-"""How far what was found may be off with other versions or on another machine."""
+"""How far what was found may be off with other versions or on another machine, of its size."""
+
+OF_INTERVAL = 1e-6
+"""And an unknown, of half its interval: where zero lies within, its size says nothing."""
 
 PASSING = ("timing", "versions")
 """Blocks of a result that say how it was made: not compared."""
 
-FOUND = ("value", "cost", "rmse")
-"""Names under which a result says what was found."""
+FOUND = (("orders", "parameters", "cost", "recordings", "structures", "truth"), ("value", "cost", "rmse", "truth"))
+"""Blocks, and names in them, under which a result says what was found."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +53,16 @@ class Difference:
     before: Any
     after: Any
     size: float
-    """|after − before| over the larger of both or, of an unknown, over half its interval; infinite for what is no
-    number in both."""
+    """|after − before| over the larger of both; infinite for what is no number in both."""
+    of_interval: float
+    """Of an unknown: the same over half its interval; infinite without one."""
     found: bool
     """Whether it is something that was found, and not derived from it."""
+
+    @property
+    def excused(self) -> bool:
+        """Whether it may be so with other versions or on another machine."""
+        return not self.found or self.size <= ELSEWHERE or self.of_interval <= OF_INTERVAL
 
 
 @dataclass(frozen=True)
@@ -76,8 +86,7 @@ class Reproduction:
     @property
     def reproduced(self) -> bool:
         """Whether it came out as it should: the same to the bit, or with other versions or elsewhere nearly so."""
-        found = [d.size for d in self.differences if d.found]
-        return self.identical or (bool(self.changed) and max(found, default=0.0) <= ELSEWHERE)
+        return self.identical or (bool(self.changed) and all(d.excused for d in self.differences))
 
     @property
     def verdict(self) -> str:
@@ -85,17 +94,26 @@ class Reproduction:
         but = f" {_listed(self.changed)}: not as they were." if self.changed else ""
         if self.identical:
             return f"Identical: all {self.values} values are the same to the last bit.{but}"
-        found = [d.size for d in self.differences if d.found]
-        count = f"{len(self.differences)} of {self.values} values differ"
-        far = f"what was found by {max(found):.1g} of its size at most" if found else "none of those that were found"
+        count = f"{len(self.differences)} of {self.values} values differ, {self.how_far}"
         if self.reproduced:
-            return f"Reproduced: {count}, {far}; {ELSEWHERE:g} is allowed.{but}"
+            return f"Reproduced: {count}.{but}"
         if self.changed:
-            return f"Not reproduced: {count}, {far}; {ELSEWHERE:g} is allowed.{but}"
+            return f"Not reproduced: {count}; {ELSEWHERE:g} is allowed.{but}"
         return (
-            f"Not reproduced: {count}, {far}, with the same data, seed, versions and machine. That is a fault of "
-            "fracid: please report it, with both results."
+            f"Not reproduced: {count}, with the same data, seed, versions and machine. That is a fault of fracid: "
+            "please report it, with both results."
         )
+
+    @property
+    def how_far(self) -> str:
+        """By how much what was found differs, in words."""
+        found = [d for d in self.differences if d.found]
+        by_size = max((d.size for d in found if d.of_interval > OF_INTERVAL or d.size <= ELSEWHERE), default=0.0)
+        by_interval = max((d.of_interval for d in found if d.size > ELSEWHERE and d.excused), default=0.0)
+        far = [f"{by_size:.1g} of its size"] * (by_size > 0) + [f"{by_interval:.1g} of half its interval"] * (
+            by_interval > 0
+        )
+        return f"what was found by {' or '.join(far)} at most" if far else "none of those that were found"
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -106,8 +124,8 @@ class Reproduction:
             "values": self.values,
             "changed": {what: list(pair) for what, pair in self.changed.items()},
             "differences": [
-                {"where": d.where, "before": d.before, "after": d.after, "found": d.found,
-                 "size": d.size if isfinite(d.size) else None}
+                {"where": d.where, "before": d.before, "after": d.after, "found": d.found, "size": _finite(d.size),
+                 "of_interval": _finite(d.of_interval)}
                 for d in self.differences
             ],
         }  # fmt: skip
@@ -219,7 +237,7 @@ def compared(
     [('orders.mu.value', 1.1e-05)]
     """
     pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
-    differences = sorted((d for d in pairs if d is not None), key=lambda d: (not d.found, -d.size, d.where))
+    differences = sorted((d for d in pairs if d is not None), key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
 
@@ -237,8 +255,10 @@ def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -
     elif type(before) is type(after) and before == after:
         yield None
     else:
-        size = _size(before, after, width if path[-1] == "value" else 0.0)
-        yield Difference(".".join(path), _shown(before), _shown(after), size, any(name in FOUND for name in path[-2:]))
+        blocks, names = FOUND
+        found = path[0] in blocks and any(name in names for name in path[-2:])
+        half = width if path[-1] == "value" else 0.0
+        yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), found)
 
 
 _MISSING = object()
@@ -254,8 +274,13 @@ def _half_width(estimate: Mapping[str, Any]) -> float:
     return (ends[1] - ends[0]) / 2 if isinstance(ends, list) and len(ends) == 2 and None not in ends else 0.0
 
 
-def _size(before: Any, after: Any, width: float) -> float:
-    both = (before, after)
-    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in both):
-        return inf
-    return float(abs(after - before) / max(abs(before), abs(after), width))
+def _sizes(before: Any, after: Any, half: float) -> tuple[float, float]:
+    """The difference over the larger of both, and over half the interval."""
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (before, after)):
+        return inf, inf
+    off = float(abs(after - before))
+    return off / max(abs(before), abs(after)) if off else 0.0, off / half if half > 0 else inf
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
