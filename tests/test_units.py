@@ -86,3 +86,28 @@ def test_a_recordings_unit_goes_with_the_problem_to_the_fit_and_to_the_units_of_
 def test_a_value_is_written_with_the_unit_in_which_it_is_shown(unit, value, text):
     assert with_unit(value, unit) == text
     assert value * shown_unit(unit)[1] == pytest.approx(float(re.match(r"[\d.]+", text)[0]))
+
+
+def voltages():
+    """Ten seconds of a cell that is charged and let alone."""
+    current = np.where(TIME > 1, 0.0, 1.0)
+    signals = {"current": current, "voltage": 0 * TIME}
+    recording = fracid.Recording.of("cell", TIME, signals, {"current": "A", "voltage": "V"})
+    cell = Experiment.of(recording, CELL, ["voltage"], {"v": 0.0})
+    return Problem(CELL, (cell,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("voltage",), initial_state="held")
+
+
+def test_levels_of_noise_are_in_the_unit_of_the_output():
+    study = fracid.noise_study(voltages(), np.array([0.9]), levels=[1e-3], resolutions=[0.0, 2e-3], seeds=2)
+    assert [cell.label for cell in study.cells] == ["0.001 V of noise, no rounding", "0.001 V of noise, 0.002 V"]
+    assert study.cells[1].counts is None
+    assert any("[V]" in t for t in texts(study.plot()))
+
+
+def test_the_command_line_refuses_levels_in_degrees_for_volts():
+    from types import SimpleNamespace
+
+    from fracid.cli.noise import _refuse_other_units
+
+    with pytest.raises(fracid.InputError, match=r"voltage is in V.*In Python fracid\.noise_study"):
+        _refuse_other_units(SimpleNamespace(problem=voltages()))

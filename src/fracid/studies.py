@@ -58,6 +58,7 @@ from fracid.problem import Problem
 from fracid.search import search
 from fracid.simulate import METHODS
 from fracid.uncertainty import Uncertainty, uncertainty
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -152,11 +153,13 @@ class Cell:
     fractional: int | None
     """Repetitions whose orders would be called fractional; None where that was not asked."""
     unknowns: Mapping[str, Statistics]
+    unit: str = "rad"
+    """Of level and resolution: that of the scored outputs."""
 
     @property
     def counts(self) -> float | None:
-        """The encoder's counts a turn."""
-        return 2 * math.pi / self.resolution if self.resolution else None
+        """The encoder's counts a turn; None for no encoder, and where no angle is measured."""
+        return 2 * math.pi / self.resolution if self.resolution and self.unit == "rad" else None
 
     @property
     def failed(self) -> int:
@@ -166,7 +169,7 @@ class Cell:
     @property
     def label(self) -> str:
         """In words: ``0.1° of noise, 4096 counts``."""
-        return _label(self.level, self.resolution)
+        return _label(self.level, self.resolution, self.unit)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -180,6 +183,7 @@ class Cell:
             "stopped_short": self.stopped_short,
             "evaluations": self.evaluations,
             "fractional": self.fractional,
+            "unit": self.unit,
             "unknowns": {n: s.to_json() for n, s in self.unknowns.items()},
         }
 
@@ -216,7 +220,7 @@ class SavedStudy:
 
 
 def _cell_of(said: Mapping[str, Any]) -> Cell:
-    own = {f.name: said[f.name] for f in fields(Cell) if f.name != "unknowns"}
+    own = {f.name: said[f.name] for f in fields(Cell) if f.name != "unknowns" and f.name in said}
     known = [f.name for f in fields(Statistics) if f.name != "name"]
     return Cell(**own, unknowns={n: Statistics(n, **{k: s[k] for k in known}) for n, s in said["unknowns"].items()})
 
@@ -655,8 +659,14 @@ def _cell(problem: Problem, truth: FloatArray, level: float, resolution: float, 
         sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
         float(np.mean([r["evaluations"] for r in each])), sum(asked) if asked else None,
         {u.name: _statistics(u.name, u.unit, float(true), good)
-         for u, true in zip(problem.unknowns, truth, strict=True)},
+         for u, true in zip(problem.unknowns, truth, strict=True)}, unit_of(problem),
     )  # fmt: skip
+
+
+def unit_of(problem: Problem) -> str:
+    """The unit of the noise: that of the scored outputs, rad where they have several."""
+    units = {e.units.get(o, "rad") for e in problem.experiments for o in problem.outputs}
+    return units.pop() if len(units) == 1 else "rad"
 
 
 def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) -> Statistics:
@@ -693,9 +703,9 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _label(level: float, resolution: float) -> str:
-    encoder = f"{2 * math.pi / resolution:.6g} counts" if resolution else "no rounding"
-    return f"{math.degrees(level):.6g}° of noise, {encoder}"
+def _label(level: float, resolution: float, unit: str = "rad") -> str:
+    steps = f"{2 * math.pi / resolution:.6g} counts" if resolution and unit == "rad" else with_unit(resolution, unit)
+    return f"{with_unit(level, unit, '.6g')} of noise, {steps if resolution else 'no rounding'}"
 
 
 # --- what cannot be ----------------------------------------------------------------------------------

@@ -97,6 +97,7 @@ def noise(
     if source.suffix != ".toml":
         refuse_mistaken(source, "run")
     fitted = _of_run(source, trust) if source.is_dir() else _of_project(source, jobs, trust)
+    _refuse_other_units(fitted)
     folder = out or (source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise")
     study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, scheduler or executor, jobs, json_)
     record = study.to_json() | {"source": str(source)}
@@ -172,6 +173,17 @@ def _of_project(path: Path, jobs: int, trust: bool) -> _Fitted:
 def _fitted(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Fitted:
     parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
     return _Fitted(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
+
+
+def _refuse_other_units(fitted: _Fitted) -> None:
+    """Degrees and counts a turn mean nothing to a voltage."""
+    for e in fitted.problem.experiments:
+        for output in fitted.problem.outputs:
+            if (unit := e.units.get(output, "rad")) != "rad":
+                raise InputError(
+                    f"{e.name}: {output} is in {unit}, and --levels and --counts are of angles. In Python "
+                    "fracid.noise_study takes levels and resolutions in the output's own unit."
+                )
 
 
 # ------------------------------------------------------------------ the study

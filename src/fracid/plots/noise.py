@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
 from fracid.plots import look
+from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +73,7 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
     for name, (left, right) in zip(shown, panels, strict=True):
         _unknown(left, right, study, name)
     for axes in panels[-1]:
-        axes.set_xlabel("noise, standard deviation [°]")
+        axes.set_xlabel(f"noise, standard deviation [{shown_unit(study.cells[0].unit)[0] or '–'}]")
     more = f" (the first {len(shown)} of {len(names)} unknowns)" if len(names) > len(shown) else ""
     cost = look.cost_label(study.cost_name)[0]
     look.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
@@ -92,9 +92,10 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str)
     right.axhspan(*BELIEVED, color=look.GREEN, alpha=0.15, lw=0, label="90 to 99 %")
     right.axhline(95.0, color=look.INK, lw=0.8, zorder=1)
     right.set_ylim(min(78.0, right.get_ylim()[0]), 101.0)
+    scale = shown_unit(study.cells[0].unit)[1]
     for axes in (left, right):
         axes.set_xlim(-0.5, len(levels) - 0.5)
-        axes.set_xticks(range(len(levels)), [f"{math.degrees(level):.4g}" for level in levels])
+        axes.set_xticks(range(len(levels)), [f"{scale * level:.4g}" for level in levels])
     left.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     left.yaxis.get_offset_text().set_fontsize(look.SMALL)
     title, _, recording = name.partition(" [")
