@@ -37,7 +37,7 @@ def completed(capsys, monkeypatch, words, shell="bash"):
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
-        ("fracid re", {"regress", "resume", "resid", "report"}),
+        ("fracid re", {name for name in COMMANDS if name.startswith("re")}),
         ("fracid fit rig.toml --opt", {"--optimiser"}),
         ("fracid fit rig.toml --optimiser ge", {"genetic"}),
         ("fracid simulate qu", {"qube-servo2"}),
