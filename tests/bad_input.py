@@ -316,7 +316,7 @@ TEXTS = [
     Row("another separator in one line", "log.csv", text(change=put(201, "1.99;0.03;0.7")),
         "log.csv, line 201: 1 cell where other lines have 3 ('1.99;0.03;0.7').", 3),
     Row("numbers above the table", "log.csv", text(head="8, 3\nt,theta,alpha"),
-        "Above the table 1 line of numbers were left out: '8, 3'.", 0),
+        "Above the table a line of numbers was left out: '8, 3'.", 0),
     Row("fewer names than columns", "log.csv", text(head="t,alpha"),
         "The header has 2 names and the rows 3 cells: columns are called by their position.", 0),
     Row("text among the numbers", "log.csv", text(change=put(3, "0.01,stuck,0.8")),
@@ -691,15 +691,20 @@ def large() -> list[str]:
 
 def fuzzed() -> list[str]:
     """What was run so far."""
-    lines = ["| reader | inputs | taken | refused in a line | failed |", "|---|---|---|---|---|"]
+    lines = [
+        "| reader | inputs | taken | refused in a line | failed | and of earlier source |",
+        "|---|---|---|---|---|---|",
+    ]
     for file in sorted((PAGE.parents[1] / "runs" / "fuzz").glob("*.json")):
         kept = json.loads(file.read_text())
         n, taken, bad = (sum(kept["outcomes"].values()), *(kept["outcomes"].get(k, 0) for k in ("taken", "failed")))
-        lines.append(f"| {file.stem} | {n:,} | {taken:,} | {n - taken - bad:,} | {bad} |")
+        lines.append(f"| {file.stem} | {n:,} | {taken:,} | {n - taken - bad:,} | {bad} | {kept['before']:,} |")
     return [
         *lines,
         "",
-        "So many were run of the source as it is, by `make fuzz`; `python tests/fuzz.py --table` prints the count.",
+        "So many were run of the readers as they are, and before of readers as they were: what failed there was mended.",
+        "`python tests/fuzz.py --table` prints the count, and `make fuzz` goes on from it. Beside these,",
+        "`python tests/fuzz_guided.py READER` follows the branches of the code with atheris.",
     ]
 
 

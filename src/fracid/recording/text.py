@@ -339,7 +339,8 @@ def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: st
         )
     if not rows:
         return []
-    return [f"Above the table {count} line{'s' * (count > 1)} of numbers were left out: {ascii_short(rows[0][0])}."]
+    lines = f"{count} lines of numbers were" if count > 1 else "a line of numbers was"
+    return [f"Above the table {lines} left out: {ascii_short(rows[0][0])}."]
 
 
 def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
