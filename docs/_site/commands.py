@@ -7,6 +7,7 @@ import inspect
 
 PLACE = "<!-- commands -->"
 
+BRACES = str.maketrans("", "", "{}")
 KINDS = {"int": "N", "float": "NUMBER", "Path": "FILE"}
 """What stands behind an option whose help has no word of its own for it."""
 
@@ -22,7 +23,7 @@ def reference():
 
 def _section(name, command):
     usage = command.collect_usage_pieces(command.context_class(command, info_name=f"fracid {name}"))
-    parts = [f"## fracid {name}", f"```text\nfracid {name} {' '.join(usage)}\n```"]
+    parts = [f"## fracid {name}", f"```text\nfracid {name} {' '.join(usage).translate(BRACES)}\n```"]
     parts += [inspect.cleandoc(command.help or ""), _table(command.params), _examples(command.epilog)]
     return "\n\n".join(part for part in parts if part)
 
