@@ -18,6 +18,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import fracid
+from fracid.cli.resume import ASKED
 from fracid.errors import InputError
 from fracid.foreign import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
 from program import run
@@ -356,8 +357,8 @@ def test_a_link_in_a_run_folder_leads_nowhere(capsys, hostile, tmp_path, monkeyp
     folder = tmp_path / "run"
     (folder / link).parent.mkdir(parents=True)
     shutil.copy("rig.toml", folder / "project.toml")
-    project = {"project": str(tmp_path / "rig.toml"), "preset": None, "optimiser": None, "seed": None}
-    state = {"kind": "fit", "options": project, "inputs": {}, "finished": False}
+    options = {"project": str(tmp_path / "rig.toml"), **dict.fromkeys(ASKED)}
+    state = {"kind": "fit", "options": options, "inputs": {}, "finished": False}
     for name, content in (("run.json", state), ("environment.json", {"command": []}), ("result.json", {})):
         (folder / name).write_text(json.dumps(content))
     if words[0] == "compare":
