@@ -221,17 +221,18 @@ def test_both_angles_turned_round_are_the_same_rig():
     assert codes(before(problem(-GOOD))) == []
 
 
-def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named():
+@pytest.mark.parametrize(("output", "zero"), [("beta", ""), ("alpha", "hanging")])
+def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named(output, zero):
     def inverted(t, x, u, p, out):
         out[0] = x[1]
         out[1] = p[0] * math.sin(x[0]) - 0.4 * x[1]
 
     own = fracid.Model(
-        name="pole", rhs=inverted, states=("beta", "D^mu beta"), orders=("mu", "mu"), outputs={"beta": 0}, inputs=(),
-        parameters=(fracid.Parameter("stiffness", "1/s^2", 40.0, "g over length"),), zero="", source="a test",
+        name="pole", rhs=inverted, states=(output, "D^mu"), orders=("mu", "mu"), outputs={output: 0}, inputs=(),
+        parameters=(fracid.Parameter("stiffness", "1/s^2", 40.0, "g over length"),), zero=zero, source="a test",
     )  # fmt: skip
     e = Experiment("swing", STEP, GOOD[:, [1]], np.zeros((1, 0)))
-    found = sole(before(Problem(own, (e,), {"mu": ORDERS["mu"]}, outputs=("beta",))), "wrong-zero")
+    found = sole(before(Problem(own, (e,), {"mu": ORDERS["mu"]}, outputs=(output,))), "wrong-zero")
     assert found.number == pytest.approx(np.sqrt(40.0) - 0.2, rel=0.02)  # e-fold growth: λ² + 0.4 λ = 40
 
 

@@ -452,6 +452,15 @@ def test_a_right_hand_side_that_fails_later_is_told_too_and_does_not_crash(rhs, 
     assert np.float64(5e-324) * np.float64(1.0) > 0, "denormal numbers are as they were"
 
 
+def test_a_right_hand_side_may_have_no_module():
+    def decay(t, x, u, p, out):
+        out[0] = -x[0]
+
+    decay.__module__ = None  # as one that exec made
+    run = solve_fde(decay, 1.0, [1.0], step=0.01, end=1.0)
+    assert run.at([1.0])[0, 0] == pytest.approx(math.exp(-1), abs=1e-4)
+
+
 # --- stiff systems ---------------------------------------------------------------------------------
 
 

@@ -261,7 +261,7 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     growth = max((m.real for m in found if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
     _, period, _ = _swings(_largest(e))
     falls = growth * min(period, len(e.measured)) * e.step > 1
-    if problem.model.zero in ("hanging", "upright") and "alpha" in posture:
+    if "alpha" in posture and any(p.name == "alpha_rest" for p in problem.model.parameters):
         yield from _off_hanging(problem, e, posture["alpha"], falls)
     elif falls:
         yield Finding("wrong-zero", e.name, growth, 0.0, "1/s",

@@ -53,7 +53,7 @@ def compile_rhs(rhs: Any) -> Any:
 
 @once_for_equals
 def _compiled(function: Any) -> Any:
-    own = function.__module__.startswith("fracid.")
+    own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
     checked = _largest_indices(function) is None
     try:
         return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
