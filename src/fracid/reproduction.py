@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -237,7 +237,9 @@ def compared(
     [('orders.mu.value', 1.1e-05)]
     """
     pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
-    differences = sorted((d for d in pairs if d is not None), key=lambda d: (not d.found, d.excused, -d.size, d.where))
+    claimed = _claimed(before)
+    different = [_of_study(d, claimed) for d in pairs if d is not None]
+    differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
 
@@ -259,6 +261,17 @@ def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -
         found = path[0] in blocks and any(name in names for name in path[-2:])
         half = width if path[-1] == "value" else 0.0
         yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), found)
+
+
+def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
+    """Half the interval that a noise study's fits claim, by unknown: its truth has none of its own."""
+    cells = study.get("cells") or [{}]
+    return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in cells[0].get("unknowns", {}).items()}
+
+
+def _of_study(d: Difference, claimed: Mapping[str, float]) -> Difference:
+    half = claimed.get(d.where.removeprefix("truth."), 0.0) if d.where.startswith("truth.") else 0.0
+    return replace(d, of_interval=_sizes(d.before, d.after, half)[1]) if half > 0 else d
 
 
 _MISSING = object()
