@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Seed, Trust, app, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
 from fracid.errors import DataError, InputError
@@ -115,6 +115,7 @@ def simulate(
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
+    jobs: Jobs = 1,
     json_: Json = False,
 ) -> None:
     """Simulate a rig, a project or a fitted run, and write what its encoders would have recorded.
@@ -123,6 +124,7 @@ def simulate(
     changed.  Writes the recording, a figure, and a JSON file with the truth, ready for fracid check, init and fit.
     Exit code 0 if the simulation reached its end, 3 if not.
     """
+    del jobs  # one run is not parallel; every command takes the same options
     twin = _twin(source, recording, zero, friction, input_ is None and not initial, trust)
     twin = _changed(twin, order, set_, initial, end=end, step=step, hold=hold, method=method, substeps=substeps)
     twin = _driven(twin, input_, end)
