@@ -96,6 +96,14 @@ def test_files_of_the_other_byte_order_are_read(tmp_path):
     )
 
 
+def test_dimensions_that_are_no_whole_numbers_are_damage(tmp_path):
+    raw = big_endian(b"t", [0.0, 0.1, 0.2])
+    dimensions = struct.pack(">II", 5, 8)
+    (tmp_path / "run.mat").write_bytes(raw.replace(dimensions, struct.pack(">II", 7, 8)))  # as single precision
+    with pytest.raises(DataError, match="dimensions that are no whole numbers"):
+        read_mat(tmp_path / "run.mat")
+
+
 @pytest.mark.parametrize("options", [{"format": "4"}, {}, {"do_compression": True}], ids=["4", "5", "7"])
 def test_a_file_cut_anywhere_is_damaged_or_holds_whole_variables(tmp_path, options):
     file = write(tmp_path, {"t": np.arange(40.0), "alpha": np.arange(40.0) ** 2}, **options)

@@ -68,6 +68,9 @@ LARGEST_FILE = 2**24
 DEEPEST = 16
 """Tables and lists within each other."""
 
+LONGEST_KEY = 100
+"""Points in a key."""
+
 LONGEST_MESSAGE = 600
 """Characters."""
 
@@ -273,6 +276,8 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
 
 def _toml(text: str) -> dict[str, Any]:
     """Parse, and refuse what no project says and Python stumbles over: depths and whole numbers without end."""
+    if any(line.partition("=")[0].count(".") > LONGEST_KEY for line in text.splitlines()):  # it takes their square
+        raise InputError(f"a key has more than {LONGEST_KEY} points; a project's has two.")
     try:
         said = tomllib.loads(text)
     except RecursionError:

@@ -178,14 +178,14 @@ def _matrix(reader: _Reader, depth: int) -> tuple[str, NDArray[np.generic] | Lef
     if depth > DEEPEST:
         return "", LeftOut(f"lies more than {DEEPEST} structs deep")
     parts = reader.elements(0)
-    flags = _some(parts, reader, "flags")
+    flags = _whole(parts, reader, "flags")
     if flags.size < 1:
         raise _Damaged("a variable without flags")
     kind, is_complex = int(flags[0]) & 0xFF, bool(int(flags[0]) & IS_COMPLEX)
     if kind == OPAQUE:
         name, _, of_class = (_text(parts) for _ in range(3))
         return name, object_left_out(of_class)
-    shape = tuple(int(n) for n in _some(parts, reader, "dimensions"))
+    shape = tuple(int(n) for n in _whole(parts, reader, "dimensions"))
     if len(shape) < 2 or len(shape) > 32 or min(shape) < 0:
         raise _Damaged(f"a variable of dimensions {shape[:5]}")
     return _text(parts), _value(reader, parts, kind, is_complex, shape, depth)
@@ -225,7 +225,7 @@ def _structs(
     reader: _Reader, parts: Iterator[tuple[int, memoryview]], count: int, depth: int
 ) -> Content | list[Content] | LeftOut:
     """Return one struct as its fields, several as a list."""
-    length = _some(parts, reader, "the length of field names")
+    length = _whole(parts, reader, "the length of field names")
     _, names = next(parts, (0, memoryview(b"")))
     size = int(length[0]) if length.size else 0
     if size <= 0 or len(names) % size:
@@ -249,6 +249,14 @@ def _letters(reader: _Reader, parts: Iterator[tuple[int, memoryview]]) -> str:
     encoding = {4: "utf-16", 16: "utf-8", 17: "utf-16"}.get(kind, "latin-1")
     ordered = encoding + ("-le" if reader.order == "<" else "-be") * (encoding == "utf-16")
     return bytes(data[:200]).decode(ordered, "replace")
+
+
+def _whole(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) -> NDArray[np.generic]:
+    """Return the whole numbers of the next element."""
+    values = _some(parts, reader, what)
+    if values.dtype.kind not in "iu":
+        raise _Damaged(f"{what} that are no whole numbers")
+    return values
 
 
 def _some(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) -> NDArray[np.generic]:

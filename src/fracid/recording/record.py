@@ -505,7 +505,8 @@ def _unevenness(column: Array) -> float | None:
     dt = np.diff(_measurable(column)[0][np.isfinite(column)])
     if dt.size == 0 or not np.all(dt > 0):
         return None
-    return float(np.std(dt) / np.median(dt))
+    with np.errstate(over="ignore"):
+        return float(np.std(dt) / np.median(dt))
 
 
 # ---------------------------------------------------------------------------- channels
@@ -560,7 +561,7 @@ def _left_out(table: Table) -> list[str]:
     """Say what of the file is no column and might have been meant to be one."""
     odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in ("is text", "is a single number")]
     more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
-    return [f"Left out: {'; '.join(map(printable, odd[:3]))}{more}."] if odd else []
+    return [f"Left out: {'; '.join(map(_short, odd[:3]))}{more}."] if odd else []
 
 
 def _common(names: list[str]) -> str:
