@@ -15,7 +15,6 @@ sentence is a note on it.
 from __future__ import annotations
 
 import io
-import json
 import os
 import struct
 import subprocess
@@ -707,8 +706,8 @@ def fuzzed() -> list[str]:
         *lines,
         "",
         "So many were run of the readers as they are, and before of readers as they were. Whatever failed was mended.",
-        "`python tests/fuzz.py --table` prints the count, and `make fuzz` goes on from it. Beside these,",
-        "`python tests/fuzz_guided.py READER` follows the branches of the code with atheris.",
+        "The aim is a million of each: `make fuzz` goes on from here, and `python tests/fuzz.py --table` prints the count. Beside",
+        "these `python tests/fuzz_guided.py READER` follows the branches of the code with atheris.",
     ]
 
 

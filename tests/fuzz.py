@@ -301,6 +301,12 @@ def _go_on(reader: str, inputs: int, seconds: float, out: Path) -> None:
     """Run more inputs of a reader, until so many of the present source are done, and keep the counts."""
     kept = _kept(reader, out)
     begun = time.monotonic()
+    for number in list(kept["failures"]):  # what has been mended since, outside of the reader, no longer counts
+        tally, _ = fuzz(reader, range(int(number), int(number) + 1), 60)
+        if not tally.failures and tally.inputs:
+            del kept["failures"][number]
+            total = Counter(kept["outcomes"]) - Counter(failed=1) + Counter(tally.outcomes)
+            kept["outcomes"] = dict(total)
     left = inputs - sum(kept["outcomes"].values())
     while left > 0 and (time_left := begun + seconds - time.monotonic()) > 0:
         since, source = time.monotonic(), kept["source"]
