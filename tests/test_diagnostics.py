@@ -176,10 +176,10 @@ def test_without_intervals_nothing_is_said_but_why():
     assert {v.sentence for v in found.values()} == {"unknown: a run fails"}
 
 
-def test_a_profile_that_leaves_the_bound_has_the_last_word():
-    # within a thousandth of its range the sandwich takes a friction for none; its profile tells it from none
-    p = twin(RIG.with_parameters(coulomb_theta=1e-4), parameters={"coulomb_theta": Free(1e-4, 0.0, 1.0)})
-    assert verdicts(p)["coulomb_theta"].kind == "at its bound"
+@pytest.mark.parametrize("widest", [0.01, 1.0, 100.0])
+def test_what_is_known_lies_at_no_bound_however_wide_its_range(widest):
+    p = twin(RIG.with_parameters(coulomb_theta=1e-4), parameters={"coulomb_theta": Free(1e-4, 0.0, widest)})
+    assert verdicts(p)["coulomb_theta"].sentence == "identifiable"
     profiles = profile(p, parameters=["coulomb_theta"]).profiles
     assert profiles["coulomb_theta"].verdict == "two-sided"
     assert verdicts(p, profiles=profiles)["coulomb_theta"].sentence == "identifiable"

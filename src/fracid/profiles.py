@@ -450,7 +450,7 @@ class _Surface:
         self.problem, self.top = problem, top
         self.calibrated = problem.cost_function.loss is not None
         self.space = problem.space
-        self.at_bound = np.flatnonzero(at_bound(problem.space, top.point))
+        self.at_bound = np.flatnonzero(at_bound(problem, top.point, jobs=jobs))
         self._shape: dict[tuple[int, ...], Sandwich] = {}
         self._jobs = jobs
         self._lock = threading.Lock()

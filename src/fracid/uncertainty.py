@@ -73,7 +73,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.costs import Loss
-from fracid.optimise import Space
 from fracid.problem import Problem
 
 __all__ = [
@@ -117,7 +116,10 @@ WHITENED = 0.97
 """Limit of the correlation that is taken out before S is estimated [AM]_."""
 
 BOUND = 1e-3
-"""An unknown within this part of its range of a bound lies at it."""
+"""An unknown further from its bounds than this part of its range lies at none."""
+
+TOUCHING = 1.0
+"""Nor does one that is further than this many of the standard errors that it has when it is free."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +221,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return "nothing is free"
     if problem.cost_function.loss is None:
         return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
-    held = at_bound(problem.space, x)
+    held = at_bound(problem, x, jobs=jobs)
     free = np.flatnonzero(~held)
     error = np.full(len(x), np.nan)
     if not len(free):
@@ -227,8 +229,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     found = sandwich(problem, x, free, jobs=jobs)
     if isinstance(found, str):
         return found
-    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))[free]
-    directions = _sparse(found.directions / size)
+    directions = _unseen(problem, x, found)
     known = ~np.any(directions != 0, axis=0)
     white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
     error[free[known]] = np.sqrt(np.diag(found.covariance))[known]
@@ -296,18 +297,38 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     )  # fmt: skip
 
 
-def at_bound(space: Space, x: FloatArray) -> NDArray[np.bool_]:
-    """Which unknowns lie within a thousandth of their range of a bound, shape (n_unknowns,).
+def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
+    """Which unknowns their bounds hold, shape (n_unknowns,).
+
+    A search stops a little before a bound.  How little is told by what the data know: 1e-3 of a wide range can be
+    many standard errors, and a value that far from zero is not zero.
 
     Examples
     --------
-    >>> space = Space(("a", "b"), np.zeros(2), np.ones(2), np.array([0.5, 1.0]))
-    >>> at_bound(space, space.start)
-    array([False,  True])
+    >>> import fracid, numpy as np
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.3}, step=1e-2, end=4.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> wide = Free(start=rig.parameter("b_alpha").value, lower=0.0, upper=10.0)
+    >>> dry = Free(start=0.0, lower=0.0, upper=10.0)
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, {"b_alpha": wide, "coulomb_alpha": dry},
+    ...                   initial_state="held")
+    >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
+    {'b_alpha': False, 'coulomb_alpha': True}
     """
+    space = problem.space
     width = space.upper - space.lower
-    margin = np.where(np.isfinite(width), BOUND * width, 0.0)
-    return np.asarray((x - space.lower <= margin) | (space.upper - x <= margin))
+    away = np.minimum(x - space.lower, space.upper - x)
+    near = away <= np.where(np.isfinite(width), BOUND * width, 0.0)
+    if not np.any(near & (away > 0)):
+        return np.asarray(near)
+    found = sandwich(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(found, str):
+        return np.asarray(near)
+    unseen = np.any(_unseen(problem, x, found) != 0, axis=0)
+    return np.asarray(near & (unseen | (away <= TOUCHING * np.sqrt(np.diag(found.covariance)))))
 
 
 def rows_and_scores(
@@ -353,6 +374,12 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
     level = total / problem.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
+
+
+def _unseen(problem: Problem, x: FloatArray, found: Sandwich) -> FloatArray:
+    """Directions of relative changes that the data do not see, shape (n_unseen, n_free)."""
+    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
+    return _sparse(found.directions / size[found.free])
 
 
 def _sparse(unseen: FloatArray) -> FloatArray:
