@@ -22,7 +22,8 @@ Where it begins:
 =========================== =============================================================================
 the recording               begins at
 =========================== =============================================================================
-held still, then let go     the release, which :mod:`fracid.recording.report` finds
+held still, then let go     the release, which :mod:`fracid.recording.report` finds: at rest, at a moment
+                            between two samples that the fit finds
 let go near upright         a turn of the swing well below: how it left the top, a hair decides
 set swinging by hand        the turn from which on the swing decays evenly: the hand is off
 driven, or at rest          its first sample
@@ -499,16 +500,29 @@ class _Page:
             lines += [f"# {said}" for said in self.recording.report.reading if said.startswith("Time ")]
         lines += [f"{name} = {_table(fields)}" for name, fields in self.columns.items()]
         lines.append(self._from())
+        if self._held():
+            reach = max(0.05, 5 * self.recording.report.clock.step)
+            moment = f"release_time = {{ start = 0.0, lower = -{reach:.3g}, upper = {reach:.3g} }}"
+            lines.append(f"{moment:<70}# [s] of the release after that sample; it lies between two")
         lines.append(f"# to = {self.recording.time[-1]:.4g}")
         lines.append(_line("use", "fit", '# or "validate": judged on it, not fitted to it'))
         return lines
 
+    def _at_the_top(self) -> bool:
+        """Whether it is let go near upright."""
+        r = self.recording
+        release = r.report.release
+        return release is not None and bool(abs(r.signals["alpha"][int(np.searchsorted(r.time, release))]) > TOP)
+
+    def _held(self) -> bool:
+        """Whether it is held still, then let go: so it begins at rest."""
+        return self.recording.report.release is not None and not self._at_the_top()
+
     def _from(self) -> str:
         """Where it begins: see the table at the top of this page."""
         r, alpha = self.recording, np.nan_to_num(self.recording.signals["alpha"])
-        release = r.report.release
-        top = release is not None and abs(alpha[int(np.searchsorted(r.time, release))]) > TOP
-        if release is not None and not top:
+        release, top = r.report.release, self._at_the_top()
+        if self._held():
             return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
         turn = None if self.driven else _free_from(r.time, alpha)
         if turn is not None:
@@ -521,8 +535,12 @@ class _Page:
 
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
-        lines = ["[fit]", f"outputs = {json.dumps(outputs)}",
-                 _line("initial_state", "estimate", "# angles and speeds at the start are found too")]  # fmt: skip
+        start = (
+            _line("initial_state", "rest", "# held before the release: the angles are found, the speeds are 0")
+            if self._held()
+            else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
+        )
+        lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
         own = [
             n
             for n, used in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
