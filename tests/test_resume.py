@@ -253,23 +253,24 @@ def test_a_studys_command_is_typed_again_where_it_was_typed(project, tmp_path, c
     folder = tmp_path / "study"
     folder.mkdir()
     (folder / JOURNAL).touch()
-    said = {"command": ["check", "swing.npz", "--jobs", "1", "--out", "elsewhere"], "directory": str(project.parent)}
-    (folder / "environment.json").write_text(json.dumps(said))
+    words = ["noise", project.name, "--levels", "0.05", "--counts", "4096", "--seeds", "2", "--out", "elsewhere"]
+    (folder / "environment.json").write_text(json.dumps({"command": words, "directory": str(project.parent)}))
     with pytest.raises(SystemExit) as end:
         main(["resume", str(folder), "--json"])
     assert end.value.code == 0
-    assert json.loads(capsys.readouterr().out)["name"]
+    assert json.loads(capsys.readouterr().out)["seeds"] == 2
+    assert (folder / "noise.json").exists()
     assert not (project.parent / "elsewhere").exists()
 
 
 def test_a_studys_exit_code_is_that_of_its_command(tmp_path, capsys):
     (tmp_path / JOURNAL).touch()
-    said = {"command": ["check", "missing.csv"], "directory": str(tmp_path)}
+    said = {"command": ["noise", "missing.toml"], "directory": str(tmp_path)}
     (tmp_path / "environment.json").write_text(json.dumps(said))
     with pytest.raises(SystemExit) as end:
         main(["resume", str(tmp_path)])
-    assert end.value.code in (2, 3)
-    assert "missing.csv" in capsys.readouterr().err
+    assert end.value.code == 2
+    assert "missing.toml" in capsys.readouterr().err
 
 
 # --- the program itself ------------------------------------------------------------------------------

@@ -174,7 +174,7 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: in
     >>> import fracid
     >>> from fracid.problem import Experiment, Free, Problem
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
-    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.9}, initial={"alpha": 0.3}, step=4e-3, end=4.0)
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.99}, initial={"alpha": 0.3}, step=4e-3, end=4.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="measured")
     >>> [f.code for f in after(problem, problem.start, "not asked")]         # order 1 does not explain it
