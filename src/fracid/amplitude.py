@@ -469,7 +469,7 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
 
 
 def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.2g}°"
+    return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
 
 
 # --- as JSON -------------------------------------------------------------------------------------------------

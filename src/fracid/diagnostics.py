@@ -179,7 +179,7 @@ class _Look:
 
     def size(self, output: str) -> str:
         """How far an output moves, in words."""
-        return with_unit(self.swings()[output], self.problem.experiments[0].units.get(output, "rad"), ".2g")
+        return with_unit(self.swings()[output], self.problem.experiments[0].units.get(output, "rad"))
 
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""

@@ -53,6 +53,7 @@ from fracid.right_hand_side import compile_rhs
 from fracid.simulate import time_scale
 from fracid.stiffness import FOLLOWS, STEPS_A_PERIOD, fault_of, linearised, modes, steps_a_period
 from fracid.uncertainty import NORMAL_95, Uncertainty, jacobian
+from fracid.units import with_unit
 
 __all__ = ["after", "before", "failed"]
 
@@ -495,13 +496,9 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         part, times = rms / max(spread, 1e-300), rms / noise
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
-                f"what is left over is {_shown(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
+                f"what is left over is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
                 f"{times:.2g} times the noise: this model may not be able to explain it. Look at "
                 "fracid resid, free a friction, or ask fracid compare; another start: --multi-start 16.")  # fmt: skip
-
-
-def _shown(value: float, unit: str) -> str:
-    return f"{math.degrees(value):.2g}°" if unit == "rad" else f"{value:.2g} {unit}"
 
 
 def _noise(y: FloatArray) -> float:
