@@ -1,5 +1,6 @@
 """``fracid fit`` and ``fracid demo``: tables, JSON, figures, exit codes, and never a traceback."""
 
+import concurrent.futures
 import json
 import os
 import signal
@@ -392,7 +393,7 @@ class DeadProcess:
 
 @pytest.mark.parametrize("before", [False, True])
 def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch, before):
-    monkeypatch.setattr(sys.modules["fracid.cli.drawing"], "ProcessPoolExecutor", lambda *_: DeadProcess(before))
+    monkeypatch.setattr(concurrent.futures, "ProcessPoolExecutor", lambda *_: DeadProcess(before))
     code, _, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run", "--jobs", 2)
     assert code == 0, err
     assert (tmp_path / "run" / "figures" / "figure2-release-20.svg").exists()

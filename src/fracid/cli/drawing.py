@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from math import isfinite
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +19,8 @@ from fracid.errors import InputError
 from fracid.foreign import file_stems
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
+
     from matplotlib.figure import Figure
 
     from fracid.diagnostics import CostPlane
@@ -37,10 +38,13 @@ Figures = Iterator[tuple[str, "Figure"]]
 @contextmanager
 def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
+    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
+    from multiprocessing import get_context
+
     beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
     # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
     model: Model | None = project.problem.model
-    if not project.problem.model.rhs.__module__.startswith("fracid."):
+    if not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
         model = None
     rig = _submitted(beside, _draw_rig, model, folder)  # starts it
     try:
