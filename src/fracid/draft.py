@@ -536,7 +536,7 @@ class _Page:
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
         start = (
-            _line("initial_state", "rest", "# held before the release: the angles are found, the speeds are 0")
+            _line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
             if self._held()
             else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
         )
