@@ -88,6 +88,6 @@ $(PACKING): tests/packaging/requirements.txt
 notebook: $(READY)
 	$(BIN)/python tests/notebook.py examples/paper.ipynb
 
-# Numba's cache of compiled loops does not notice a change in a module that they call.
+# The compiled loops that are kept; they are checked against their source, so this only frees disk space.
 clean-cache:
 	rm -f src/fracid/__pycache__/*.nb? src/fracid/*/__pycache__/*.nb?

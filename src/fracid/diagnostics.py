@@ -363,14 +363,17 @@ class CostPlane:
     """Shape (n, m); infinite where the run diverges."""
 
     def plot(
-        self, *, best: tuple[float, float] | None = None, cost_name: str = "cost", style: str | Style = "screen"
-    ) -> Figure:
+        self, *, best: tuple[float, float] | None = None, evaluations: FloatArray | None = None,
+        cost_name: str = "cost", style: str | Style = "screen",
+    ) -> Figure:  # fmt: skip
         """The cost over the two orders; see :func:`fracid.plots.cost_plane`.
 
         Parameters
         ----------
         best : (float, float), optional
             What was found.
+        evaluations : array, shape (k, 2), optional
+            Where the search has been.
         cost_name : str
             For the colour bar.
         style : str or Style
@@ -385,8 +388,8 @@ class CostPlane:
         """
         from fracid.plots import cost_plane
 
-        return cost_plane(self.first, self.second, self.cost, best=best, cost_name=cost_name, names=self.names,
-                          style=style)  # fmt: skip
+        return cost_plane(self.first, self.second, self.cost, best=best, evaluations=evaluations,
+                          cost_name=cost_name, names=self.names, style=style)  # fmt: skip
 
 
 def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1) -> CostPlane:

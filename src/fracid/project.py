@@ -193,6 +193,11 @@ class Project:
     own_code: tuple[Path, ...] = ()
     """Files of its own whose code was run: it is trusted."""
 
+    @property
+    def resolutions(self) -> dict[str, dict[str, float | None]]:
+        """Recording → signal → the step of its encoder [rad]; None where none is seen."""
+        return {r.name: {s.name: s.resolution for s in r.report.signals} for r in self.recordings}
+
 
 def load_project(path: str | Path, *, preset: str | None = None, trust: bool = False) -> Project:
     """Read a project file and the recordings that it names.

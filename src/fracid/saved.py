@@ -91,7 +91,7 @@ class SavedRun(FitPictures):
     @property
     def resolutions(self) -> dict[str, dict[str, float | None]]:
         """Recording → signal → the step of its encoder [rad]; None where none is seen."""
-        return {r.name: {s.name: s.resolution for s in r.report.signals} for r in self.project.recordings}
+        return self.project.resolutions
 
     @property
     def notes(self) -> tuple[str, ...]:

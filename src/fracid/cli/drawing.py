@@ -78,8 +78,7 @@ def _draw(
     from fracid.diagnostics import cost_plane
     from fracid.report import write_report
 
-    resolutions = {r.name: {s.name: s.resolution for s in r.report.signals} for r in project.recordings}
-    recordings = found.recordings, resolutions, folder
+    recordings = found.recordings, project.resolutions, folder
     drawn = _submitted(beside, _draw_recordings, *recordings)
     rest = saved(of_search(found), folder)
     if isfinite(found.cost):
@@ -167,13 +166,10 @@ def of_search(found: Fit | SavedRun, style: str = "screen") -> Figures:
 
 def of_plane(found: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
-    from fracid.plots import cost_plane
-
     first, second = found.problem.order_indices[:2]
     best = (float(found.x[first]), float(found.x[second]))
-    yield "cost-over-orders", cost_plane(plane.first, plane.second, plane.cost, best=best, names=plane.names,
-                                         evaluations=_tried(folder, plane.names), style=style,
-                                         cost_name=found.problem.cost_function.name)  # fmt: skip
+    yield "cost-over-orders", plane.plot(best=best, evaluations=_tried(folder, plane.names),
+                                         cost_name=found.problem.cost_function.name, style=style)  # fmt: skip
 
 
 def _tried(folder: Path, names: tuple[str, str]) -> Any:

@@ -80,16 +80,11 @@ class Material:
         unit, factor = self.unit(signal)
         return f"{number(factor * value, form)}{unit if unit == '°' else f' {unit}'.rstrip()}"
 
-    @property
-    def resolutions(self) -> dict[str, dict[str, float | None]]:
-        """Recording → signal → the step of its encoder [rad]; None where none is seen."""
-        return {r.name: {s.name: s.resolution for s in r.report.signals} for r in self.project.recordings}
-
     @cached_property
     def analyses(self) -> dict[str, dict[str, ResidualAnalysis]]:
         """Recording → output → what its residual says; of a very long one, the first :data:`ANALYSED` samples."""
         return {
-            name: {n: residual_analysis(first_part(r), n, self.resolutions[name]) for n in r.measured}
+            name: {n: residual_analysis(first_part(r), n, self.project.resolutions[name]) for n in r.measured}
             for name, r in self.recordings.items()
         }
 

@@ -118,7 +118,7 @@ def _fitted(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
 
 def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]) -> dict[str, Any]:
     unit, factor = material.unit(name)
-    step = material.resolutions[r.name].get(name)
+    step = material.project.resolutions[r.name].get(name)
     return {
         "name": name,
         "letter": letter(name),
