@@ -390,6 +390,13 @@ def test_missing_samples_are_a_data_error_that_says_how_many_where_and_what_to_d
     assert load_recording(file, {"alpha": 1}, start=0.6).time[0] == pytest.approx(0.6)
 
 
+def test_the_name_of_a_signal_that_fills_a_page_is_cut_in_what_is_said_of_it(tmp_path):
+    (tmp_path / "log.csv").write_text(f"t,a,{'9' * 900}x\n0,1,2\n0.1,,3\n0.2,2,\n0.3,4,2\n")
+    with pytest.raises(DataError, match=r"a misses 1 sample at 0.1 s\. .* 9{40}\.\.\. misses 1 sample") as said:
+        load_recording(tmp_path / "log.csv")
+    assert len(str(said.value)) < 700
+
+
 @pytest.mark.parametrize(
     ("shift", "message"), [(0.0, "1 stamps repeat and 0 go back"), (-0.5, "0 stamps repeat and 1 go")]
 )

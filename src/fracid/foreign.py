@@ -27,7 +27,7 @@ from collections.abc import Iterable
 
 from fracid.errors import InputError
 
-__all__ = ["csv_cell", "file_stems", "printable", "refuse_unseen"]
+__all__ = ["ascii_short", "csv_cell", "file_stems", "printable", "refuse_unseen", "shortened"]
 
 UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
 """Categories of Unicode."""
@@ -88,7 +88,18 @@ def ascii_short(text: str) -> str:
     >>> print(ascii_short("x" * 99))
     'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
-    return repr(text if len(text) <= 60 else f"{text[:40]}...")
+    return repr(shortened(text))
+
+
+def shortened(text: str) -> str:
+    """Not longer than a message bears.
+
+    Examples
+    --------
+    >>> shortened("alpha"), len(shortened("x" * 999))
+    ('alpha', 43)
+    """
+    return text if len(text) <= 60 else f"{text[:40]}..."
 
 
 def file_stems(names: Iterable[str]) -> dict[str, str]:

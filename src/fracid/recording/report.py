@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.findings import Finding
+from fracid.foreign import shortened
 from fracid.recording.faults import FAMILIAR_COUNTS as FAMILIAR_COUNTS
 from fracid.recording.faults import signal_faults
 
@@ -484,16 +485,16 @@ def _clock_warnings(c: Clock) -> Iterable[str]:
 def _missing_fault(s: SignalReport) -> str:
     where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
     return (
-        f"{s.name} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off with "
+        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off with "
         'from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
     )
 
 
 def _signal_note(s: SignalReport) -> str | None:
     if s.range == 0:
-        return f"{s.name} is constant: is its sensor connected?"
+        return f"{shortened(s.name)} is constant: is its sensor connected?"
     if s.unit == "rad" and s.resolution and s.range / s.resolution < 50:
-        return f"{s.name} moves through only {s.range / s.resolution:.0f} counts of its encoder."
+        return f"{shortened(s.name)} moves through only {s.range / s.resolution:.0f} counts of its encoder."
     return None
 
 
@@ -504,7 +505,7 @@ def _signal_row(s: SignalReport) -> dict[str, str]:
     offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if turned else ""
     lattice = f"{s.counts_per_turn}/turn" if s.counts_per_turn else f"{show(s.resolution or 0.0)}{end}"
     return {
-        "signal": s.name,
+        "signal": shortened(s.name),
         "range": f"{show(s.minimum)} … {show(s.maximum)}{end}",
         "resolution": lattice if s.resolution else "none seen",
         "noise": f"{show(s.noise)}{end}",
