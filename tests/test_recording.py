@@ -12,6 +12,7 @@ import scipy.io
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fracid.draft import guess_file
 from fracid.errors import DataError, InputError
 from fracid.recording import Channel, Recording, inspect_recording, load_recording, read_table, release_time, resolution
 from fracid.recording.text import parse_text
@@ -395,6 +396,37 @@ def test_the_name_of_a_signal_that_fills_a_page_is_cut_in_what_is_said_of_it(tmp
     with pytest.raises(DataError, match=r"a misses 1 sample at 0.1 s\. .* 9{40}\.\.\. misses 1 sample") as said:
         load_recording(tmp_path / "log.csv")
     assert len(str(said.value)) < 700
+
+
+LONG = {
+    "digits": "9" * 300_000 + "x",
+    "decimals": "9" * 150_000 + "." + "9" * 150_000 + "e",
+    "a rate": "sampl" * 60_000,
+    "a rate's line": "sampl" + "_" * 300_000,
+    "blanks": "a" + " " * 300_000 + "b",
+    "a bracket": "x" * 300_000 + " [",
+    "joints": "joint2" * 50_000,
+}
+PLACES = {
+    "a name": "t,{},a\n{}",
+    "a line above": "# {}, b\n5, 3\nt,x,a\n{}",
+    "a unit": "t,x,a\ns,{},rad\n{}",
+    "a number": "t,x,a\n{1}0.6,{0},3\n",
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("what", LONG)
+def test_a_cell_of_300_000_characters_costs_no_more_than_to_read_it(what, place, tmp_path):
+    rows = "".join(f"{k / 100},{k % 7},{k % 5}\n" for k in range(50))
+    (tmp_path / "log.csv").write_text(PLACES[place].format(LONG[what], rows))
+    if place == "a number":  # who tries all ways to cut it in two is at it for hours
+        with pytest.raises(DataError, match=r"log.csv, line 52, column 1 \(x\): '.{40}\.\.\.' is not a number"):
+            inspect_recording(tmp_path / "log.csv")
+    else:
+        assert len(max(read_table(tmp_path / "log.csv").names, key=len)) <= 200
+        assert len(max(inspect_recording(tmp_path / "log.csv").signals, key=len)) <= 200
+        assert guess_file(tmp_path / "log.csv")[0]["alpha"]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
 """Categories of Unicode."""
 
 LONGEST_NAME = 200
-"""Characters of a recording's name."""
+"""Characters of a name, of a recording or a column."""
 
 LONGEST_STEM = 60
 """Characters of a file's name without what stands before and behind: every file system takes 255 bytes of it all."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
-from fracid.foreign import printable
+from fracid.foreign import LONGEST_NAME, printable
 from fracid.recording.channel import Channel, header_unit, hold
 from fracid.recording.report import Report, measure
 from fracid.recording.table import Table, read_table
@@ -471,7 +471,11 @@ def _header_rate(header: Sequence[str]) -> float | None:
     split = [[cell.strip() for cell in re.split(r"[,;\t]|\s{2,}", line.lstrip("#%/ "))] for line in header]
     for names, values in pairwise(split):
         for name, value in zip(names, values, strict=False):
-            if RATE_NAME.search(name.lower()) and re.fullmatch(r"\d+(\.\d+)?", value) and float(value) > 0:
+            if (
+                RATE_NAME.search(name[:LONGEST_NAME].lower())
+                and re.fullmatch(r"\d+(\.\d+)?", value)
+                and float(value) > 0
+            ):
                 return float(value)
     return None
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
-from fracid.foreign import ascii_short, printable
+from fracid.foreign import LONGEST_NAME, ascii_short, printable
 from fracid.mistaken import kind_of, refuse_mistaken
 from fracid.recording.arrays import choose, name_and_unit
 from fracid.recording.content import Content
@@ -155,7 +155,8 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
 
 
 def _one_line(name: str) -> str:
-    return printable(name).replace("\n", "\\n").replace("\t", "\\t")
+    """Return a name that fits into a line; what is longer than any name is cut, and costs no search through it."""
+    return printable(name[:LONGEST_NAME]).replace("\n", "\\n").replace("\t", "\\t")
 
 
 def _size(path: Path) -> int:
