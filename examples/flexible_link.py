@@ -58,6 +58,7 @@ model = Model(
     ),
     zero="",
     source="an example; numbers like those of a laboratory servo",
+    integer_orders={"r": 0},  # q = 1: viscous damping
 )
 
 # --- a recording of which the truth is known -----------------------------------------------------------------

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.alternative import integer_alternative
+from fracid.alternative import integer_alternative, integer_values
 from fracid.costs import COSTS
 from fracid.identify import identify
 from fracid.problem import Experiment, Free, Problem, Tied
@@ -133,3 +133,93 @@ def test_the_result_file_holds_the_rival():
     assert content["structure"] == "every order 1; b_theta, b_alpha, coulomb_theta, coulomb_alpha free"
     assert content["bic_gain_of_the_fractional_model"] < 0 < content["effective_samples"]
     assert content["warning"] in fit.warnings
+
+
+# --- orders whose integer value is not 1 ------------------------------------------------------------------
+
+
+def damped(t, x, u, p, out):
+    """x'' + c D^(1-r) x + k x = 0, z = D^(1-r) x as D^r z = x'."""
+    out[0] = x[1]
+    out[1] = -p[0] * x[2] - p[1] * x[0]
+    out[2] = x[1]
+
+
+def dashpot(t, x, u, p, out):
+    """The same at r = 0, where z is the speed."""
+    out[0] = x[1]
+    out[1] = -p[0] * x[1] - p[1] * x[0]
+
+
+def mount(rhs=damped, **options):
+    states = ("x", "x'", "z")[: 3 if rhs is damped else 2]
+    constants = (fracid.Parameter("c", "1/s", 0.6, "damping"), fracid.Parameter("k", "1/s^2", 40.0, "stiffness"))
+    return fracid.Model("mount", rhs, states, ("v", "v", "r")[: len(states)], {"x": 0}, (), constants, "", "a test",
+                        **options)  # fmt: skip
+
+
+SPRING = {"c": Free(0.5, 0.0, 5.0), "k": Free(38.0, 30.0, 50.0)}
+R_IS_0 = {"integer_orders": {"r": 0}}
+
+
+def struck(model, seed=0, noise=1e-4, **orders):
+    run = fracid.simulate(model, orders={"v": 1.0, **orders}, initial={"x": 1.0}, step=1e-2, end=8.0)
+    y = run.states[:, [0]] + noise * np.random.default_rng(seed).standard_normal((len(run.states), 1))
+    return Experiment("struck", 1e-2, y, np.zeros((1, 0)), initial={"x": 1.0})
+
+
+def sought(model, experiment):
+    free = {"r": Free(0.5, 1e-4, 1.2)} if model.rhs is damped else {}
+    return Problem(model, (experiment,), {"v": 1.0, **free}, SPRING, outputs=("x",),
+                   initial_state="held")  # fmt: skip
+
+
+def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_the_spring():
+    data = struck(mount(), r=0.4)
+    fair, unfair = (identify(sought(mount(**declared), data)) for declared in (R_IS_0, {}))
+    by_hand = identify(sought(mount(dashpot), data))
+    assert fair.orders["r"].value == pytest.approx(0.4, abs=0.01)
+    assert fair.alternative.structure == "r = 0"
+    assert fair.alternative.cost == pytest.approx(by_hand.cost, rel=2e-3)
+    assert fair.alternative.gain > 10
+    assert unfair.alternative.structure == "every order 1"
+    assert unfair.alternative.cost > 3 * fair.alternative.cost  # a spring damps nothing
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_dashpot_is_not_called_fractional_however_its_order_is_written(seed):
+    fit = identify(sought(mount(**R_IS_0), struck(mount(dashpot), seed, noise=1e-2)))
+    assert fit.alternative is None or "r = 0 the same model explains" in fit.alternative.warning
+    verdict = fit.orders["r"].identifiable
+    assert fit.alternative is None or verdict == "no different from 0 as far as the recordings can tell"
+
+
+def test_by_chance_off_0_is_said_of_0():
+    problem = sought(mount(**R_IS_0), struck(mount(dashpot), noise=1e-2))
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.01, 0.6, 40.0])), {"r": 1e-3})
+    assert rival.orders == ("r",)
+    assert "r = 0.01: no evidence of fractional dynamics. With r = 0 the same model explains" in rival.warning
+
+
+def test_an_order_without_an_integer_value_stays_free_and_alone_has_no_rival():
+    data = release((0.9, 0.95), end=2.0)
+    arm_only, neither = (replace(RIG, integer_orders=dict.fromkeys(names)) for names in (["lambda"], [*BOTH]))
+    problem = Problem(arm_only, (data,), BOTH, initial_state="held")
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    assert rival.orders == ("mu",)
+    assert rival.structure.startswith("mu = 1 (lambda free, for its model gives it no integer value)")
+    problem = Problem(neither, (data,), BOTH, initial_state="held")
+    assert integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {}) is None
+
+
+def test_what_is_fixed_stays_and_what_is_tied_has_its_own_integer():
+    model = replace(RIG, integer_orders={"mu": 0})
+    problem = Problem(model, (release(end=1.0),), {"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    assert integer_values(problem) == {"lambda": 1.0, "mu": 1e-9}
+    fixed = replace(problem, orders={"lambda": 0.9, "mu": Tied("lambda")})
+    assert integer_values(fixed) == fixed.orders
+
+
+def test_the_result_file_says_what_each_order_is_in_the_integer_order_model():
+    told = identify(sought(mount(**R_IS_0), struck(mount(), r=0.4))).to_json()["orders"]
+    assert {n: order["integer"] for n, order in told.items()} == {"v": 1.0, "r": 0.0}

@@ -257,6 +257,44 @@ def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, projec
     assert json.loads((tmp_path / "result.json").read_text())["cost"]["value"] is None
 
 
+OWN = """
+from fracid.models import Model, Parameter
+
+def rhs(t, x, u, p, out):
+    out[0] = -p[0] * x[0]
+
+model = Model(name="decay", rhs=rhs, states=("y",), orders=("q",), outputs={"y": 0}, inputs=(),
+              parameters=(Parameter("rate", "1/s", 1.0, "of decay"),), zero="", source="a test",
+              integer_orders={"q": None})
+"""
+
+
+def test_a_model_whose_order_has_no_integer_value_has_no_rival_and_the_fit_says_so(capsys, tmp_path):
+    t = np.arange(0, 4, 0.02)
+    np.savetxt(tmp_path / "y.csv", np.column_stack([t, np.exp(-t)]), delimiter=",", header="t,y", comments="")
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "own.toml").write_text("""
+[model]
+name = "own.py:model"
+[model.orders]
+q = { start = 0.9, lower = 0.5, upper = 1.2 }
+[model.parameters]
+rate = { start = 0.8, lower = 0.1, upper = 3.0 }
+[[recording]]
+file = "y.csv"
+time = { column = "t", unit = "s" }
+y = { column = "y", unit = "1" }
+""")
+    code, out, _ = run(capsys, "fit", tmp_path / "own.toml", "--out", tmp_path / "run", "--trust")
+    assert code == 0
+    assert "integer order: no rival was tried: the model gives q no integer value" in out
+    said = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert (said["alternative"], said["orders"]["q"]["integer"]) == (None, None)
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert "None was tried: the model gives its free orders no integer value (integer_orders)." in page
+    assert "The model gives q no integer value, so it has no integer-order rival." in page
+
+
 def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
     (tmp_path / "thesis.tex").write_text("x")
     code, _, err = run(capsys, "fit", folder / "rig.toml", "--out", tmp_path)

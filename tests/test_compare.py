@@ -402,6 +402,33 @@ def test_orders_that_are_1_within_their_intervals_are_said_to_be():
     assert "within their intervals" not in _verdict(result(rows))
 
 
+def test_what_is_integer_is_what_the_model_says():
+    rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(0.01, (-0.02, 0.04))))
+    assert "There the orders are 0 within their intervals (mu 0.010 ± 0.03)." in _verdict(result(rows), {"mu": 0.0})
+    assert "within their intervals" not in _verdict(result(rows), {"mu": None})
+
+
+def test_on_the_ladder_orders_1_stands_for_what_the_model_calls_integer():
+    rig, free = fracid.rotary_pendulum("srv02-rotpen"), {"lambda": Free(0.9, 0.2, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.5}, step=5e-3, end=2.0)
+    released = Experiment("release", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    model = replace(rig, integer_orders={"lambda": 0, "mu": None})
+    both = Problem(model, (released,), free, initial_state="held")
+    found = ladder(both)
+    integer, orders = found["viscous, orders 1"], found["viscous, orders free"]
+    assert any("where a structure has orders 1, lambda = 0." in note for note in found.notes)
+    assert any("mu has no integer value by its model: it is free in every structure." in note for note in found.notes)
+    assert integer.whole.orders["lambda"] == 1e-9
+    assert isinstance(integer.whole.orders["mu"], Free)
+    below = {u.name: u.range.start for u in integer.problem.unknowns} | {"mu": 0.9}
+    same = orders.embed(below)
+    at = dict(zip(orders.problem.names, same.tolist(), strict=True))
+    assert (at["lambda"], at["mu"]) == (1e-9, 0.9)
+    assert np.all((orders.problem.space.lower <= same) & (same <= orders.problem.space.upper))
+    with pytest.raises(InputError, match="gives lambda and mu no integer value"):
+        ladder(replace(both, model=replace(rig, integer_orders={"lambda": None, "mu": None})))
+
+
 @pytest.mark.parametrize(
     ("gain", "says"),
     [(50.0, "orders explain more in sample (BIC 50 lower)"), (-3.0, "orders explain nothing that friction does not")],

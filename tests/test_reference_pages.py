@@ -145,7 +145,7 @@ READING = (DOCS / "reading-the-report.md").read_text(encoding="utf-8")
 
 def test_every_verdict_is_told_how_to_read():
     told = {row[0] for row in tables(READING)["Verdicts"][1:]}
-    assert told == {*get_args(Kind), "fixed", IMITATION, CHANCE}
+    assert told == {*get_args(Kind), "fixed", IMITATION, CHANCE.format(1)}
 
 
 @pytest.mark.parametrize("outcome", [o for o in Outcome if o not in (Outcome.STOPPED, Outcome.GENERATIONS_DONE)])
@@ -235,7 +235,7 @@ def test_the_page_of_the_run_folder_has_every_key_of_a_result(result):
 @pytest.mark.parametrize(
     ("heading", "where"),
     [
-        ("An estimate", lambda r: r["orders"]["mu"]),
+        ("An estimate", lambda r: r["orders"]["mu"].keys() - {"integer"}),
         ("An estimate", lambda r: r["parameters"]["dry"]),
         ("An estimate", lambda r: r["recordings"]["high"]["initial_state"]["alpha"]),
         ("A recording", lambda r: r["recordings"]["high"]),

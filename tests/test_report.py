@@ -311,6 +311,14 @@ LINES = {
         "It is friction.",
     ),
     "orders off 1 without a rival": ("Orders", {"orders": {"mu": estimate(0.9, 0.01)}}, False, "no integer-order"),
+    "an order next to its integer value, which is 0": (
+        "Orders", {"orders": {"r": estimate(0.02, 0.02) | {"integer": 0.0}}}, True, "0 lies in the interval of r",
+    ),
+    "an order of which no integer makes sense": (
+        "Orders", {"orders": {"r": estimate(0.4, 0.01) | {"integer": None}}}, True,
+        "The model gives r no integer value, so it has no integer-order rival.",
+    ),
+    "an order off 0": ("Orders", {"orders": {"r": estimate(0.9, 0.01) | {"integer": 0}}}, False, "r is off 0; no"),
     "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
     "an order that is not seen beside one that is": (
         "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,

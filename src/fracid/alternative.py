@@ -13,6 +13,11 @@ by Schwarz's criterion, with the samples that correlated residuals are worth (:m
 
 A gain above 10 is strong evidence for the fractional model against this one rival; below, the orders are no
 evidence of fractional dynamics, and the fit says so.
+
+**What is integer.**  A model says what its orders are without fractional calculus (``Model.integer_orders``), 1 where
+it says nothing.  With r = 1 − q, of a damper :math:`z = D^q x` written as :math:`D^r z = x'`, the dashpot is r = 0 and
+r = 1 a spring, no fair rival.  An order of which no integer value makes sense stays as free as it was, and where that
+is so of all there is no rival.
 """
 
 from __future__ import annotations
@@ -25,10 +30,10 @@ from numpy.typing import NDArray
 
 from fracid.criteria import STRONG, effective_samples, schwarz
 from fracid.optimise import Evaluation
-from fracid.problem import Free, Problem
+from fracid.problem import Free, Problem, Value
 from fracid.search import Watch, growing
 
-__all__ = ["Alternative", "freed_friction", "integer_alternative"]
+__all__ = ["Alternative", "freed_friction", "integer_alternative", "integer_values", "is_off"]
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +41,7 @@ UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
 
 OFF = 1e-3
-"""Orders nearer to 1 than this are 1."""
+"""Orders nearer to their integer value than this are integer."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,7 @@ class Alternative:
     structure: str
     """In words."""
     orders: tuple[str, ...]
-    """The orders that were found off 1, and those tied to them."""
+    """The orders that were found off their integer values, and those tied to them."""
     cost: float
     """Its cost, beside :attr:`fracid.identify.Fit.cost`."""
     parameters: Mapping[str, float]
@@ -77,7 +82,7 @@ def integer_alternative(
     Returns
     -------
     Alternative or None
-        None where every order is 1 within its interval, or no run of the rival ends.
+        None where every order is integer within its interval, or no run of the rival ends.
 
     Examples
     --------
@@ -93,14 +98,11 @@ def integer_alternative(
     (0.002, True)
     """
     found = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
-    off = {n: v for n, v in found.items() if abs(v - 1) > max(OFF, widths.get(n, 0.0))}
+    off = {n: v for n, v in found.items() if is_off(problem, n, v, widths.get(n, 0.0))}
     if not off or best.residuals is None:
         return None
     freed = _seen(problem, best, freed_friction(problem))
-    rival = replace(
-        problem, parameters={**problem.parameters, **freed}, method="pi2",
-        orders={n: v if isinstance(v, float | int) else 1.0 for n, v in problem.orders.items()},
-    )  # fmt: skip
+    rival = replace(problem, parameters={**problem.parameters, **freed}, method="pi2", orders=integer_values(problem))
     kept = dict(zip(problem.names, best.point.tolist(), strict=True))
     as_found = np.array([kept.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
@@ -115,11 +117,58 @@ def integer_alternative(
     values = dict(zip(rival.names, integer.point.tolist(), strict=True))
     n, gain = _gain(problem, best, rival, integer)
     friction = {name: values[name] for name in freed}
-    structure = f"every order 1; {', '.join(freed)} free" if freed else "every order 1"
+    orders = _in_words(problem)
+    structure = f"{orders}; {', '.join(freed)} free" if freed else orders
     return Alternative(
         structure, (*off, *(n for n, to in problem.ties.items() if to in off)),
-        integer.cost, friction, gain, n, _warning(off, friction, best.cost, integer.cost, gain),
+        integer.cost, friction, gain, n, _warning(orders, off, friction, best.cost, integer.cost, gain),
     )  # fmt: skip
+
+
+def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
+    """Whether an order is off its integer value by more than half its interval; not where it has none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> is_off(problem, "mu", 0.97, 0.01), is_off(problem, "mu", 0.97, 0.05)
+    (True, False)
+    """
+    integer = problem.model.integer_order(order)
+    return integer is not None and abs(value - integer) > max(OFF, half)
+
+
+def integer_values(problem: Problem) -> dict[str, Value]:
+    """Each order as the integer-order model has it: what is free at its integer value; what has none as it was.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> integer_values(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
+    {'lambda': 0.9, 'mu': 1.0}
+    """
+    found: dict[str, Value] = {}
+    for n, v in problem.orders.items():
+        solved = problem.model.solved_at(n)
+        searched = isinstance(problem.orders.get(problem.ties.get(n, n)), Free)
+        found[n] = solved if searched and solved is not None else v
+    return found
+
+
+def _in_words(problem: Problem) -> str:
+    """``every order 1``, or what each is, and which stay free."""
+    searched = [n for n, v in problem.orders.items() if isinstance(problem.orders.get(problem.ties.get(n, n), v), Free)]
+    values = {n: problem.model.integer_order(n) for n in searched}
+    if all(v == 1 for v in values.values()):
+        return "every order 1"
+    fixed = ", ".join(f"{n} = {v:g}" for n, v in values.items() if v is not None)
+    stay = [n for n, v in values.items() if v is None]
+    return f"{fixed} ({' and '.join(stay)} free, for its model gives it no integer value)" if stay else fixed
 
 
 def freed_friction(problem: Problem, prefixes: tuple[str, ...] = ("b_", "coulomb_")) -> dict[str, Free]:
@@ -184,14 +233,16 @@ def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Eva
     return n, criterion(integer, len(rival.names)) - criterion(fractional, len(problem.names))
 
 
-def _warning(off: Mapping[str, float], friction: Mapping[str, float], cost: float, rival: float, gain: float) -> str:
+def _warning(
+    integers: str, off: Mapping[str, float], friction: Mapping[str, float], cost: float, rival: float, gain: float
+) -> str:
     if gain > STRONG:
         return ""
     orders = " and ".join(f"{n} = {v:.4g}" for n, v in off.items())
     with_what = ", ".join(f"{n} = {v:.3g}" for n, v in friction.items())
     if not friction:
         return (
-            f"{orders}: no evidence of fractional dynamics. With every order 1 the same model explains the recordings "
+            f"{orders}: no evidence of fractional dynamics. With {integers} the same model explains the recordings "
             f"as well: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
         )
     told = "explains the recordings better" if gain <= 0 else "explains the recordings as well"

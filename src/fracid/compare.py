@@ -280,7 +280,8 @@ def compare(
     found = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
                        base.cost_function.name, seed, starts)  # fmt: skip
     tests = study.amplitude(found) if amplitude else {}
-    return replace(found, verdict=_verdict(found), amplitude=tests)
+    integers = {n: base.model.integer_order(n) for n in base.orders}
+    return replace(found, verdict=_verdict(found, integers), amplitude=tests)
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -593,13 +594,15 @@ def _best(rows: Sequence[Row]) -> Row:
     return min(rows, key=lambda row: row.bic)
 
 
-def _verdict(found: Comparison) -> str:
+def _verdict(found: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
+    """In words; `integers` are the orders' integer values, 1 for those left out."""
     integer, fractional = found.best(fractional=False), found.best(fractional=True)
     if not found.held_out:
         return _verdict_in_sample(integer, fractional)
     if not math.isfinite(min(integer.error, fractional.error)):
         return "No structure predicts every held-out recording: their runs fail."
-    said = (_verdict_held_out(found, integer, fractional), _ones(fractional), _paper_beside(found, integer, fractional))
+    ones = _ones(fractional, integers or {})
+    said = (_verdict_held_out(found, integer, fractional), ones, _paper_beside(found, integer, fractional))
     return " ".join(sentence for sentence in said if sentence)
 
 
@@ -644,13 +647,16 @@ def _change(ratio: float) -> str:
     return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
 
 
-def _ones(row: Row) -> str:
-    """Where every interval of its free orders holds 1."""
+def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
+    """Where every interval of its free orders holds 1, or what else the model says is integer."""
     told = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
-    if not told or not all(ends[0] <= 1 <= ends[1] for _, _, ends in told):
+    values = [integers.get(n, 1.0) for n, _, _ in told]
+    held = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, told, strict=True)]
+    if not told or not all(held):
         return ""
     orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in told)
-    return f"There the orders are 1 within their intervals ({orders})."
+    what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
+    return f"There the orders are {what} within their intervals ({orders})."
 
 
 def _paper_beside(found: Comparison, integer: Row, fractional: Row) -> str:

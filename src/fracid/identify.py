@@ -244,7 +244,7 @@ class Fit(FitPictures):
             "method": p.method,
             "memory": p.memory.name,
             "step": p.experiments[0].step / p.substeps,
-            "orders": {n: _estimate_json(e) for n, e in self.orders.items()},
+            "orders": {n: {**_estimate_json(e), "integer": p.model.integer_order(n)} for n, e in self.orders.items()},
             "parameters": {n: _estimate_json(e) for n, e in self.parameters.items()},
             "recordings": {n: _recording_json(r) for n, r in self.recordings.items()},
             "cost": {"name": p.cost_function.name, "value": _number(self.cost), "outputs": list(p.outputs)},
@@ -430,16 +430,17 @@ def _arrived(result: Result) -> Result:
 IMITATION = "may stand in for friction that the model lacks"
 """The verdict on orders whose integer-order rival, with more friction free, is as good."""
 
-CHANCE = "no different from 1 as far as the recordings can tell"
-"""The verdict on orders without which the same model is as good."""
+CHANCE = "no different from {:g} as far as the recordings can tell"
+"""The verdict on orders at whose integer value the same model is as good."""
 
 
 def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
     problem, best, known = found.problem, found.result.best, found.known
     estimates = _estimates(problem, best.point, known, found.verdicts)
     if found.alternative is not None and found.alternative.warning:
-        verdict = IMITATION if found.alternative.parameters else CHANCE
-        estimates |= {n: replace(estimates[n], identifiable=verdict, reason="") for n in found.alternative.orders}
+        for n in found.alternative.orders:
+            verdict = IMITATION if found.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
+            estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
     seen = (*found.seen, *_misfits(fitted, len(found.starts)))

@@ -12,7 +12,9 @@ viscous + Coulomb + drag        :math:`d\,v|v|` too                   ``drag_…
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
 ==============================  ====================================  ==================================================
 
-each with every order 1, and with orders free.  *Viscous, orders free* is the paper's structure.
+each with every order 1, and with orders free.  *Viscous, orders free* is the paper's structure.  Where a model says
+that an order is another integer (``Model.integer_orders``) *orders 1* stands for that, and a note says so; an order
+without integer value is free in every structure.
 
 What a rung frees has the range that the problem gives it, else one up to half of gravity's torque; on the rungs below
 it is 0.  All else that the problem leaves free stays so: inertias, rests (each recording its own), initial states.
@@ -113,9 +115,9 @@ class Structure:
         >>> paper.embed({"b_theta": 2e-3, "b_alpha": 1e-4})[:4].tolist()  # both orders 1
         [1.0, 1.0, 0.002, 0.0001]
         """
-        added = {u.name: 1.0 if u.kind == "order" else 0.0 for u in self.problem.unknowns
-                 if u.kind == "order" or u.target.startswith(FRICTION)}  # fmt: skip
-        known = added | {**values}
+        orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
+        friction = {u.name: 0.0 for u in self.problem.unknowns if u.kind != "order" and u.target.startswith(FRICTION)}
+        known = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
         return np.array([known.get(u.name, u.range.start) for u in self.problem.unknowns])
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
@@ -188,6 +190,7 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
         if name not in problem.model.parameter_names:
             raise unknown_name("parameter to keep", name, problem.model.parameter_names)
     problem, notes = _solved_well(problem)
+    notes += _not_1(problem)
     rungs, missing = _rungs(problem, keep)
     top = _free(problem, rungs, tuple(rungs))
     blind = unseen(top, SEEN)
@@ -211,6 +214,22 @@ def _seen_in(e: Experiment, top: Problem) -> set[str]:
     if isinstance(alone.errors(alone.start), str):
         return set()
     return {u.target for u in alone.unknowns} - unseen(alone, SEEN)
+
+
+def _not_1(problem: Problem) -> list[str]:
+    """Where the model's integer orders are not 1 what "orders 1" stands for; refused where it has none at all."""
+    values = {n: problem.model.integer_order(n) for n in problem.orders}
+    stay = [n for n, v in values.items() if v is None]
+    if values and len(stay) == len(values):
+        raise InputError(
+            f"The model {problem.model.name} gives {' and '.join(stay)} no integer value (integer_orders), so there is "
+            "no integer-order model to compare with."
+        )
+    other = [f"{n} = {v:g}" for n, v in values.items() if v not in (None, 1.0)]
+    notes = [f"The model says which orders are integer: where a structure has orders 1, {', '.join(other)}."] * bool(
+        other
+    )
+    return notes + [f"{n} has no integer value by its model: it is free in every structure." for n in stay]
 
 
 def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
@@ -259,9 +278,15 @@ def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: s
         whole = _free(problem, rungs, names[: k + 1])
         friction, lower = " + ".join(names[: k + 1]), " + ".join(names[:k])
         for fractional in (False, True):
-            this = whole if fractional else replace(whole, orders=dict.fromkeys(whole.orders, 1.0))
+            this = whole if fractional else replace(whole, orders=_integers(whole))
             below = [name_of(lower, fractional)] * (k > 0) + [name_of(friction, False)] * fractional
             yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, tuple(below))
+
+
+def _integers(problem: Problem) -> dict[str, float | Free | Tied]:
+    """Every order at its integer value, those fixed elsewhere too; what has none stays."""
+    values = {n: problem.model.solved_at(n) for n in problem.orders}
+    return {n: v if (at := values[n]) is None else at for n, v in problem.orders.items()}
 
 
 def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[str]) -> Problem:
@@ -274,9 +299,10 @@ def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[s
     rests = _rests(problem, parameters) if "cable" in on else {}
     parameters |= rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
-    orders = {n: _holding(v, 1.0) for n, v in problem.orders.items()}
+    orders = {n: _holding(v, problem.model.solved_at(n)) for n, v in problem.orders.items()}
     if not any(isinstance(v, Free) for v in orders.values()):
-        orders = {n: v if isinstance(v, Tied) else ORDER for n, v in orders.items()}
+        orders = {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n))
+                  for n, v in orders.items()}  # fmt: skip
     return replace(problem, orders=orders, parameters=parameters, per_recording=own)
 
 
@@ -286,16 +312,17 @@ def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied]) -> d
     return {p.name: Free(p.value, p.value - 1.0, p.value + 1.0) for p in rests}
 
 
-def _holding(value: float | Free | Tied, point: float) -> float | Free | Tied:
-    """A range widened to hold a point."""
-    if not isinstance(value, Free) or value.lower <= point <= value.upper:
+def _holding(value: float | Free | Tied, point: float | None) -> float | Free | Tied:
+    """A range widened to hold a point, where there is one."""
+    if not isinstance(value, Free) or point is None or value.lower <= point <= value.upper:
         return value
     return replace(value, lower=min(value.lower, point), upper=max(value.upper, point))
 
 
 def _instead(problem: Problem, name: str) -> str:
     if name in problem.orders:
-        return "it is 1"
+        integer = problem.model.integer_order(name)
+        return "it keeps its start" if integer is None else f"it is {integer:g}"
     if name.startswith(FRICTION):
         return "it is 0"
     if name in problem.per_recording:
@@ -304,7 +331,7 @@ def _instead(problem: Problem, name: str) -> str:
 
 
 def held(problem: Problem, names: Collection[str]) -> Problem:
-    """The problem with some values fixed: orders at 1, friction at 0, others where the search would start.
+    """The problem with some values fixed: orders at their integers, friction at 0, others where a search would start.
 
     Examples
     --------
@@ -314,8 +341,9 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     >>> held(Problem(fracid.rotary_pendulum(), (still,), free, initial_state="held"), {"mu"}).names
     ('lambda',)
     """
-
-    orders = {n: 1.0 if n in names and isinstance(v, Free) else v for n, v in problem.orders.items()}
+    integer = {n: v.start if (at := problem.model.solved_at(n)) is None else at
+               for n, v in problem.orders.items() if isinstance(v, Free)}  # fmt: skip
+    orders = {n: integer[n] if n in names and n in integer else v for n, v in problem.orders.items()}
     parameters = {n: (0.0 if n.startswith(FRICTION) else v.start) if n in names and isinstance(v, Free) else v
                   for n, v in problem.parameters.items()}  # fmt: skip
     own = tuple(n for n in problem.per_recording if n not in names)

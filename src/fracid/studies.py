@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.alternative import OFF, integer_alternative
+from fracid.alternative import integer_alternative, is_off
 from fracid.costs import ABSOLUTE, COSTS, cost_from_name
 from fracid.criteria import STRONG
 from fracid.errors import InputError
@@ -378,8 +378,8 @@ def noise_study(
     cost : str, optional
         In place of the problem's.
     rival : bool
-        Whether each repetition also asks if its orders would be called fractional: off 1, and better than the
-        integer-order rival.  That takes up to twice as long.
+        Whether each repetition also asks if its orders would be called fractional: off its integer value, and better
+        than the integer-order rival.  That takes up to twice as long.
     executor, jobs, journal, progress
         As for :func:`fracid.executor.run_tasks`; each repetition runs on one thread.  The result is the same for any.
 
@@ -634,14 +634,20 @@ def repetition(
     }
 
 
-def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool:
-    """Whether a report would: an order off 1 by more than its interval, and the integer-order rival beaten."""
+def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool | None:
+    """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
+
+    None where no free order has an integer value.
+    """
+    free = [problem.unknowns[i].target for i in problem.order_indices]
+    if free and all(problem.model.integer_order(n) is None for n in free):
+        return None
     intervals = {i: None if isinstance(known, str) else known.interval(best.point, i) for i in problem.order_indices}
     half = {
         problem.unknowns[i].target: 0.0 if ends is None else (ends[1] - ends[0]) / 2 for i, ends in intervals.items()
     }
     off = [i for i in problem.order_indices
-           if abs(best.point[i] - 1) > max(OFF, half[problem.unknowns[i].target])]  # fmt: skip
+           if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
     if not off:
         return False
     other = integer_alternative(problem, best, half)

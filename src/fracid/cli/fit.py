@@ -284,6 +284,10 @@ def show_fit(ran: Ran, console: Console) -> None:
         console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
     if found.alternative is not None and not found.alternative.warning:
         console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
+    elif found.alternative is None and (without := _without_integers(found)):
+        console.print(
+            f"  integer order: no rival was tried: the model gives {escape(without)} no integer value", soft_wrap=True
+        )
     console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
     for path in ran.figures:
         if path.suffix in (".png", ".html"):
@@ -357,6 +361,11 @@ def _starts(found: Fit) -> str:
     lost = sum(cost is None for cost in costs)
     left = f", {lost} were left for their cost" if lost else ""
     return f"{lowest} of {len(costs)} came to the lowest cost{left}; the lowest is that of the start {best.origin}"
+
+
+def _without_integers(found: Fit) -> str:
+    """The free orders of which the model says that no integer value makes sense."""
+    return " and ".join(n for n, e in found.orders.items() if e.free and found.problem.model.integer_order(n) is None)
 
 
 def _rival(rival: Alternative) -> str:

@@ -14,7 +14,9 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
 2. Keep to what Numba compiles: numbers, ``math``, indexing, ``if`` and ``for``.  It is compiled for you,
    once in each process.
 3. Name each state and its order.  States of one angle share an order's name: ``("mu", "mu")``.  A state whose
-   order is known has the number itself: 1.0 for an ordinary derivative.
+   order is known has the number itself: 1.0 for an ordinary derivative.  What an order is in the model without
+   fractional calculus goes into ``integer_orders`` where it is not 1: a damper written as D^r z = x', z = D^(1-r) x, is
+   a dashpot at r = 0 and a spring at r = 1, so ``{"r": 0}``.
 4. Say which states are measured: ``outputs = {"alpha": 0}``.
 5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
@@ -41,7 +43,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING
 
@@ -63,6 +65,9 @@ RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
 
 ZEROS = ("hanging", "upright", "")
+
+NEAR_0 = 1e-9
+"""As which an order of 0 is solved: an equation D^0 z = f says z = f, and this one too, within 10⁻⁷ of it."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +155,9 @@ class Model:
     """Where the pendulum angle is zero: "hanging", "upright", or "" where that has no meaning."""
     source: str
     """Where the equations and numbers come from, and which of them are guesses."""
+    integer_orders: Mapping[str, float | None] = field(default_factory=dict)
+    """Order → its value, 0 or 1, in the integer-order model that a fractional fit is held against; None where there is
+    none.  1 for those left out."""
 
     def __post_init__(self) -> None:
         """Check that the fields fit together, so that no later layer has to."""
@@ -165,6 +173,23 @@ class Model:
     def order_names(self) -> tuple[str, ...]:
         """Names of the orders that have one, each once, in order of appearance."""
         return tuple(dict.fromkeys(order for order in self.orders if isinstance(order, str)))
+
+    def integer_order(self, name: str) -> float | None:
+        """Return the value of an order in the integer-order model, None where there is none.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().integer_order("mu")
+        1.0
+        """
+        value = self.integer_orders.get(name, 1.0)
+        return None if value is None else float(value)
+
+    def solved_at(self, name: str) -> float | None:
+        """Return the order with which the integer-order model is solved: 10⁻⁹ stands for 0."""
+        value = self.integer_order(name)
+        return None if value is None else max(value, NEAR_0)
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name.
@@ -330,14 +355,14 @@ def _check_order(model: Model, name: str, order: float) -> None:
 
 def _check_names(model: Model) -> None:
     """Tuples of distinct names, a known zero."""
-    for field in ("states", "orders", "inputs", "parameters"):
-        if not isinstance(getattr(model, field), tuple):
-            raise InputError(f"model {model.name}: {field} must be a tuple, got {getattr(model, field)!r}")
-    for field in ("states", "inputs", "parameter_names"):
-        names = getattr(model, field)
+    for what in ("states", "orders", "inputs", "parameters"):
+        if not isinstance(getattr(model, what), tuple):
+            raise InputError(f"model {model.name}: {what} must be a tuple, got {getattr(model, what)!r}")
+    for what in ("states", "inputs", "parameter_names"):
+        names = getattr(model, what)
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise InputError(f"model {model.name}: {twice[0]!r} stands twice in {field}; names must differ")
+            raise InputError(f"model {model.name}: {twice[0]!r} stands twice in {what}; names must differ")
     if model.zero not in ZEROS:
         raise InputError(f"model {model.name}: zero = {model.zero!r}; expected one of {ZEROS}")
 
@@ -359,6 +384,14 @@ def _check_shapes(model: Model) -> None:
             raise InputError(
                 f"model {model.name}: output {output!r} points to state {index!r};"
                 f" expected an index from 0 to {len(model.states) - 1}"
+            )
+    for name, value in model.integer_orders.items():
+        if name not in model.order_names:
+            raise unknown_name(f"order in integer_orders of {model.name}", name, model.order_names)
+        if value is not None and (not _is_number(value) or value not in (0, 1)):
+            raise InputError(
+                f"model {model.name}: integer_orders has {name} = {value!r}; expected 0, 1, or None where no integer"
+                " value makes sense.  For a second derivative write two states of order 1"
             )
     if not callable(model.rhs):
         raise InputError(f"model {model.name}: rhs is {model.rhs!r}; expected a function rhs(t, x, u, p, out)")

@@ -276,8 +276,13 @@ def _no_rival(result: Mapping[str, Any]) -> str:
     free = [e for e in result["orders"].values() if e["free"]]
     if not free:
         return "None was tried: no order was free."
-    if all(e["interval95"] and e["interval95"][0] <= 1 <= e["interval95"][1] for e in free):
-        return "None was needed: 1 lies in the interval of every order."
+    integer = [e.get("integer", 1.0) for e in free]
+    if all(v is None for v in integer):
+        return "None was tried: the model gives its free orders no integer value (integer_orders)."
+    if all(e["interval95"] and e["interval95"][0] <= v <= e["interval95"][1]
+           for e, v in zip(free, integer, strict=True) if v is not None):  # fmt: skip
+        value = number(integer[0]) if len(set(integer)) == 1 else "its integer value"
+        return f"None was needed: {value} lies in the interval of every order."
     return "None was tried."
 
 

@@ -169,14 +169,27 @@ def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
     """What intervals alone say of the orders, and whether there is nothing to look at."""
     unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
     known = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in unknown}
-    off = [n for n, ends in known.items() if not ends[0] <= 1 <= ends[1]]
+    integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
+    without = [n for n in known if integer[n] is None]
+    off = [n for n, ends in known.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
+    inside = [n for n in known if n not in (*off, *without)]
     doubts = [f"The recordings do not tell {joined(unknown, 'or')}." if unknown else ""]
     if off:
-        doubts.append(f"{joined(off)} {_is(off)} off 1; no integer-order rival was tried.")
-    elif known:
-        interval = "interval" if len(known) == 1 else "intervals"
-        doubts.append(f"1 lies in the {interval} of {joined([*known])}: nothing here says that the rig is fractional.")
+        values = dict.fromkeys(number(integer[n]) for n in off)
+        doubts.append(f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order rival was tried.")
+    elif inside:
+        doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
+    if without:
+        doubts.append(f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order rival.")
     return " ".join((said, *filter(None, doubts))), not unknown and not off
+
+
+def _inside(names: list[str], integer: Mapping[str, float]) -> str:
+    """``1 lies in the intervals of λ and μ``, ``0 lies in the interval of r``."""
+    values = {integer[n] for n in names}
+    if len(values) > 1:
+        return f"{joined(names)} have their integer values in their intervals"
+    return f"{number(values.pop())} lies in the {'interval' if len(names) == 1 else 'intervals'} of {joined(names)}"
 
 
 def _order(name: str, e: Mapping[str, Any]) -> str:
