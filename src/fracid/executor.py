@@ -50,11 +50,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
 from fracid.journal import Journal, Json, resumable
 from fracid.optimise.base import at_least
+from fracid.surroundings import ignore_settings
 
 __all__ = ["EXECUTORS", "Progress", "Task", "executor_from_name", "follow_parent", "run_tasks"]
 
@@ -430,6 +432,7 @@ def _closing(pool: Executor) -> Iterator[Executor]:
 
 
 def _prepare_worker(packed: bytes) -> None:
+    ignore_settings(Path())
     _PACKED.append(packed)
     follow_parent()
 

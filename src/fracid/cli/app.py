@@ -26,6 +26,7 @@ import typer
 from fracid import __version__
 from fracid.errors import DataError, FracidError, NotTrusted
 from fracid.foreign import printable
+from fracid.surroundings import ignore_settings, safe_children
 
 __all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "new_console", "open_page", "say_next",
            "table", "typed"]  # fmt: skip
@@ -71,8 +72,10 @@ def main(arguments: list[str] | None = None) -> None:
     """
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")  # the threads are fracid's: of runs, not of small matrices
+    ignore_settings(Path())
     try:
-        app(args=arguments, prog_name="fracid")
+        with safe_children():
+            app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
         sys.stderr.write(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}\n")

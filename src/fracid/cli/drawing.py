@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
 from fracid.foreign import file_stems
+from fracid.surroundings import ignore_settings
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -56,6 +57,7 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
 
 def _prepare() -> None:
     """Import what drawing needs."""
+    ignore_settings(Path())
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_svg
     import matplotlib.figure  # noqa: F401

@@ -19,6 +19,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.resume import ADDRESS, safe_words, said_command
 from fracid.errors import InputError
+from fracid.surroundings import ignore_settings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -121,6 +122,7 @@ def _as_typed(words: list[str], where: Path) -> Iterator[None]:
     """In the folder where it was typed, if that is still there."""
     before = sys.argv[1:]
     sys.argv[1:] = words
+    ignore_settings(where)
     try:
         with chdir(where if where.is_dir() else os.curdir):
             yield

@@ -29,6 +29,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Trust, app
 from fracid.cli.completion import EXECUTORS, one_of
 from fracid.errors import InputError, NotTrusted
+from fracid.surroundings import ignore_settings
 
 if TYPE_CHECKING:
     from fracid.runs import RunState
@@ -139,6 +140,7 @@ def _typed_again(
     more += ["--scheduler", scheduler] if scheduler else []
     more += ["--trust"] if trust else []
     if where.is_dir():
+        ignore_settings(where)
         os.chdir(where)
     sys.argv[1:] = words  # a second resumption types the same
     if code := app(args=[*again, *more], prog_name="fracid", standalone_mode=False):

@@ -118,7 +118,17 @@ def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
     figure.set_label(heading)  # the title in its file's metadata
     if style.letters:
         _letter(panels)
+    _no_latex(figure)
     _bring_to(style, figure)
+
+
+def _no_latex(figure: Figure) -> None:
+    """Whatever the user's matplotlibrc says: names of recordings must not become commands."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if isinstance(text, Text):
+            text.set_usetex(False)
 
 
 def _letter(panels: list[Axes]) -> None:

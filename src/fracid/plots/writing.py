@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = ["save"]
 
-SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42}
-"""Of matplotlib, while a file is written: identifiers that are not random, and fonts."""
+SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42,
+                            "text.usetex": False}  # fmt: skip
+"""Of matplotlib, while a file is written: identifiers that are not random, fonts, and no LaTeX, which would take names
+of recordings for commands."""
 
 NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
 """Formats with metadata, and what keeps the date out of them."""
