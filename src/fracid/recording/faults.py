@@ -9,6 +9,18 @@ Radians taken for degrees
     The lattice again: 1/57.3 of a step is 234,684 counts a turn.  Without one: swings of less than
     half a degree are hardly worth a recording; as radians they are up to 29°.
 
+Counts taken for radians
+    Whole numbers: an angle that goes by dozens of radians in steps of exactly one is a counter.
+
+Time in another unit
+    A small pendulum swings with ω² = g/l.  A swing that takes 800 s is one of a pendulum 160 km long,
+    or its milliseconds were taken for seconds.
+
+Jumps
+    What has inertia changes its speed by little from sample to sample, so the median of three neighbouring speeds, at
+    its greatest, is the speed that lasts.  A step between two samples that is many times as fast is no motion: a count
+    that was wrapped (a whole turn), a glitch, a zero or -9999 for what was not read, two recordings in one file.
+
 Saturation
     A turning point is a parabola.  With L samples within one step q of its top, it has fallen by 4 q at L/2 samples
     beyond either end: by 3 q more.  A top that was cut off stays at *exactly* one value, and falls much faster at
@@ -71,6 +83,18 @@ SAMPLES_A_SWING = 8.0
 FEW_COUNTS = 50
 """A signal that moves by fewer steps of its lattice is not looked at: it is all rounding."""
 
+SLOW, FAST = 100.0, 1e-4
+"""Lengths of pendulums that nobody swings in a laboratory [m]: 20 s and 0.02 s a swing."""
+
+GRAVITY = 9.81
+"""[m/s²]"""
+
+JUMP = 8.0
+"""Times the greatest speed that lasts: a sine of eight samples a period has 1.4."""
+
+FEW_JUMPS = 0.01
+"""Of the samples: what jumps more often is made so, as a rig with a stepper motor is."""
+
 LONGEST = 2**20
 """Samples whose spectrum is taken: the part that moves most."""
 
@@ -107,9 +131,11 @@ def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[S
         if seen.sum() < 10 or not s.range > 0:
             continue
         x, t = (x, time) if seen.all() else (x[seen], time[seen])
-        found += _unit(s, x, s.name == "alpha" or angles == 1)
+        pendulum = s.name == "alpha" or angles == 1
+        found += _unit(s, x, pendulum)
+        found += _jumps(s, t, x)
         found += _saturated(s, x)
-        found += _sampling(s, t, x)
+        found += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     return tuple(found)
 
 
@@ -118,6 +144,12 @@ def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[S
 
 def _unit(s: SignalReport, x: Array, pendulum: bool) -> Iterator[Finding]:
     if s.unit != "rad":
+        return
+    if s.resolution is not None and abs(s.resolution - 1) < EXACT and s.range > FEW_COUNTS:
+        yield Finding("counts-as-radians", s.name, s.range, float(FEW_COUNTS), "radians, in steps of one",
+                      f"its numbers are whole and go through {s.range:.0f}, as counts of an encoder do: as radians "
+                      f"that would be {s.range / (2 * math.pi):.0f} turns. Type unit = \"counts\", counts_per_turn = "
+                      "4096, or what the encoder has, in its table.")  # fmt: skip
         return
     lattice = [] if s.resolution is None or s.range < FEW_COUNTS * s.resolution else [2 * math.pi / s.resolution]
     for counts in lattice:
@@ -150,6 +182,69 @@ def _unit(s: SignalReport, x: Array, pendulum: bool) -> Iterator[Finding]:
 
 def _familiar(counts: float) -> bool:
     return any(abs(counts / known - 1) < EXACT for known in FAMILIAR_COUNTS)
+
+
+# --- time --------------------------------------------------------------------------------------------
+
+
+def _clock(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+    """How long would a pendulum be that swings so?"""
+    if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution):
+        return
+    period = _period(t, x, s.rest if s.at_rest else float(np.median(x)))
+    length = GRAVITY * (period / (2 * math.pi)) ** 2
+    if math.isfinite(length) and length > SLOW:
+        yield Finding("wrong-clock", s.name, length, SLOW, "m of pendulum",
+                      f"a swing takes {period:.3g} s, as that of a pendulum {_long(length)} long: is its time in "
+                      'another unit? Type unit = "ms", or "us", in the table of time, or give the rate.')  # fmt: skip
+    elif length < FAST and s.range > 2 * HARDLY:
+        yield Finding("wrong-clock", s.name, length, FAST, "m of pendulum",
+                      f"a swing takes {1e3 * period:.3g} ms, as that of a pendulum {1e3 * length:.2g} mm long: is its "
+                      "time in another unit, minutes perhaps? Give the rate.")  # fmt: skip
+
+
+def _long(length: float) -> str:
+    return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
+
+
+def _period(t: Array, x: Array, around: float) -> float:
+    """The median time from side to side and back; infinite for what does not swing twice."""
+    side = np.sign(x - around) * (np.abs(x - around) > 0.1 * np.max(np.abs(x - around)))
+    there = np.flatnonzero(side)
+    turns = t[there[1:][np.diff(side[there]) != 0]]
+    return 2.0 * float(np.median(np.diff(turns))) if turns.size > 4 else math.inf
+
+
+# --- jumps -------------------------------------------------------------------------------------------
+
+
+def _jumps(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+    if s.unit != "rad" or x.size < 16:
+        return
+    far = np.diff(x)
+    usual = float(np.median(np.diff(t)))
+    v = far / np.maximum(np.diff(t), usual)  # two stamps that jitter together make no motion
+    lasting = float(np.max(np.abs(np.median([v[:-2], v[1:-1], v[2:]], axis=0))))
+    least = max(0.05 * s.range, JUMP * (s.resolution or 0.0))
+    jumps = np.flatnonzero((np.abs(v) > JUMP * lasting) & (np.abs(far) > least))
+    if not jumps.size or jumps.size > max(2, FEW_JUMPS * x.size) or not lasting > 0:
+        return
+    largest = float(np.max(np.abs(far[jumps])))
+    times = float(np.max(np.abs(v[jumps]))) / lasting
+    often = "once" if jumps.size == 1 else f"{jumps.size} times, first"
+    says = f"between two samples it jumps by {_degrees(largest)}, {often} after {t[jumps[0]]:.6g} s, "
+    if abs(largest - 2 * math.pi) < 2 * lasting * usual + JUMP * (s.resolution or 0.0):
+        says += "a whole turn: was its count wrapped? Type unwrap = true in its table."
+    else:
+        says += (
+            f"{times:.3g} times as fast as it moves elsewhere: a glitch, or samples that are none. Take the part "
+            "before or after it with from and to, or leave those cells blank and be told of them."
+        )
+    yield Finding("jump", s.name, times, JUMP, "times the greatest lasting speed", says)
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.4g}°" if abs(angle) < 1e3 else f"{angle / (2 * math.pi):.4g} turns"
 
 
 # --- range -------------------------------------------------------------------------------------------
