@@ -53,6 +53,8 @@ SECONDS = 5.0
 """Of processor time, for one input."""
 MEMORY = 1 << 30
 """Beyond the idle process's [bytes]; asking for four times as much, without touching it, is refused by the system."""
+BATCH = 300.0
+"""Seconds after which counts are kept; a child needs some to import all that it reads with."""
 LONGEST = 700
 """Of a message [characters]."""
 
@@ -310,7 +312,7 @@ def _go_on(reader: str, inputs: int, seconds: float, out: Path) -> None:
     left = inputs - sum(kept["outcomes"].values())
     while left > 0 and (time_left := begun + seconds - time.monotonic()) > 0:
         since, source = time.monotonic(), kept["source"]
-        tally, after = fuzz(reader, range(kept["next"], kept["next"] + left), min(time_left, 60), out / "failures")
+        tally, after = fuzz(reader, range(kept["next"], kept["next"] + left), min(time_left, BATCH), out / "failures")
         if _digest(reader) != source:  # changed under way: a child may have imported either
             kept = _kept(reader, out) | {"next": after}
             continue

@@ -1,9 +1,12 @@
-"""Bounded nonlinear least squares: SciPy's trust-region reflective method [1]_.
+r"""Bounded nonlinear least squares: SciPy's trust-region reflective method [1]_.
 
 The engine for everything smooth.  The Jacobian is taken by differences, forward but at an upper bound,
 whose points are asked for as one batch, so that they run on all threads.  A trial step whose run fails has
 infinite rows: the method quarters its trust region and tries again.  An unknown whose difference fails
 stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum.
+
+The method is given the triangle R of :math:`[r\ J] = QR` in place of residuals and Jacobian (:mod:`fracid.triangle`):
+the same steps, without its copies of what is as tall as the recordings.
 
 The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
 wide as y is long, and in x a search from zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and
@@ -16,11 +19,14 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
 from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator, at_least
+from fracid.triangle import BLOCK, triangle
 
 __all__ = ["least_squares", "sizes"]
 
@@ -70,33 +76,31 @@ def least_squares(
         def physical(y: FloatArray) -> FloatArray:
             return np.clip(space.start + (y - size), space.lower, space.upper)
 
-        def residuals(y: FloatArray) -> FloatArray:
-            return rows(physical(y))
+        def first_column(y: FloatArray) -> FloatArray:
+            rows = residuals(physical(y))
+            return np.append(np.inf if rows is None else np.linalg.norm(rows), np.zeros(len(size)))
 
-        def rows(x: FloatArray) -> FloatArray:
+        def residuals(x: FloatArray) -> FloatArray | None:
             nonlocal x_good, good
             e = evaluate(x)[0]
             if e.residuals is None and not good.size:
                 raise _StartFails(e)
-            if e.residuals is None:
-                return np.full_like(good, np.inf)
-            x_good, good = e.point, e.residuals
-            return good
+            if e.residuals is not None:
+                x_good, good = e.point, e.residuals
+            return e.residuals
 
-        def jacobian(y: FloatArray) -> FloatArray:
+        def other_columns(y: FloatArray) -> FloatArray:
             x = physical(y)
-            base = good if np.array_equal(x_good, x) else rows(x)
-            steps = _steps(space, size, x)
-            batch = evaluate(x + np.diag(steps))
-            slopes = [(e.residuals - base) / (e.point - x)[i] if e.residuals is not None else np.zeros_like(base)
-                      for i, e in enumerate(batch)]  # fmt: skip
-            if not np.any(slopes):
+            if not np.array_equal(x_good, x):
+                residuals(x)
+            R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x)))))
+            if not np.any(R[:, 1:]):
                 raise _Flat  # SciPy would divide by zero
-            return np.column_stack(slopes)
+            return np.asarray(R[:, 1:])
 
         try:
             found = scipy_least_squares(
-                residuals, size, jacobian, bounds=bounds, x_scale=size,
+                first_column, size, other_columns, bounds=bounds, x_scale=size,
                 ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=budget,
             )  # fmt: skip
         except _Flat:
@@ -111,6 +115,15 @@ def least_squares(
         return Outcome.BUDGET_SPENT if found.status == 0 else Outcome.CONVERGED
 
     return as_generator(run)
+
+
+def _rows(base: FloatArray, x: FloatArray, batch: list[Evaluation]) -> Iterator[FloatArray]:
+    """Parts of [r J] at x, J by differences; 0 where one fails."""
+    for first in range(0, len(base), BLOCK):
+        at = slice(first, first + BLOCK)
+        r = base[at]
+        J = [0 * r if e.residuals is None else (e.residuals[at] - r) / (e.point - x)[i] for i, e in enumerate(batch)]
+        yield np.column_stack([r, *J])
 
 
 def sizes(space: Space) -> FloatArray:
