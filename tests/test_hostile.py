@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from fracid.recording import Recording
+from fracid.errors import InputError
+from fracid.recording import Recording, load_recording
+from program import run
 
 # --- recordings that are mangled as real ones are ------------------------------------------------------
 
@@ -41,13 +43,14 @@ def test_a_mangled_recording_is_not_called_good(how):
     assert {f.code for f in report.findings} == {code}
     assert report.level == "usable"
     (found,) = report.findings
-    assert (found.number > found.limit) != ("minutes" == how)
+    assert (found.number > found.limit) != (how == "minutes")
 
 
 def test_the_jump_of_a_whole_turn_says_unwrap_and_another_does_not():
     turn, glitch = (Recording.of("s", *MANGLED[how][1:2], {"alpha": MANGLED[how][2]}).report.findings[0].sentence
                     for how in ("a count that was wrapped", "one wild sample"))  # fmt: skip
-    assert "unwrap = true" in turn and "unwrap" not in glitch
+    assert "unwrap = true" in turn
+    assert "unwrap" not in glitch
     assert "once after 2.796 s" in turn
 
 
@@ -64,3 +67,80 @@ def test_the_jump_of_a_whole_turn_says_unwrap_and_another_does_not():
 def test_what_moves_as_things_do_does_not_jump(moves):
     found = Recording.of("arm", T, {"theta": moves, "alpha": ALPHA}).report.findings
     assert "jump" not in {f.code for f in found}
+
+
+def written(folder, header, *columns):
+    """A text recording."""
+    file = folder / "swing.csv"
+    np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    return file
+
+
+COUNTS = np.rint(4096 / (2 * np.pi) * ALPHA)
+
+
+@pytest.mark.parametrize(
+    ("header", "first", "alpha", "columns", "says"),
+    [
+        ("t,alpha [counts]", T, COUNTS, {"alpha": 1}, "alpha is in counts, as the header says; type counts_per_turn ="),
+        ("t,alpha", T, COUNTS, {"alpha": {"column": 1, "counts_per_turn": 4096}}, 'type unit = "counts", or leave'),
+        ("t,alpha", T, ALPHA, {"alpha": {"column": 1, "unit": "deg", "counts_per_turn": 4}}, "and its unit is deg"),
+        ("t,alpha [mrad]", T, 1e3 * ALPHA, {"alpha": 1}, 'type unit = "rad", scale = 0.001.'),
+        ("t,alpha [gon]", T, np.degrees(ALPHA) / 0.9, {"alpha": 1}, 'type unit = "deg", scale = 0.9.'),
+        ("t,alpha", T, ALPHA, {"alpha": 0}, "alpha and time are both column 0, 't', of swing.csv; give each its own."),
+        ("t,alpha", T, ALPHA, {"theta": 1, "alpha": 1}, "alpha and theta are both column 1"),
+    ],
+)
+def test_columns_that_cannot_be_meant_so_are_refused(tmp_path, header, first, alpha, columns, says):
+    with pytest.raises(InputError) as refused:
+        load_recording(written(tmp_path, header, first, alpha), columns)
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "factor", "channel"),
+    [
+        ("time [min],alpha [counts]", 1 / 60, {"counts_per_turn": 4096}),
+        ("time [h],alpha [ticks]", 1 / 3600, {"counts_per_turn": 4096}),
+        ("time [\u03bcs],alpha", 1e6, {"unit": "counts", "counts_per_turn": 4096}),
+        ("time (msec),alpha (Counts)", 1e3, {"counts_per_turn": 4096}),
+    ],
+)
+def test_what_a_header_says_of_time_and_counts_is_taken(tmp_path, header, factor, channel):
+    found = load_recording(written(tmp_path, header, factor * T, COUNTS), {"alpha": {"column": 1, **channel}})
+    assert found.step == pytest.approx(0.004, rel=1e-6)
+    assert np.ptp(found.signals["alpha"]) == pytest.approx(np.ptp(ALPHA), abs=1e-9)
+    assert found.report.findings == ()
+
+
+def test_a_rate_that_the_files_own_clock_denies_is_told_however_the_recording_is_cut(tmp_path):
+    file = written(tmp_path, "time,alpha", T, ALPHA)
+    told = load_recording(file, {"alpha": 1}, time={"rate": 500}, start=1.0).report
+    assert "the rate is 500 Hz, as given, and the column 'time' runs at 250 Hz" in " ".join(told.notes)
+    assert told.level == "usable"
+    for rate, factor in ((250, 1.0), (250.5, 1.0), (250, 1e3), (250, 1e6)):  # rounded, or the column in ms or us
+        file = written(tmp_path, "time,alpha", factor * T, ALPHA)
+        assert load_recording(file, {"alpha": 1}, time={"rate": rate}).report.level == "good"
+
+
+# --- options --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("check FILE --column alpha=1 --column alpha=2", "--column says alpha twice"),
+        ("check FILE --column alpha=1,unit=deg,unit=rad", "says unit twice, deg and rad; say it once."),
+        ("init FILE --column alpha=1 --column alpha=2", "--column says alpha twice"),
+        ("regress FILE --column alpha=1 --column alpha=2", "--column says alpha twice"),
+        ("regress FILE --column alpha=1 --order mu=1 --order mu=2", "--order says mu twice, 1.0 and 2.0; say it once."),
+        ("simulate qube-servo2 --order mu=1 --order mu=0.9", "--order says mu twice"),
+        ("simulate qube-servo2 --initial alpha=1deg --initial alpha=2deg", "--initial says alpha twice"),
+        ("simulate qube-servo2 --noise 1deg --noise 2deg", "--noise says all twice"),
+    ],
+)
+def test_an_option_that_says_two_things_of_one_is_refused(tmp_path, capsys, words, says):
+    file = written(tmp_path, "t,alpha", T, ALPHA)
+    code, _, err = run(capsys, *(str(file) if w == "FILE" else w for w in words.split()))
+    assert code == 2
+    assert says in err

@@ -340,7 +340,7 @@ def test_a_command_logged_only_when_it_changes_is_held(tmp_path):
         ({"rate": "fast"}, "rate = 'fast'"),
         ({"column": 0, "rate": 100}, "is not possible; expected"),
         ({"unit": "ms"}, "is not possible; expected"),
-        ({"column": 0, "unit": "h"}, "unit = 'h' is not possible; expected one of s, ms"),
+        ({"column": 0, "unit": "days"}, "unit = 'days' is not possible; expected one of s, ms"),
         ({"columm": 0}, "is not possible; expected"),
     ],
 )

@@ -17,19 +17,19 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from fracid import __version__
-from fracid.errors import DataError, FracidError, NotTrusted
+from fracid.errors import DataError, FracidError, InputError, NotTrusted
 from fracid.foreign import printable
 from fracid.surroundings import ignore_settings, safe_children
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "main", "new_console", "open_page", "say_next",
-           "table", "typed"]  # fmt: skip
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "each_once", "main", "new_console", "open_page",
+           "say_next", "table", "typed"]  # fmt: skip
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -104,6 +104,26 @@ def new_console(**options: Any) -> Any:
 def typed(*words: object) -> str:
     """A command as one types it, ``fracid fit 'my rig.toml'``."""
     return shlex.join(["fracid", *map(str, words)])
+
+
+def each_once(option: str, given: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Collect what an option says of several names; the same name twice is a slip, and which is meant is not known.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> each_once("--order", [("mu", 1.0), ("lambda", 0.9)])
+    {'mu': 1.0, 'lambda': 0.9}
+    """
+    said: dict[str, Any] = {}
+    for name, value in given:
+        if name in said:
+            raise InputError(f"{option} says {name} twice, {said[name]} and {value}; say it once.")
+        said[name] = value
+    return said
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:

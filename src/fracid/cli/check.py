@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -20,7 +20,15 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-__all__ = ["check", "column_from_text", "print_check", "print_sketches", "start_from_text", "time_from_text"]
+__all__ = [
+    "check",
+    "column_from_text",
+    "columns_from_texts",
+    "print_check",
+    "print_sketches",
+    "start_from_text",
+    "time_from_text",
+]
 
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -62,7 +70,7 @@ def check(
 
     recording = inspect_recording(
         file,
-        dict(map(column_from_text, column)) if column else None,
+        columns_from_texts(column),
         time=time_from_text(time, rate),
         start=start_from_text(start),
         stop=stop,
@@ -98,7 +106,12 @@ def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
     column, *fields = rest.split(",")
     if not name or not column:
         raise InputError(f"--column {text!r} is not possible; expected NAME=COLUMN, e.g. --column alpha=2,unit=deg.")
-    return name, {"column": _number(column)} | dict(map(_field, fields))
+    return name, {"column": _number(column)} | each_once(f"--column {text!r}", map(_field, fields))
+
+
+def columns_from_texts(texts: list[str] | None) -> dict[str, dict[str, Any]] | None:
+    """Parse what ``--column`` was given, None for nothing; a signal that has two columns is refused."""
+    return each_once("--column", map(column_from_text, texts)) if texts else None
 
 
 def _field(text: str) -> tuple[str, Any]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from fracid.cli.app import app, new_console, say_next, typed
-from fracid.cli.check import column_from_text, time_from_text
+from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, RIGS, one_of
 from fracid.errors import InputError
 
@@ -57,7 +57,7 @@ def init(
     if target.exists() and not force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
     clock = time_from_text(time, rate)
-    columns: dict[str, dict[str, Any]] | None = dict(map(column_from_text, column)) if column else None
+    columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
     if columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
     draft = draft_project(file, columns, time=clock, variable=variable, rig=rig, folder=target.parent)

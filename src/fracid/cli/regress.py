@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, new_console, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.check import column_from_text, start_from_text, time_from_text
+from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import RIGS, ZEROS, one_of
 from fracid.errors import DataError, InputError
 from fracid.mistaken import kind_of, refuse_mistaken
@@ -213,7 +213,7 @@ def _of_recording(path: Path, start: str | None, stop: float | None, options: Ma
     from fracid.problem import Free
     from fracid.regression import LUMPED
 
-    columns = dict(map(column_from_text, options["column"] or ()))
+    columns = columns_from_texts(options["column"]) or {}
     if "alpha" not in columns:
         raise InputError(
             f"Which column of {path} is the pendulum's angle? Type --column alpha=2,unit=deg and --column theta=1; "
@@ -232,11 +232,11 @@ def _as_said(asked: _Asked, known: list[str] | None, order: list[str] | None, te
     """With what the command line knows of constants and orders."""
     from fracid.models.base import unknown_name
 
-    orders = dict(map(_value_of("order"), order or ()))
+    orders = each_once("--order", map(_value_of("order"), order or ()))
     for name in orders:
         if name not in asked.orders:
             raise unknown_name("order", name, asked.orders)
-    given = dict(map(_value_of("known"), known or ()))
+    given = each_once("--known", map(_value_of("known"), known or ()))
     asked = replace(asked, orders={**asked.orders, **orders}, terms=tuple(term) if term else asked.terms, known=given)
     return _with_gauge(asked)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
 from fracid.errors import DataError, InputError
@@ -181,14 +181,14 @@ def quantity(text: str, option: str, *, unit: str = "") -> float:
 
 def _assigned(given: list[str] | None, example: str, unit: Mapping[str, str] | None = None) -> dict[str, float]:
     """Parse ``NAME=VALUE`` of an option that may be given again; a state's name may hold blanks."""
-    values = {}
+    values: list[tuple[str, float]] = []
     for text in given or ():
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip():
             raise InputError(f"{text!r} is not possible; expected NAME=VALUE, e.g. {example}.")
         shown = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}"
-        values[name.strip()] = quantity(value, shown, unit=(unit or {}).get(name.strip(), ""))
-    return values
+        values.append((name.strip(), quantity(value, shown, unit=(unit or {}).get(name.strip(), ""))))
+    return each_once(example.split()[0], values)
 
 
 def _twin(source: str, recording: str | None, zero: str | None, friction: bool, released: bool, trust: bool) -> Twin:
@@ -322,12 +322,14 @@ def _driven(twin: Twin, said: str | None, end: str | None) -> Twin:
 def _noise(given: list[str] | None, twin: Twin) -> dict[str, float]:
     """Output → standard deviation [rad]; a value without a name is that of all."""
     unit = "deg or rad" if twin.model.zero else ""
-    levels: dict[str, float] = {}
+    levels: list[tuple[str, float]] = []
     for text in given or ():
         name, _, value = text.rpartition("=")
         level = quantity(value, "--noise 0.05deg" if unit else "--noise 0.001", unit=unit)
-        levels |= {name.strip(): level} if name else dict.fromkeys(twin.model.outputs, level)
-    return levels
+        levels.append((name.strip() or "all", level))
+    said = each_once("--noise", levels)
+    of_all = dict.fromkeys(twin.model.outputs, said.pop("all")) if "all" in said else {}
+    return of_all | said
 
 
 def _stem(source: str) -> str:

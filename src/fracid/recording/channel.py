@@ -52,6 +52,22 @@ SPELLINGS = {
 }
 """Other spellings of units in headers."""
 
+COUNTING = frozenset({"counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "inc"})
+"""Units of headers that are counts of an encoder."""
+
+ELSEWHERE: dict[str, tuple[str, str]] = {
+    "mrad": ("rad", "0.001"),
+    "urad": ("rad", "1e-6"),
+    "mdeg": ("deg", "0.001"),
+    "arcmin": ("deg", "0.0166667"),
+    "arcsec": ("deg", "0.000277778"),
+    **dict.fromkeys(("gon", "grad"), ("deg", "0.9")),
+    "rpm": ("rad/s", "0.10472"),
+    **dict.fromkeys(("uv", "µv", "\u03bcv"), ("V", "1e-6")),
+    "kv": ("V", "1000"),
+}
+"""Units of headers that are none of ``UNITS``: the unit and the scale to type for them."""
+
 
 @dataclass(frozen=True)
 class Channel:

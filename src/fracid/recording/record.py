@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
 from pathlib import Path
@@ -15,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
+from fracid.findings import Finding
 from fracid.foreign import LONGEST_NAME, printable
-from fracid.recording.channel import Channel, header_unit, hold
+from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
 from fracid.recording.report import Report, measure
 from fracid.recording.table import Table, read_table
 
@@ -29,7 +31,18 @@ __all__ = ["Recording", "inspect_recording", "load_recording"]
 
 Array = NDArray[np.float64]
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+TIME_SPELLINGS = {
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(
+        ("usec", "micros", "microsecond", "microseconds", "\u03bcs"), "us"
+    ),  # the Greek letter, not the sign
+    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **dict.fromkeys(("hr", "hour", "hours"), "h"),
+}
+"""Other spellings of units of time in headers."""
 TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")
 """A column that is named like time."""
 RATE_NAME = re.compile(r"sampl\w*[ _-]*(rate|freq)|^fs$|rate[ _-]*hz")
@@ -42,6 +55,10 @@ SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 """Of a clock [s]."""
 LARGEST = 1e100
 """No instrument gives more, in whatever unit; squares of more have no number."""
+EVEN = 0.05
+"""Relative scatter of its steps below which a column is a clock."""
+OTHER_RATE = 1.02
+"""A rate that is so many times another is not the same, rounded."""
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
 
@@ -212,6 +229,8 @@ class Recording:
 
     def _with(self, time: Array, signals: Mapping[str, Array], resampled: str | None) -> Recording:
         report = measure(time, signals, self.units, self.report.reading, resampled)
+        of_the_file = tuple(f for f in self.report.findings if f.where == "time")
+        report = replace(report, findings=(*of_the_file, *report.findings))
         return replace(self, time=_frozen(time), signals={n: _frozen(x) for n, x in signals.items()}, report=report)
 
     @classmethod
@@ -339,10 +358,12 @@ def inspect_recording(
     table = read_table(path, variable)
     clock, rows, said = _time(table, time)
     channels, more = _channels(table, columns, said.column, rows)
+    if columns is not None:
+        _refuse_shared(table, channels, said.column)
     reading = [*table.notes, *said.sentences, *more]
     signals, units, held = {}, {}, set()
     for signal, channel in channels.items():
-        channel, unit_said = _with_unit(table, signal, channel)
+        channel, unit_said = _with_unit(table, signal, channel, guessed=columns is None)
         raw, beyond = _measurable(table.values[:, table.find(channel.column)])
         reading += [f"{signal}: {beyond}"] if beyond else []
         if channel.fill == "hold":
@@ -353,6 +374,7 @@ def inspect_recording(
         units[signal] = channel.signal_unit
         reading += [unit_said] if unit_said else []
     report = measure(clock, signals, units, tuple(reading))
+    report = replace(report, findings=(*said.findings, *report.findings))
     frozen = {n: _frozen(x) for n, x in signals.items()}
     digest = _digest(path)
     if _state(path) != before:
@@ -412,6 +434,7 @@ class _Said:
 
     column: int | None
     sentences: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Array, NDArray[np.bool_], _Said]:
@@ -429,7 +452,8 @@ def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Ar
         return (*_from_rate(table, rate)[:2], _Said(None, (f"The rate is {rate:g} Hz, as the header says.",)))
     guessed = not spec
     column = _guess_time(table) if guessed else table.find(spec["column"])
-    unit = spec.get("unit") or (table.units[column] if table.units[column] in SECONDS else "s")
+    header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column])
+    unit = spec.get("unit") or (header if header in SECONDS else "s")
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
     stamps = _measurable(table.values[:, column])[0] * SECONDS[unit]
@@ -438,6 +462,8 @@ def _time(table: Table, given: Mapping[str, Any] | int | str | None) -> tuple[Ar
     if not stamps.size:
         raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
     sentences = [f"Time is taken from {table.names[column]!r} [{unit}]."] if guessed else []
+    if header and header not in SECONDS and "unit" not in spec:
+        sentences.append(f"The header has time in {_short(header)!r}, which is no unit of time here: it is taken as s.")
     if not rows.all():
         sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
     if abs(stamps[0]) > CLOCK_STAMP:
@@ -463,7 +489,24 @@ def _from_rate(table: Table, rate: Any) -> tuple[Array, NDArray[np.bool_], _Said
         raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
     n = len(table.values)
     _refuse_no_clock(np.array([0.0, 1 / rate]), table)
-    return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, ())
+    return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, (), tuple(_other_rates(table, rate)))
+
+
+def _other_rates(table: Table, rate: float) -> Iterator[Finding]:
+    """Say that a column of time runs evenly at another rate, units apart."""
+    for j, name in enumerate(table.names):
+        uneven = _unevenness(table.values[:, j]) if TIME_NAME.search(name[:LONGEST_NAME].lower()) else None
+        if uneven is None or uneven > EVEN:
+            continue
+        own = 1 / float(np.median(np.diff(table.values[:, j])))
+        times = [rate / (own / seconds) for seconds in SECONDS.values()]
+        nearest = min(times, key=lambda r: abs(math.log(r)))
+        if abs(math.log(nearest)) > math.log(OTHER_RATE):
+            yield Finding(
+                "wrong-clock", "time", times[0], OTHER_RATE, "times the rate of its column",
+                f"the rate is {rate:g} Hz, as given, and the column {_short(name)!r} runs at {own:.6g} Hz: one of the "
+                "two is wrong. Leave the rate out to take the column.",
+            )  # fmt: skip
 
 
 def _header_rate(header: Sequence[str]) -> float | None:
@@ -579,16 +622,47 @@ def _is_clock(table: Table, j: int, time: int | None) -> bool:
     return time is not None and _unevenness(table.values[:, j]) is not None and table.values[0, j] > CLOCK_STAMP
 
 
-def _with_unit(table: Table, name: str, channel: Channel) -> tuple[Channel, str | None]:
+def _refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | None) -> None:
+    """Refuse a column that is asked for twice, or is the clock: a slip of the finger."""
+    used = {} if time is None else {time: "time"}
+    for name, channel in channels.items():
+        j = table.find(channel.column)
+        if j in used:
+            raise InputError(
+                f"{name} and {used[j]} are both column {j}, {_short(table.names[j])!r}, of {table.source}; give each "
+                "its own."
+            )
+        used[j] = name
+
+
+def _with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
     """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
+    column, counts = table.find(channel.column), channel.counts_per_turn
+    header = table.units[column]
+    counting = header.lower() in COUNTING
+    if counts is not None and channel.unit != "counts":
+        if channel.unit is not None or not counting:
+            raise InputError(
+                f'{name}: counts_per_turn = {counts} is for unit = "counts", and its unit is '
+                f'{channel.unit or "not given"}; type unit = "counts", or leave counts_per_turn out.'
+            )
+        return replace(channel, unit="counts"), f"{name} is in counts, as the header says."
     if channel.unit is not None:
         return channel, None
-    column = table.find(channel.column)
-    unit = header_unit(table.units[column])
+    unit = header_unit(header)
     if unit:
         return replace(channel, unit=unit), f"{name} is in {unit}, as the header says."
     unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"
-    return replace(channel, unit=unit), f"{name} has no unit: taken as {unit}."
+    if not header:
+        return replace(channel, unit=unit), f"{name} has no unit: taken as {unit}."
+    if not guessed and counting:
+        raise InputError(
+            f"{name} is in counts, as the header says; type counts_per_turn = 4096, or what its encoder has."
+        )
+    if not guessed and header.lower() in ELSEWHERE:
+        known, scale = ELSEWHERE[header.lower()]
+        raise InputError(f'{name} is in {header}, as the header says; type unit = "{known}", scale = {scale}.')
+    return replace(channel, unit=unit), f"{name}: what the header says of it, {_short(header)!r}, is taken as {unit}."
 
 
 def _held(raw: Array, name: str, channel: Channel) -> tuple[Array, str]:
