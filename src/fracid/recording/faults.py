@@ -21,6 +21,12 @@ Jumps
     its greatest, is the speed that lasts.  A step between two samples that is many times as fast is no motion: a count
     that was wrapped (a whole turn), a glitch, a zero or -9999 for what was not read, two recordings in one file.
 
+Repeated samples
+    A logger that asks more often than the sensor answers writes each answer several times, on average half of that too
+    late: an order bends for it.  A motion within one step of the encoder stands still too, but then goes on by
+    one step.  Where the next sample has gone as far as those before the standstill did in the same time, and by many
+    steps, the motion never stopped.  By chance 2 % of the samples look so, where noise is as strong as the motion.
+
 Saturation
     A turning point is a parabola.  With L samples within one step q of its top, it has fallen by 4 q at L/2 samples
     beyond either end: by 3 q more.  A top that was cut off stays at *exactly* one value, and falls much faster at
@@ -95,6 +101,12 @@ JUMP = 8.0
 FEW_JUMPS = 0.01
 """Of the samples: what jumps more often is made so, as a rig with a stepper motor is."""
 
+REPEATED = 0.05
+"""Of the samples: what noise repeats by chance is half of it at most."""
+
+CELLS = 4.0
+"""Steps, or noise, that a motion has gone on by when it had not stopped."""
+
 LONGEST = 2**20
 """Samples whose spectrum is taken: the part that moves most."""
 
@@ -134,6 +146,7 @@ def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[S
         pendulum = s.name == "alpha" or angles == 1
         found += _unit(s, x, pendulum)
         found += _jumps(s, t, x)
+        found += _repeated(s, t, x)
         found += _saturated(s, x)
         found += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     return tuple(found)
@@ -245,6 +258,38 @@ def _jumps(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
 
 def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.4g}°" if abs(angle) < 1e3 else f"{angle / (2 * math.pi):.4g} turns"
+
+
+# --- repeats -----------------------------------------------------------------------------------------
+
+
+def _repeated(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+    """Of angles alone: a command is held on purpose."""
+    if s.unit != "rad" or x.size < 100:
+        return
+    share, each = _repeats(x, s.resolution or 0.0)
+    if share > REPEATED:
+        late = 0.5e3 * (each - 1) * float(np.median(np.diff(t)))
+        yield Finding("repeated", s.name, 100 * share, 100 * REPEATED, "% of its samples",
+                      f"it stands still in mid-motion, {each:.0f} samples at a time, for {100 * share:.2g} % of its "
+                      f"samples: its sensor may answer more slowly than it is logged, and be {late:.2g} ms late on "
+                      "average, by which orders are bent. Log as fast as it answers, or keep one sample of each.")  # fmt: skip
+
+
+def _repeats(x: Array, q: float) -> tuple[float, float]:
+    """The share of samples that stand still while the motion goes on, and how many do at a time."""
+    equal = np.concatenate([[False], x[1:] == x[:-1], [False]])
+    first, last = np.flatnonzero(~equal[:-1] & equal[1:]), np.flatnonzero(equal[:-1] & ~equal[1:])
+    n = last - first + 1
+    inside = (first - n >= 0) & (last + 1 < x.size)
+    first, last, n = first[inside], last[inside], n[inside]
+    before, after = x[first] - x[first - n], x[last + 1] - x[last]
+    rough = np.diff(x, 3)[: (x.size - 3) // 32 * 32].reshape(-1, 32)
+    noise = math.sqrt(float(np.quantile(np.mean(rough**2, axis=1), 0.25)) / 20)  # where it is quietest
+    least = CELLS * max(q, noise)
+    went_on = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
+    held = n[went_on & (np.abs(after) > 0.5 * np.abs(before))]
+    return float(held.sum()) / x.size, float(np.median(held)) if held.size else 1.0
 
 
 # --- range -------------------------------------------------------------------------------------------
