@@ -16,8 +16,10 @@ from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.uncertainty import (
     METHODS,
     Uncertainty,
+    at_bound,
     bartlett_long_run,
     jacobian,
+    sandwich,
     sokal_bandwidth,
     uncertainty,
     widening,
@@ -143,6 +145,21 @@ def test_what_lies_at_its_bound_has_no_interval_and_the_rest_has():
     assert found.standard_error[1] > 0
     both = problem(clean(), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": Free(0.95, 0.95, 1.2)})
     assert np.all(uncertainty(both, both.start).at_bound)
+
+
+def test_with_a_cost_of_unknown_loss_who_comes_near_a_bound_is_at_it():
+    own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
+    p = problem(clean(), cost_function=own, orders={"lambda": Free(0.9, 0.5, 0.90001), "mu": ORDERS["mu"]})
+    assert at_bound(p, TRUE).tolist() == [True, False]
+
+
+def test_intervals_are_those_of_the_unknowns_off_their_bounds_alone():
+    dry = Free(1e-9, 0.0, 1.0)  # far nearer to 0 than the data can tell, and not at it
+    p = problem(clean() + noise(2001, 0.0, 1), parameters={"coulomb_alpha": dry})
+    found, x = uncertainty(p, p.start), p.start
+    assert found.at_bound.tolist() == [name == "coulomb_alpha" for name in p.names]
+    alone = sandwich(p, x, np.flatnonzero(~found.at_bound))
+    assert found.standard_error[~found.at_bound] == pytest.approx(np.sqrt(np.diag(alone.covariance)), rel=1e-12)
 
 
 def test_there_is_a_sentence_where_there_is_no_interval():

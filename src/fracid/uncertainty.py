@@ -74,6 +74,7 @@ from numpy.typing import NDArray
 
 from fracid.costs import Loss
 from fracid.problem import Problem
+from fracid.triangle import triangle
 
 __all__ = [
     "METHODS",
@@ -91,6 +92,9 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+
+_Seen = tuple[list[FloatArray], list[FloatArray]]
+"""Errors and Jacobian of each recording, shapes (n_samples, n_outputs) and (n_samples, n_outputs, n_free)."""
 
 NORMAL_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
@@ -221,14 +225,13 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return "nothing is free"
     if problem.cost_function.loss is None:
         return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
-    held = at_bound(problem, x, jobs=jobs)
-    free = np.flatnonzero(~held)
+    held, found = _held(problem, x, jobs)
     error = np.full(len(x), np.nan)
-    if not len(free):
+    if held.all():
         return Uncertainty(error, held, (), 0.0, 1.0, error)
-    found = sandwich(problem, x, free, jobs=jobs)
     if isinstance(found, str):
         return found
+    free = found.free
     directions = _unseen(problem, x, found)
     known = ~np.any(directions != 0, axis=0)
     white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
@@ -271,25 +274,34 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
     (1, 1)
     """
+    seen = _seen(problem, x, free, jobs)
+    return seen if isinstance(seen, str) else _sandwich(problem, *seen, free)
+
+
+def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | str:
+    """Errors of each recording at x and their derivatives by the unknowns `free`."""
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    if isinstance(errors, str) or isinstance(J, str):
-        return errors if isinstance(errors, str) else str(J)
+    return errors if isinstance(errors, str) else J if isinstance(J, str) else (errors, J)
+
+
+def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
     rows, scores = rows_and_scores(problem, errors, J)
-    samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     prior, level = _prior_curvature(problem, errors, free)
-    rows = np.concatenate([rows, np.diag(np.sqrt(prior))[prior > 0]])
-    norm = np.linalg.norm(rows, axis=0)
+    norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
     norm[norm == 0] = 1.0
-    _, singular, V = np.linalg.svd(rows / norm, full_matrices=False)
+    for tall in (rows, *scores):  # in place: each is as long as the recordings
+        tall /= norm
+    _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
     seen = singular > UNSEEN * max(singular[0], 1e-300)
-    S, bandwidth = _long_run([s / norm for s in scores])
+    S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
     S, S0 = (
         S + np.diag(2 * level * prior) / scale,
         (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
     )
     inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
-    wider = widening([r / norm for r in samples], inverse, bandwidth)
+    samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
+    wider = widening(samples, inverse, bandwidth)
     covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
     return Sandwich(
         free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~seen] / norm,
@@ -318,17 +330,36 @@ def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bo
     >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
     {'b_alpha': False, 'coulomb_alpha': True}
     """
+    near, away = _near(problem, x)
+    doubtful = np.any(near & (away > 0)) and problem.cost_function.loss is not None
+    return _held(problem, x, jobs)[0] if doubtful else near
+
+
+def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Which unknowns are near a bound for their range, and how far off it each is, shapes (n_unknowns,)."""
     space = problem.space
-    width = space.upper - space.lower
-    away = np.minimum(x - space.lower, space.upper - x)
-    near = away <= np.where(np.isfinite(width), BOUND * width, 0.0)
-    if not np.any(near & (away > 0)):
-        return np.asarray(near)
-    found = sandwich(problem, x, np.arange(len(x)), jobs=jobs)
-    if isinstance(found, str):
-        return np.asarray(near)
-    unseen = np.any(_unseen(problem, x, found) != 0, axis=0)
-    return np.asarray(near & (unseen | (away <= TOUCHING * np.sqrt(np.diag(found.covariance)))))
+    width, away = space.upper - space.lower, np.minimum(x - space.lower, space.upper - x)
+    return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
+
+
+def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | str]:
+    """Which unknowns their bounds hold, shape (n_unknowns,), and the sandwich of all others, or why there is none."""
+    near, away = _near(problem, x)
+    some = np.flatnonzero(~near | (away > 0))
+    if not len(some):
+        return near, "all unknowns lie at a bound"
+    seen = _seen(problem, x, some, jobs)
+    if isinstance(seen, str):
+        return near, seen
+    errors, J = seen
+    found = _sandwich(problem, errors, J, some)
+    blind = np.any(_unseen(problem, x, found) != 0, axis=0)
+    held = near.copy()
+    held[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(found.covariance)))
+    kept = ~held[some]
+    if kept.all() or not kept.any():
+        return held, found
+    return held, _sandwich(problem, errors, [j[..., kept] for j in J], some[kept])
 
 
 def rows_and_scores(
@@ -337,9 +368,14 @@ def rows_and_scores(
     """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
     loss, weights = _loss_and_weights(problem, errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    rows = [np.sqrt(curvature * w)[..., None] * j for w, j in zip(weights, J, strict=True)]
+    rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
-    return np.concatenate([r.reshape(-1, r.shape[-1]) for r in rows]), scores
+    return _joined(rows), scores
+
+
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    """All below each other; one alone is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _loss_and_weights(problem: Problem, errors: list[FloatArray]) -> tuple[Loss, list[FloatArray]]:
@@ -357,9 +393,11 @@ def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]
     loss, weights = _loss_and_weights(problem, errors)
     balance = problem.balance(errors)
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
-    flat = [(w / np.sqrt(balance))[..., None] * j for w, j in zip(weights, J, strict=True)]
-    whole = np.concatenate([f.reshape(-1, f.shape[-1]) for f in flat])
-    return np.asarray(power * (whole.T @ whole))
+    squares = [
+        (j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o]
+        for w, j in zip(weights, J, strict=True) for o in range(j.shape[1])
+    ]  # fmt: skip
+    return np.asarray(power * np.sum(squares, axis=0))
 
 
 def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
@@ -411,31 +449,42 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
     room = np.minimum(problem.space.upper - x, x - problem.space.lower)
     steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
-    points = [x + sign * steps[i] * (np.arange(len(x)) == i) for i in free for sign in (1, -1)]
-    with ThreadPoolExecutor(jobs) as pool:
-        here, *errors = list(pool.map(problem.errors, [x, *points]))
+    here = problem.errors(x)
     if isinstance(here, str):
         return here
-    columns = []
-    for i, plus, minus in zip(free, errors[::2], errors[1::2], strict=True):
+    J = [np.empty((*e.shape, len(free))) for e in here]
+
+    def differentiate(column: int) -> str | None:
+        step = steps * (np.arange(len(x)) == free[column])
+        plus, minus = problem.errors(x + step), problem.errors(x - step)
         if isinstance(plus, str) and isinstance(minus, str):
             return f"the runs on both sides of the minimum fail: {plus}"
         one_sided = isinstance(plus, str) or isinstance(minus, str)
         high, low = (here if isinstance(side, str) else side for side in (plus, minus))
-        width = steps[i] if one_sided else 2 * steps[i]
-        columns.append([(p - m) / width for p, m in zip(high, low, strict=True)])
-    return [np.stack(recording, axis=-1) for recording in zip(*columns, strict=True)]
+        for j, p, m in zip(J, high, low, strict=True):
+            j[..., column] = (p - m) / (np.sum(step) if one_sided else 2 * np.sum(step))
+        return None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        failed = [why for why in pool.map(differentiate, range(len(free))) if why]
+    return failed[0] if failed else J
 
 
 def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
     """S over all recordings, column by column whitened before and coloured after [AM]_, and the bandwidth."""
-    before, after = (np.concatenate([s[part] for s in scores]) for part in (slice(-1), slice(1, None)))
-    rho = np.sum(before * after, axis=0) / np.maximum(np.sum(before**2, axis=0), 1e-300)
-    rho = np.clip(rho, -WHITENED, WHITENED)
-    white = [s - rho * np.vstack([np.zeros_like(s[:1]), s[:-1]]) for s in scores]
-    bandwidth = sokal_bandwidth(np.concatenate(scores))
-    S = sum((bartlett_long_run(w, bandwidth) for w in white), np.zeros((len(rho), len(rho))))
+    after = sum(np.einsum("ti,ti->i", s[:-1], s[1:]) for s in scores)
+    rho = np.clip(after / np.maximum(sum(np.einsum("ti,ti->i", s[:-1], s[:-1]) for s in scores), 1e-300),
+                  -WHITENED, WHITENED)  # fmt: skip
+    bandwidth = sokal_bandwidth(_joined(scores))
+    S = sum((bartlett_long_run(_whitened(s, rho), bandwidth) for s in scores), np.zeros((len(rho), len(rho))))
     return S / np.outer(1 - rho, 1 - rho), bandwidth
+
+
+def _whitened(scores: FloatArray, rho: FloatArray) -> FloatArray:
+    """s_t − ρ s_{t−1}, column by column."""
+    white = scores.copy()
+    white[1:] -= rho * scores[:-1]
+    return white
 
 
 def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> FloatArray:
@@ -466,16 +515,15 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
     whole, taken, scatter = np.zeros((3, len(inverse)))
     for r in rows:
         n, m = len(r), len(share)
-        influence, moved = r @ inverse, r @ root
-        q = np.einsum("toi,toi->ti", influence, influence)
-        pairs = np.fft.irfft(np.abs(np.fft.rfft(q, 2 * n, axis=0)) ** 2, axis=0)[:m]  # Σ q_t q_s by lag
-        whole += q.sum(axis=0)
-        scatter += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
-        padded = np.zeros((len(inverse), n + 2 * m))
-        for i, along in enumerate(np.moveaxis(influence, 2, 0)):
-            padded[:, m:-m] = np.einsum("to,toj->jt", along, moved)  # root' M_t v_i
-            total = np.cumsum(padded, axis=1)
-            taken[i] += np.sum((total[:, m:] - total[:, :-m]) ** 2) / m  # as in bartlett_long_run
+        flat = r.reshape(-1, len(inverse))
+        moved = (flat @ root).reshape(r.shape)
+        for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
+            influence = (flat @ v).reshape(n, -1)
+            q = np.einsum("to,to->t", influence, influence)
+            pairs = np.fft.irfft(np.abs(np.fft.rfft(q, 2 * n)) ** 2)[:m]  # Σ q_t q_s by lag
+            whole[i] += q.sum()
+            scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
+            taken[i] += np.sum(_sums(np.einsum("to,toj->tj", influence, moved), m) ** 2) / m  # root' M_t v_i
     left = 1 - np.minimum(taken / np.maximum(whole, 1e-300), TAKEN)
     degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
     return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(left))
@@ -493,8 +541,8 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     True
     """
     n = len(scores)
-    power = np.abs(np.fft.rfft(scores, 2 * n, axis=0)) ** 2  # padded: no lag wraps around
-    covariance = np.fft.irfft(power.sum(axis=1))[: n // 4 + 1]
+    power = sum(np.abs(np.fft.rfft(s, 2 * n)) ** 2 for s in scores.T)  # padded: no lag wraps around
+    covariance = np.fft.irfft(power)[: n // 4 + 1]
     times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
     wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
     return float(wide_enough[0] if len(wide_enough) else n // 4)
@@ -529,7 +577,13 @@ def bartlett_long_run(scores: FloatArray, bandwidth: float) -> FloatArray:
     (14.0, 22.0)
     """
     m = int(bandwidth) + 1
-    padded = np.concatenate([np.zeros((m, scores.shape[1])), scores, np.zeros((m - 1, scores.shape[1]))])
-    total = np.cumsum(padded, axis=0)
-    blocks = total[m:] - total[:-m]
+    blocks = _sums(scores, m)
     return np.asarray(blocks.T @ blocks / m)
+
+
+def _sums(scores: FloatArray, m: int) -> FloatArray:
+    """All sums over m neighbours, those that stick out at the ends too, shape (n_samples + m − 1, n_columns)."""
+    total = np.zeros((len(scores) + 2 * m - 1, scores.shape[1]))
+    total[m : m + len(scores)] = scores
+    np.cumsum(total, axis=0, out=total)
+    return np.asarray(total[m:] - total[:-m])
