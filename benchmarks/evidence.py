@@ -12,6 +12,8 @@ section        what it measures, and where that stands                          
                (:mod:`fracid.problem`)
 ``cut``        how far the orders of a real SRV02 move with the cut; its recordings     1 min
                from FRACID_RECORDINGS or ../shared/recordings (:mod:`fracid.cut`)
+``start``      how often an interval holds the truth where the start is taken from a    15 s
+               noisy sample, by how far that moves the order (docs/honesty.md)
 ``regression`` errors of the linear regression, by the release and the orders            2 min
                (:mod:`fracid.regression`)
 ============== ========================================================================= ==========
@@ -24,6 +26,7 @@ import os
 import re
 import tempfile
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +38,10 @@ from fracid.cut import cut_check, whole_records
 from fracid.models import RIGS
 from fracid.optimise import Evaluation, Space, genetic, least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
+from fracid.projection import start_shift
 from fracid.recording import Recording
 from fracid.regression import LUMPED
-from fracid.uncertainty import NORMAL_95, jacobian, uncertainty
+from fracid.uncertainty import NORMAL_95, jacobian, sandwich, uncertainty
 
 
 def coverage(seeds=150):
@@ -148,6 +152,34 @@ def mid_swing(cut=1.3, plateau=0.5, end=8.0, step=2e-3):
             print(f"  {degrees} deg, {name:8} noise {noise:g} rad  {start:14} {off}", flush=True)
 
 
+def noisy_start(seeds=120):
+    """Releases from 17° whose start is taken from a sample with 1e-3 rad of noise, or is named."""
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    true, alpha = np.array([0.9, 0.95]), 0.3
+    run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": alpha}, step=8e-3, end=6.0)
+    orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
+    limits = (0.0, 1.0, 1.5, 3.0, np.inf)
+    print(f"\n95 % intervals that hold the truth, by the half intervals that the start's noise moves it; {seeds} seeds")
+    for named in ({}, {"theta": 0.0}, {"theta": 0.0, "alpha": alpha}):
+        moved, held = [], []
+        for seed in range(seeds):
+            y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
+            swing = Experiment("release", 8e-3, y, np.zeros((1, 1)), initial=named)
+            problem = Problem(rig, (swing,), orders, initial_state="held")
+            x = minimise(problem.evaluate, least_squares(problem.space, None)).best.point
+            known = uncertainty(problem, x)
+            noise = {"release": np.full(2, 1e-3)}
+            shift = start_shift(problem, x, sandwich(problem, x, np.arange(2)), noise)
+            moved += [*(np.zeros(2) if shift is None else shift / known.standard_error)]
+            held += [*(abs(x - true) < NORMAL_95 * known.standard_error)]
+        moved, held = np.array(moved), np.array(held)
+        inside = {(a, b): held[(moved >= a) & (moved < b)] for a, b in pairwise(limits)}
+        words = ", ".join(
+            f"{a:g} to {b:g}: {100 * np.mean(h):.0f} % of {len(h)}" for (a, b), h in inside.items() if len(h)
+        )
+        print(f"  named: {', '.join(named) or 'nothing':12} {100 * np.mean(held):.0f} %; {words}", flush=True)
+
+
 def cut():
     """The release of examples/srv02-release.toml, fitted alone."""
     root = Path(__file__).parents[1]
@@ -221,7 +253,7 @@ def regression(seeds=6):
 
 
 SECTIONS = {"genetic": genetic_against_random, "rounding": rounding_bias, "coverage": coverage, "swing": mid_swing,
-            "cut": cut, "regression": regression}  # fmt: skip
+            "start": noisy_start, "cut": cut, "regression": regression}  # fmt: skip
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Measures claims of the docstrings again.")

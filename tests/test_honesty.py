@@ -10,20 +10,21 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.honesty import after, before
+from fracid.honesty import after, before, noisy_start
 from fracid.identify import identify
 from fracid.memory import compressed, full, short
 from fracid.problem import Experiment, Free, Problem
+from fracid.projection import start_shift
 from fracid.recording import Recording
 from fracid.search import Watch, refined
-from fracid.uncertainty import uncertainty
+from fracid.uncertainty import sandwich, uncertainty
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
 COUNT = 2 * np.pi / 4096
 ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
 FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
 STEP = 5e-3
-HELD = {"initial_state": "held"}
+HELD = {"initial_state": "held", "initial": {"theta": 0.0, "alpha": 0.6}}
 PAGE = Path(__file__).parent.parent / "docs" / "honesty.md"
 
 
@@ -39,7 +40,8 @@ def release(alpha=0.6, end=8.0, model=RIG, step=STEP, inputs=None, orders=(0.95,
 def problem(y, model=RIG, step=STEP, inputs=None, **options):
     outputs = options.pop("outputs", ("theta", "alpha"))
     columns = np.column_stack([y[:, ("theta", "alpha").index(o)] for o in outputs])
-    e = Experiment("swing", step, columns, np.zeros((1, 1)) if inputs is None else inputs)
+    e = Experiment("swing", step, columns, np.zeros((1, 1)) if inputs is None else inputs,
+                   initial=options.pop("initial", {}))  # fmt: skip
     return Problem(model, (e,), **{"orders": ORDERS, "parameters": FREE, "outputs": outputs} | options)
 
 
@@ -265,6 +267,70 @@ def test_a_memory_that_is_tight_enough_is_not_blamed(memory):
     assert codes(after(good, *minimum(good))) == []
 
 
+SWING = fracid.simulate(RIG, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=8e-3, end=6.0)
+
+
+def held(seed, state="held", noise=1e-3, **options):
+    """A swing with white noise whose start is taken from it, and its minimum."""
+    y = SWING.states[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(SWING.time), 2))
+    e = Experiment("swing", 8e-3, y, np.zeros((1, 1)), **options)
+    p = Problem(RIG, (e,), {n: Free(v, 0.5, 1.2) for n, v in (("lambda", 0.9), ("mu", 0.95))}, initial_state=state)
+    return p, *minimum(p)
+
+
+def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it_is_said_and_nowhere_else():
+    """Of intervals whose unknown its start's noise moves by less than half of them, all but 5 % hold the truth."""
+    inside, beyond = [], []
+    for seed in range(16):
+        p, x, known = held(seed)
+        found = sandwich(p, x, np.arange(2))
+        times = start_shift(p, x, found, {"swing": np.full(2, 1e-3)}) / known.standard_error
+        for i, true in enumerate((0.9, 0.95)):
+            holds = abs(x[i] - true) < 1.96 * known.standard_error[i]
+            (beyond if times[i] > 1 else inside).append(holds)
+        said = noisy_start(p, x, known)
+        assert bool(said) == bool(np.any(times > 1.1)) or np.max(times) < 1.1
+    assert np.mean(inside) > 0.9
+    assert np.mean(beyond) < 0.8
+    assert min(len(inside), len(beyond)) > 5
+
+
+@pytest.mark.parametrize("state", ["held", "measured"])
+def test_the_shift_by_the_start_is_what_another_start_finds(state):
+    """Noise in the samples of the start alone: the minimum moves by G ε, whose spread the projection foretells."""
+    p, _, _ = held(0, "held", 0.0)
+    flat = p.experiments[0].measured.copy()
+    flat[:5] = flat[0]  # the slope of its first samples is that of the start, 0
+    p = replace(p, experiments=(replace(p.experiments[0], measured=flat),), initial_state=state)
+    x, _ = minimum(p)
+    sd = start_shift(p, x, sandwich(p, x, np.arange(2)), {"swing": np.full(2, 1e-6)})
+    moved = []
+    for seed in range(24):
+        y = flat.copy()
+        y[:5] += 1e-6 * np.random.default_rng(seed).standard_normal((5, 2))
+        other = replace(p, experiments=(replace(p.experiments[0], measured=y),))
+        moved.append(refined(other, x, 1, Watch()).best.point - x)
+    assert len(p.experiments[0].slope_weights) == 5
+    assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
+
+
+def test_a_start_that_is_found_or_named_has_no_noise():
+    for state, initial in (("rest", {}), ("estimate", {}), ("held", {"theta": 0.0, "alpha": 0.3})):
+        assert noisy_start(*held(1, state, initial=initial)) == ()
+    p, x, known = held(1)
+    found = sole(noisy_start(p, x, known), "noisy-start")
+    assert found.number > found.limit == 1.0
+    assert 'Type initial_state = "rest" in [fit], or the start that you know: initial = {' in found.sentence
+    assert "noise of 0.05" in found.sentence  # 1e-3 rad, as third differences measure it
+    assert found in after(p, x, known)
+
+
+def test_the_slope_at_the_start_is_the_same_by_its_weights():
+    e = problem(GOOD).experiments[0]
+    v = e.slope_weights
+    assert v @ e.measured[: len(v)] == pytest.approx(e.first_values()[1], rel=1e-9)
+
+
 def test_a_record_too_short_for_an_order_is_said_with_its_swings():
     short_one = problem(release(alpha=0.1)[:220], parameters={"b_alpha": Free(1e-3, -1e-1, 1e-1)}, outputs=("alpha",))
     fit = identify(short_one)
@@ -315,7 +381,7 @@ def test_an_after_thought_of_a_perfect_twin_has_nothing():
 
 
 def test_a_finding_is_a_warning_of_the_fit_and_stands_in_its_json():
-    fit = identify(problem(GOOD + TURNED, **HELD))
+    fit = identify(problem(GOOD + TURNED, initial_state="held"))
     found = fit.findings[0]
     assert found.code == "wrong-zero"
     assert str(found) in fit.warnings

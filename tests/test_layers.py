@@ -27,6 +27,7 @@ LAYERS = (
     {"criteria", "profiles"},
     {"bootstrap", "diagnostics", "residuals"},
     {"search"},
+    {"projection"},
     {"alternative", "cut", "honesty"},
     {"ladder"},
     {"identify"},

@@ -166,7 +166,7 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     found = study(release(substeps=1, step=8e-3), seeds=25)
     mu = found.cells[0].unknowns["mu"]
     assert abs(mu.bias) > mu.spread
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ")]
+    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "hold the truth" in s]
     assert "they promise too much at 0.1° of noise, 4096 counts" in sentence
     assert "times its spread" in sentence
     assert "substeps = 2" in found.sentences()[-1]
@@ -187,8 +187,26 @@ def test_a_start_that_is_taken_as_measured_claims_too_little():
     mu = found.cells[0].unknowns["mu"]
     assert mu.spread > 1.4 * mu.claimed
     assert mu.coverage < 0.8
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ")]
+    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "hold the truth" in s]
     assert "times the standard error" in sentence
+
+
+def test_a_noisy_start_is_said_before_the_study_with_its_number_and_no_other_is():
+    named = release({"b_alpha": Free(1e-3, 0.0, 1e-2)})
+    held = replace(named, experiments=(replace(named.experiments[0], initial={}),))
+    truth = [*TRUTH, 1e-3]
+    (found,) = planned(held, np.array(truth), levels=[0.0, 4 * NOISE], seeds=1).findings
+    assert (found.code, found.limit) == ("noisy-start", 1.0)
+    assert found.number > 1
+    assert "initial = {" in found.sentence
+    told = study(held, truth, seeds=1, levels=[4 * NOISE])
+    assert told.sentences()[0].startswith(f"{found.where}: the start is taken from the first sample")
+    assert told.to_json()["findings"][0]["code"] == "noisy-start"
+    rest = replace(held, initial_state="rest")
+    at_rest = np.array([*truth, 0.0, 0.5])
+    for other, x in ((named, truth), (rest, at_rest)):
+        assert planned(other, np.array(x), levels=[4 * NOISE], seeds=1).findings == ()
+    assert planned(held, np.array(truth), levels=[0.0], seeds=1).findings == ()
 
 
 def test_intervals_that_keep_their_word_are_said_to():

@@ -23,6 +23,8 @@ and of the minimum :func:`after` asks
                     :math:`δx = (J^T J)^{-1} J^T δy`, δy the change of the simulated outputs
 ``short-window``    an order that is seen, but not to 0.1, in a record that ends in motion after fewer than ten swings:
                     how many, and how long it takes; an interval shrinks like :math:`T^{-3/2}`
+``noisy-start``     how far the noise of the first samples moves an unknown, where the start is taken from them
+                    (``held``, ``measured``), in half intervals (:func:`fracid.projection.start_shift`)
 ``cannot-explain``  rms of what is left over, in units of the noise that is measured on the samples (third differences,
                     and no less than the encoder's q/√12): where more than a tenth of the motion is left, and that is
                     twice the geometric mean of noise and motion
@@ -46,16 +48,17 @@ from fracid.findings import Finding
 from fracid.memory import compressed
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
+from fracid.projection import LOOSER, start_shift
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.report import measure_signal, resolution, tail
 from fracid.right_hand_side import compile_rhs
 from fracid.simulate import time_scale
 from fracid.stiffness import FOLLOWS, STEPS_A_PERIOD, fault_of, linearised, modes, steps_a_period
-from fracid.uncertainty import NORMAL_95, Uncertainty, jacobian
+from fracid.uncertainty import NORMAL_95, Uncertainty, jacobian, sandwich
 from fracid.units import with_unit
 
-__all__ = ["after", "before", "failed"]
+__all__ = ["after", "before", "failed", "noisy_start"]
 
 FloatArray = NDArray[np.float64]
 
@@ -182,6 +185,7 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: in
     ['cannot-explain', 'cannot-explain']
     """
     found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]
+    found += noisy_start(problem, x, known, jobs=jobs)
     return (*found, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
 
 
@@ -485,6 +489,75 @@ def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Findin
         yield Finding("short-window", problem.names[i], swings, FEW_SWINGS, "swings",
             f"it is known to ± {half:.2g}, from {swings:.3g} swings in {seconds:.3g} s: the record may be too short "
             f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
+
+
+def noisy_start(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> tuple[Finding, ...]:
+    """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum, or next to it.
+    known : Uncertainty or str
+        What :func:`fracid.uncertainty.uncertainty` gave there.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    tuple of Finding
+        One for the unknown that is moved most, orders first; or none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> from fracid.uncertainty import uncertainty
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=6.0)
+    >>> y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((1501, 2))
+    >>> swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> [found] = noisy_start(problem, problem.start, uncertainty(problem, problem.start))
+    >>> found.code, found.where, found.number > 1
+    ('noisy-start', 'mu', True)
+    """
+    if isinstance(known, str) or problem.initial_state not in LOOSER:
+        return ()
+    free = np.flatnonzero(~known.at_bound)
+    found = sandwich(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
+    noise = _noise_at_the_start(problem, x)
+    shift = None if isinstance(found, str) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
+    if shift is None:
+        return ()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        times = np.nan_to_num(shift / known.standard_error, nan=0.0, posinf=0.0)
+    beyond = np.flatnonzero(times > 1)
+    if not len(beyond):
+        return ()
+    first = [i for i in beyond if problem.unknowns[i].kind == "order"] or [*beyond]
+    i = max(first, key=lambda k: times[k])
+    sd = max(float(np.max(s)) for s in noise.values())
+    unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
+    return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "half intervals",
+        f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
+        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times half its interval, which does not know of that. Type "
+        f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
+        "in the recording's table."),)  # fmt: skip
+
+
+def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
+    """Recording → noise of its samples, no more than what the fit leaves over [rad]; empty where a run fails."""
+    errors = problem.errors(x)
+    if isinstance(errors, str):
+        return {}
+    return {
+        e.name: np.array(
+            [min(_noise(y), float(np.sqrt(np.mean(r**2)))) for y, r in zip(e.measured.T, d.T, strict=True)]
+        )
+        for e, d in zip(problem.experiments, errors, strict=True)
+    }
 
 
 def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:

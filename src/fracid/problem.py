@@ -348,10 +348,21 @@ class Experiment:
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
-        n = min(len(self.measured), max(5, round(0.04 / self.step)))
-        t = self.time[:n]
-        parabola = np.polynomial.polynomial.polyfit(t, self.measured[:n], min(2, n - 1))
+        t = self._first_times
+        parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
         return self.measured[0].astype(np.float64), parabola[1]
+
+    @property
+    def slope_weights(self) -> FloatArray:
+        """v of the slopes at the start: each is v'y of its output's first samples [1/s], shape (n_first,)."""
+        t = self._first_times
+        powers = np.polynomial.polynomial.polyvander(t / t[-1], min(2, len(t) - 1))
+        return np.asarray(np.linalg.pinv(powers)[1] / t[-1])
+
+    @property
+    def _first_times(self) -> FloatArray:
+        """Those of the parabola at the start [s]."""
+        return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
 
 
 def _swing_frequency(signals: FloatArray, step: float) -> float:

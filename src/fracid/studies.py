@@ -22,8 +22,9 @@ stopped short  repetitions whose search ended at a higher cost than that of the 
 =============  ============================================================================================
 
 What makes intervals promise too much, then, shows as bias or as a claim below the spread; :meth:`NoiseStudy.sentences`
-says which.  A fit whose own scheme is of first order is biased by its steps, one on a held start by the noise of the
-first sample, one by ``itae`` by the rounding (see :mod:`fracid.costs`).
+says which.  A fit whose own scheme is of first order is biased by its steps, one by ``itae`` by the rounding (see
+:mod:`fracid.costs`).  One on a held start that nobody named is spread by the noise of the first sample, of which no
+interval knows: :attr:`Plan.findings` says so before the study, with the number.
 
 Every repetition has random numbers of its own, by seed, level, resolution and number, whatever else the study holds
 and whoever runs it (:mod:`fracid.executor`).
@@ -40,6 +41,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,11 +52,14 @@ from fracid.costs import ABSOLUTE, COSTS, cost_from_name
 from fracid.criteria import STRONG
 from fracid.errors import InputError
 from fracid.executor import Progress, Task, run_tasks
+from fracid.findings import Finding
+from fracid.honesty import noisy_start
 from fracid.journal import Journal
 from fracid.optimise import optimiser_from_name
 from fracid.optimise.base import Evaluation, at_least
 from fracid.portable import Portable, portable_memory
 from fracid.problem import Problem
+from fracid.projection import LOOSER
 from fracid.search import search
 from fracid.simulate import METHODS
 from fracid.uncertainty import Uncertainty, uncertainty
@@ -240,6 +245,8 @@ class NoiseStudy:
     seeds: int
     """Repetitions a cell."""
     seed: int
+    findings: tuple[Finding, ...] = ()
+    """What was known before it began to spoil the intervals."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -264,6 +271,7 @@ class NoiseStudy:
             "seed": self.seed,
             "cells": [cell.to_json() for cell in self.cells],
             "sentences": list(self.sentences()),
+            "findings": [f.to_json() for f in self.findings],
             "repetitions": dict(self.repetitions),
         }
 
@@ -293,7 +301,8 @@ class NoiseStudy:
 
     def sentences(self) -> tuple[str, ...]:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
-        found = (*self._of_the_search(), *(self._of_the_intervals(name) for name in self.problem.names))
+        found = (*map(str, self.findings), *self._of_the_search(),
+                 *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
         biased = any("times its spread" in sentence for sentence in found)
         return (*found, f"What may make a bias: {'; '.join(self._causes())}.") if biased else found
 
@@ -443,6 +452,23 @@ class Plan:
         twin = Portable(simulated(self.problem, self.truth))
         return [Task(key, (twin, self.truth.tolist(), *cell, (self.seed, k), self.how)) for cell, k, key in self._keys]
 
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What spoils the intervals for sure: a start that is taken from noisy samples, at the highest level.
+
+        Asked of a recording whose first samples happen to be exact, so that no interval is wide by their chance.
+        """
+        level, resolution = max(self.cells)
+        if self.problem.initial_state not in LOOSER or not level + resolution:
+            return ()
+        exact, rng = simulated(self.problem, self.truth), np.random.default_rng(self.seed)
+        read = []
+        for e in exact.experiments:
+            n, y = len(e.slope_weights), encoder(e.measured, level, resolution, rng)
+            read.append(replace(e, measured=np.vstack([e.measured[:n], y[n:]])))
+        noisy = replace(exact, experiments=tuple(read))
+        return noisy_start(noisy, self.truth, uncertainty(noisy, self.truth))
+
     @property
     def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
         numbers = range(1, self.seeds + 1)
@@ -463,7 +489,7 @@ class Plan:
         each = {cell: [found[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
         return NoiseStudy(
             self.problem, self.truth, tuple(_cell(self.problem, self.truth, *cell, each[cell]) for cell in self.cells),
-            {key: found[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed,
+            {key: found[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed, self.findings,
         )  # fmt: skip
 
 

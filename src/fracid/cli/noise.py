@@ -209,7 +209,7 @@ def _studied(
         Journal(open_folder(folder) / JOURNAL, _header(plan, fitted)) as journal,
         progress_shown("repetitions", events=json_) as progress,
     ):
-        for note in journal.notes:
+        for note in (*journal.notes, *plan.findings):
             sys.stderr.write(f"{note}\n")
         where = executor or ("threads" if plan.own else "processes")
         return plan.run(executor=where, jobs=jobs, journal=journal, progress=progress)
