@@ -1,10 +1,20 @@
 """What a careless user does, and a malicious one: nothing is answered wrongly in silence, no work is lost."""
 
+import json
+import signal
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from multiprocessing import get_context
+
 import numpy as np
 import pytest
 
+import fracid
 from fracid.errors import InputError
+from fracid.executor import deaf_to_ctrl_c
 from fracid.recording import Recording, load_recording
+from fracid.runs import run_state
 from program import run
 
 # --- recordings that are mangled as real ones are ------------------------------------------------------
@@ -144,3 +154,102 @@ def test_an_option_that_says_two_things_of_one_is_refused(tmp_path, capsys, word
     code, _, err = run(capsys, *(str(file) if w == "FILE" else w for w in words.split()))
     assert code == 2
     assert says in err
+
+
+# --- nothing is lost -------------------------------------------------------------------------------------
+
+PROJECT = """
+[model]
+rig = "srv02-rotpen"
+[model.orders]
+lambda = 1.0
+mu = { start = 1.0, lower = 0.6, upper = 1.2 }
+[[recording]]
+file = "swing.npz"
+theta = { column = "theta" }
+alpha = { column = "alpha" }
+[fit]
+initial_state = "rest"
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A short swing and a project file beside it."""
+    folder = tmp_path_factory.mktemp("project")
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    swing = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=2.0)
+    theta, alpha = (swing.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))).T
+    np.savez(folder / "swing.npz", time=0.01 * np.arange(201), theta=theta, alpha=alpha)
+    (folder / "rig.toml").write_text(PROJECT)
+    return folder / "rig.toml"
+
+
+def drawn_so(monkeypatch, draw):
+    monkeypatch.setattr(sys.modules["fracid.cli.fit"], "drawing", lambda *_: nullcontext(draw))
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (InputError("run/figures cannot be written: No space left on device."), 2, "No space left on device."),
+        (OSError(28, "No space left on device"), 2, "No space left on device"),
+        (MemoryError(), 2, "There is not enough memory for the figures."),
+        (KeyboardInterrupt(), 1, "Interrupted while the figures were drawn."),
+    ],
+    ids=lambda v: type(v).__name__ if isinstance(v, BaseException) else "",
+)
+def test_a_fit_whose_figures_fail_shows_and_keeps_its_result_and_resume_draws_them(
+    project, tmp_path, capsys, monkeypatch, error, code, says
+):
+    def failing(_):
+        raise error
+
+    drawn_so(monkeypatch, failing)
+    ended, out, err = run(capsys, "fit", project, "--out", tmp_path / "run", "--jobs", 1)
+    assert ended == code
+    assert "mu" in out
+    assert says in err
+    assert f"To draw them: fracid resume {tmp_path / 'run'}" in err
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["orders"]["mu"]["value"] == pytest.approx(
+        0.95, abs=0.05
+    )
+    assert not run_state(tmp_path / "run").finished
+
+    drawn_so(monkeypatch, lambda _: (tmp_path / "run" / "report.html",))
+    ended, out, _ = run(capsys, "resume", tmp_path / "run", "--jobs", 1)
+    assert ended == 0
+    assert "report.html" in out
+    assert run_state(tmp_path / "run").finished
+
+
+def test_a_fit_that_was_cut_short_and_is_typed_again_goes_on_and_another_begins_anew(
+    project, tmp_path, capsys, monkeypatch
+):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    words = ("fit", project, "--out", tmp_path / "run", "--jobs", 1)
+    drawn_so(monkeypatch, stopped)
+    run(capsys, *words)
+    drawn_so(monkeypatch, lambda _: ())
+    code, _, err = run(capsys, *words)
+    assert (code, run_state(tmp_path / "run").finished) == (0, True)
+    assert "holds this fit, cut short: it is gone on with." in err
+    assert "gone on with" not in run(capsys, *words)[2]  # finished
+    drawn_so(monkeypatch, stopped)
+    run(capsys, *words)
+    assert "gone on with" not in run(capsys, *words, "--seed", 7)[2]
+
+
+def _blocked():
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals here")
+def test_a_process_beside_does_not_hear_ctrl_c_from_its_first_moment_on():
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        with deaf_to_ctrl_c():
+            found = pool.submit(_blocked)
+        assert found.result()
+    assert not _blocked()

@@ -50,6 +50,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,7 @@ from fracid.journal import Journal, Json, resumable
 from fracid.optimise.base import at_least
 from fracid.surroundings import ignore_settings
 
-__all__ = ["EXECUTORS", "Progress", "Task", "executor_from_name", "follow_parent", "run_tasks"]
+__all__ = ["EXECUTORS", "Progress", "Task", "deaf_to_ctrl_c", "executor_from_name", "follow_parent", "run_tasks"]
 
 Work = Callable[..., Json]
 """Does one task: a function of a module, given the task's arguments."""
@@ -407,7 +408,12 @@ def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tupl
 def _in_a_pool(job: _Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
     fresh = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
     with _closing(ProcessPoolExecutor(jobs, fresh, _prepare_worker, (packed,))) as pool:
-        return (yield from _in_flight(lambda task: pool.submit(_do_here, job.own(task)), tasks, window))
+
+        def start(task: Task) -> Future[_Ended]:
+            with deaf_to_ctrl_c():  # the first ones start the processes
+                return pool.submit(_do_here, job.own(task))
+
+        return (yield from _in_flight(start, tasks, window))
 
 
 _PACKED: list[bytes] = []
@@ -435,6 +441,21 @@ def _prepare_worker(packed: bytes) -> None:
     ignore_settings(Path())
     _PACKED.append(packed)
     follow_parent()
+
+
+@contextmanager
+def deaf_to_ctrl_c() -> Iterator[None]:
+    """Have processes that are started meanwhile not hear Ctrl-C, from their first moment on: it is their parent's."""
+    mask = getattr(signal, "pthread_sigmask", None)
+    if mask is None:  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # the first start of a process would start it, and so end the block
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        mask(signal.SIG_SETMASK, before)
 
 
 def follow_parent() -> None:

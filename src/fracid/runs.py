@@ -39,6 +39,8 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
 from fracid.journal import FolderLock, Json
+from fracid.shape import RUN as RUN_SHAPE
+from fracid.shape import read_as
 
 if TYPE_CHECKING:
     from fracid.identify import Fit
@@ -52,6 +54,7 @@ __all__ = [
     "RUN",
     "Run",
     "RunState",
+    "cut_short",
     "inputs_of",
     "machine",
     "open_folder",
@@ -180,13 +183,39 @@ def run_state(folder: Path) -> RunState:
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
     try:
-        said = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        said = read_as(folder / RUN, RUN_SHAPE, "the command itself")
         return RunState(said["kind"], said["options"], said["inputs"], said["finished"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, InputError):
         raise InputError(
             f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
             "Type the command itself again."
         ) from None
+
+
+def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
+    """Whether a folder holds this very run, begun and not finished: with these options, of the same inputs.
+
+    Parameters
+    ----------
+    folder, kind, options, inputs
+        As for :func:`open_run`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "rig"
+    >>> with open_run(folder, "fit", {"seed": 3}):
+    ...     pass
+    >>> cut_short(folder, "fit", {"seed": 3}, {}), cut_short(folder, "fit", {"seed": 4}, {})
+    (True, False)
+    """
+    if not (folder / RUN).exists():
+        return False
+    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs))
+    try:
+        return run_state(folder) == now
+    except InputError:
+        return False
 
 
 def inputs_of(project: Project) -> dict[str, str]:

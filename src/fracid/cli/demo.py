@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app, new_console, open_page, say_next, typed
-from fracid.cli.fit import run_fit, show_fit
+from fracid.cli.fit import run_fit, say_undrawn, show_fit
 
 if TYPE_CHECKING:
     from fracid.cli.fit import Ran
@@ -64,6 +64,8 @@ def demo(
         show_fit(ran, console)
         for sentence in _truth(ran):
             console.print(f"  {sentence}", soft_wrap=True)
+        if ran.undrawn:
+            say_undrawn(ran)
         if ran.interrupted:
             raise typer.Exit(1)
     page = folder / STORY[0][0] / "report.html"

@@ -7,7 +7,6 @@ simulates the plane of the orders and writes the report: 4 s where 7 s would pas
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
@@ -42,17 +41,37 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
     from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
     from multiprocessing import get_context
 
+    from fracid.executor import deaf_to_ctrl_c
+
     beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
     # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
     model: Model | None = project.problem.model
     if not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
         model = None
-    rig = _submitted(beside, _draw_rig, model, folder)  # starts it
+    with deaf_to_ctrl_c():
+        rig = _submitted(beside, _draw_rig, model, folder)  # starts it
+
+    def draw(found: Fit) -> tuple[Path, ...]:
+        with _ended_with_this(beside):
+            return _draw(found, project, folder, jobs, beside, rig)
+
     try:
-        yield lambda found: _draw(found, project, folder, jobs, beside, rig)
+        with _ended_with_this(beside):
+            yield draw
     finally:
         if beside is not None:
             beside.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
+    """What ends the work here, Ctrl-C or a full disk, ends the process beside it: nobody waits for its figures."""
+    try:
+        yield
+    except BaseException:
+        for process in list((getattr(beside, "_processes", None) or {}).values()):
+            process.terminate()
+        raise
 
 
 def _prepare() -> None:
@@ -168,18 +187,9 @@ def of_search(found: Fit | SavedRun, style: str = "screen") -> Figures:
 
 def of_plane(found: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
+    from fracid.report.material import tried
+
     first, second = found.problem.order_indices[:2]
     best = (float(found.x[first]), float(found.x[second]))
-    yield "cost-over-orders", plane.plot(best=best, evaluations=_tried(folder, plane.names),
+    yield "cost-over-orders", plane.plot(best=best, evaluations=tried(folder, plane.names),
                                          cost_name=found.problem.cost_function.name, style=style)  # fmt: skip
-
-
-def _tried(folder: Path, names: tuple[str, str]) -> Any:
-    """The orders of all evaluations in the log, shape (n, 2)."""
-    import numpy as np
-
-    from fracid.runs import EVALUATIONS
-
-    lines = (json.loads(line) for line in (folder / EVALUATIONS).read_text(encoding="utf-8").splitlines())
-    points = [line["point"] for line in lines]
-    return np.array([[p[n] for n in names] for p in points if all(n in p for n in names)]).reshape(-1, 2)

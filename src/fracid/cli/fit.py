@@ -19,6 +19,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
+from fracid.foreign import printable
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from fracid.project import Project
     from fracid.runs import Run
 
-__all__ = ["Ran", "fit", "run_fit", "show_fit", "tell_fit"]
+__all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
 
 EVALUATIONS_OF_THE_GA = 26 * 20
 """Its population, and 25 generations after the initial one: the end of its progress bar."""
@@ -87,8 +88,8 @@ def fit(
 ) -> None:
     """Identify what a project leaves free, and write the run folder: result, log and figures.
 
-    Ctrl-C keeps the best so far.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the
-    model reached the end of the recording.
+    Ctrl-C keeps the best so far; the same command, or fracid resume, goes on.  Exit code 0 if the search ended, 1 if it
+    was interrupted, 3 if no run of the model reached the end of the recording.
     """
     folder = out or Path("runs") / project.stem
     ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
@@ -108,6 +109,8 @@ class Ran:
     """The content of result.json."""
     interrupted: bool
     seconds: float
+    undrawn: str = ""
+    """Why there are no figures and no report, in a sentence; empty where they are there."""
 
 
 def run_fit(
@@ -120,7 +123,7 @@ def run_fit(
     from fracid.executor import executor_from_name
     from fracid.optimise import Outcome, optimiser_from_name
     from fracid.project import load_project
-    from fracid.runs import inputs_of, open_run, write_result
+    from fracid.runs import cut_short, inputs_of, open_run, write_result
 
     project = load_project(path, preset=preset, trust=trust)
     name = _optimiser(optimiser, project.optimiser, starts)
@@ -130,24 +133,36 @@ def run_fit(
     executor_from_name(executor or "threads")
     if executor and (starts or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
+    inputs = inputs_of(project)
+    if not resume and cut_short(folder, "fit", asked, inputs):
+        sys.stderr.write(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.\n")
+        resume = True
     with (
-        open_run(folder, "fit", asked, inputs=inputs_of(project), resume=resume) as run,
+        open_run(folder, "fit", asked, inputs=inputs, resume=resume) as run,
         drawing(project, folder, jobs) as draw,
     ):
         laps = {"load": time.perf_counter() - began}
         found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut,
                             executor=executor or "threads")  # fmt: skip
         laps |= found.timing
-        write_result(folder, found, project, laps)  # what the figures may not find room for
-        written = time.perf_counter()
-        figures = draw(found)
-        laps["figures"] = time.perf_counter() - written
-        laps["total"] = time.perf_counter() - began
-        result = write_result(folder, found, project, laps)
+        result = write_result(folder, found, project, laps)  # what the figures may not find room for
         interrupted = Outcome.INTERRUPTED.value in found.outcome
-        if not interrupted:
-            run.finish()
-    return Ran(project, found, folder, figures, result, interrupted, laps["total"])
+        figures: tuple[Path, ...] = ()
+        undrawn = ""
+        try:
+            written = time.perf_counter()
+            figures = draw(found)
+            laps["figures"] = time.perf_counter() - written
+            laps["total"] = time.perf_counter() - began
+            result = write_result(folder, found, project, laps)
+            if not interrupted:
+                run.finish()
+        except KeyboardInterrupt:
+            interrupted, undrawn = True, "Interrupted while the figures were drawn."
+        except (InputError, OSError, MemoryError) as error:
+            undrawn = str(error) or "There is not enough memory for the figures."
+    return Ran(project, found, folder, figures, result, interrupted, laps.get("total", time.perf_counter() - began),
+               undrawn)  # fmt: skip
 
 
 def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser: str, **options: Any) -> Fit:
@@ -237,13 +252,24 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
     else:
         console = new_console()
         show_fit(ran, console)
-        if isfinite(ran.fit.cost) and not ran.interrupted:
+        if isfinite(ran.fit.cost) and not ran.interrupted and not ran.undrawn:
             _say_next(ran, console)
+    if ran.undrawn:
+        say_undrawn(ran)
     if not isfinite(ran.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if ran.interrupted:
         sys.stderr.write(f"Interrupted; fracid resume {ran.folder}{' --trust' * bool(ran.project.own_code)} goes on.\n")
         raise typer.Exit(1)
+
+
+def say_undrawn(ran: Ran) -> None:
+    """Say what is there and what is not, and end with 1 after Ctrl-C, else with 2."""
+    sys.stderr.write(
+        f"{printable(ran.undrawn)} The result is whole, in {ran.folder / 'result.json'}; its figures or the report are "
+        f"missing. To draw them: {typed('resume', ran.folder, *['--trust'] * bool(ran.project.own_code))}\n"
+    )
+    raise typer.Exit(1 if ran.interrupted else InputError.exit_code)
 
 
 def _say_next(ran: Ran, console: Console) -> None:
