@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.honesty import after, before, noisy_start
+from fracid.honesty import _most_moved, after, before, noisy_start
 from fracid.identify import identify
 from fracid.memory import compressed, full, short
 from fracid.problem import Experiment, Free, Problem
@@ -199,6 +199,38 @@ def test_a_fault_of_the_project_is_said_before_the_search(fault):
         assert found.number > found.limit
     if code == "coarse-steps":
         assert found.number < found.limit == 20
+
+
+def several(*signals):
+    """A problem of recordings ``swing 1``, ``swing 2``, …"""
+    p = problem(GOOD)
+    return replace(p, experiments=tuple(replace(p.experiments[0], name=f"swing {k}", measured=y)
+                                        for k, y in enumerate(signals, 1)))  # fmt: skip
+
+
+OTHER = release(0.9, seed=2)
+
+
+@pytest.mark.parametrize(
+    ("signals", "where"),
+    [
+        ((GOOD, turned(OTHER, 0)), "swing 2: theta"),
+        ((turned(GOOD, 1), OTHER), "swing 1: theta"),
+        ((turned(GOOD, 0), turned(OTHER, 0)), "swing 1, swing 2: theta"),
+    ],
+)
+def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
+    found = sole(before(several(*signals)), "wrong-sign")
+    assert found.where == where
+    assert "the sign of theta or alpha turned round" in found.sentence  # undriven, nobody can tell which
+    assert codes(before(several(GOOD, OTHER))) == []
+
+
+def test_of_many_recordings_those_that_move_most_are_asked_for_their_signs():
+    small = [release(0.2 + 0.03 * k, seed=k) for k in range(8)]
+    assert codes(before(several(*small, turned(OTHER, 0)))) == ["wrong-sign"]
+    many = several(*small, GOOD, OTHER)
+    assert [e.name for e in _most_moved(many)] == [f"swing {k}" for k in range(3, 11)]
 
 
 def test_what_to_type_mends_it():

@@ -12,8 +12,9 @@ code                asked how; the number
                     How far from hanging [degrees], limit 90; also an offset of more than 11°
 ``stiff``           \|J\|h along the measured motion, for explicit schemes (:mod:`fracid.stiffness`)
 ``coarse-steps``    steps for each period of the fastest oscillation, there
-``wrong-sign``      two swings, fitted as the project says and with the sign of one angle turned round: the part of
-                    the motion that is left over.  Said where it was above 35 %, and falls to less than half
+``wrong-sign``      two swings of each recording, fitted as the project says and with the sign of one angle turned
+                    round: the part of the motion that is left over.  Said where it was above 35 %, and falls to less
+                    than half; of many recordings the eight that move most are asked
 ==================  ==============================================================================================
 
 and of the minimum :func:`after` asks
@@ -76,6 +77,9 @@ SWINGS = 2
 
 SAMPLES = 60
 """Of each of them that are fitted."""
+
+SIGNS = 8
+"""Recordings whose signs are asked for."""
 
 BAD = 0.35
 """Part of the motion that two fitted swings leave over, beyond which other signs are tried."""
@@ -362,25 +366,50 @@ def _worst(found: Iterator[Finding]) -> list[Finding]:
 # --- signs -------------------------------------------------------------------------------------------
 
 
-def _wrong_sign(problem: Problem, jobs: int) -> list[Finding]:
-    """Fit two swings as given; where that is bad, also with one angle's sign turned round."""
+def _wrong_sign(problem: Problem, jobs: int) -> Iterator[Finding]:
+    """Each recording by itself, for each has signs of its own; one finding for those with the same angle turned."""
+    found: dict[tuple[str, ...], list[tuple[str, float, float]]] = {}
+    for e in _most_moved(problem):
+        either, given, best = _turned_round(replace(problem, experiments=(e,)), jobs)
+        if either:
+            found.setdefault(either, []).append((e.name, given, best))
+    for either, recordings in found.items():
+        _, given, best = max(recordings, key=lambda r: r[1] / r[2])
+        names = ", ".join(name for name, _, _ in recordings)
+        yield Finding("wrong-sign", f"{names}: {either[0]}", 100 * given, 100 * BAD, "% of the motion left over",
+            f"two swings, fitted, leave {100 * given:.0f} % of the motion over, and {100 * best:.0f} % with the sign "
+            f"of {' or '.join(either)} turned round: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
+
+
+def _most_moved(problem: Problem) -> list[Experiment]:
+    """Not more than so many recordings, in their order: those in which the angle that moves less moves most."""
+
+    def least(e: Experiment) -> float:
+        return float(np.min(np.ptp(e.measured, axis=0)))
+
+    kept = sorted(problem.experiments, key=least, reverse=True)[:SIGNS]
+    return [e for e in problem.experiments if any(e is other for other in kept)]
+
+
+def _turned_round(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, float]:
+    """Angles of which either, turned round, fits two swings of the one recording; what is left as given, and so.
+
+    None where they fit as they are, or turned round no better.
+    """
     early = _two_swings(problem)
     angles = [] if early is None else _signed(early)
     if early is None or not angles or (given := _left_over(early, jobs)) < BAD:
-        return []
+        return (), 0.0, 0.0
     turned = {o: _left_over(_turned(early, o), jobs) for o in angles}
     best = min(turned.values())
     if not best < min(BAD, BETTER * given):
-        return []
-    either = [o for o in angles if turned[o] < 1.5 * best]
-    return [Finding("wrong-sign", f"{early.experiments[0].name}: {either[0]}", 100 * given, 100 * BAD,
-        "% of the motion left over", f"two swings, fitted, leave {100 * given:.0f} % of the motion over, and "
-        f"{100 * best:.0f} % with the sign of {' or '.join(either)} turned round: it may be wrong. Type sign = -1 in "
-        "its table.")]  # fmt: skip
+        return (), given, best
+    same = len(angles) == 2 and not np.any(early.experiments[0].inputs)  # undriven, one turned is the other turned
+    return tuple(o for o in angles if same or turned[o] < 1.5 * best), given, best
 
 
 def _two_swings(problem: Problem) -> Problem | None:
-    """Of the first recording, every so many samples, by its rmse; None if nothing swings."""
+    """Of the recording, every so many samples, by its rmse; None if nothing swings."""
     e = problem.experiments[0]
     period, begins = min((_swings(y)[1:] for y in e.measured.T if np.ptp(y) > 0), default=(math.inf, 0))
     if not math.isfinite(period) or e.past is not None:
@@ -411,13 +440,18 @@ def _turned(problem: Problem, output: str) -> Problem:
 
 
 def _left_over(problem: Problem, jobs: int) -> float:
-    """The part of the motion that a short search leaves over, rms over the outputs that move; infinite if it fails."""
+    """The part of the motion that a short search leaves over; the start's where that is little already."""
     x = problem.start
-    if problem.names:
+    if problem.names and not _part(problem, x) < BAD:
         result = minimise(problem.evaluate, least_squares(problem.space, None, tolerance=1e-2, budget=6), jobs=jobs)
         if result.interrupted:
             raise KeyboardInterrupt
         x = result.best.point
+    return _part(problem, x)
+
+
+def _part(problem: Problem, x: FloatArray) -> float:
+    """The part of the motion that x leaves over, rms over the outputs that move; infinite if its run fails."""
     e = problem.experiments[0]
     fitted = problem.fitted(x, e)
     if isinstance(fitted, str):
