@@ -520,7 +520,7 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
         for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
             influence = (flat @ v).reshape(n, -1)
             q = np.einsum("to,to->t", influence, influence)
-            pairs = np.fft.irfft(np.abs(np.fft.rfft(q, 2 * n)) ** 2)[:m]  # Σ q_t q_s by lag
+            pairs = _by_lag(q)[:m]
             whole[i] += q.sum()
             scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
             taken[i] += np.sum(_sums(np.einsum("to,toj->tj", influence, moved), m) ** 2) / m  # root' M_t v_i
@@ -541,11 +541,18 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     True
     """
     n = len(scores)
-    power = sum(np.abs(np.fft.rfft(s, 2 * n)) ** 2 for s in scores.T)  # padded: no lag wraps around
-    covariance = np.fft.irfft(power)[: n // 4 + 1]
+    covariance = sum((_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1))
     times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
     wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
     return float(wide_enough[0] if len(wide_enough) else n // 4)
+
+
+def _by_lag(s: FloatArray) -> FloatArray:
+    """Σ s_t s_{t+k} over t for each lag k, shape (n_samples,)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n = next_fast_len(2 * len(s), real=True)  # padded: no lag wraps around; a prime length takes six times the memory
+    return np.asarray(irfft(np.abs(rfft(s, n)) ** 2, n)[: len(s)])
 
 
 def residual_bandwidth(errors: list[FloatArray]) -> float:
