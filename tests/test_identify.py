@@ -314,6 +314,9 @@ def test_a_search_that_stops_short_is_told_how_far():
 def test_a_bound_that_is_reached_is_told():
     fit = identify(problem(orders={"lambda": Free(1.0, 0.95, 1.2), "mu": WIDE["mu"]}))
     assert fit.orders["lambda"].at_bound
+    assert fit.orders["lambda"].bound == 0.95
+    assert fit.orders["mu"].bound is None
+    assert {n: e["bound"] for n, e in fit.to_json()["orders"].items()} == {"lambda": 0.95, "mu": None}
     assert fit.orders["lambda"].identifiable == "at its bound"
     assert "lambda lies at its bound: 0.95; widen it, or the model lacks something." in fit.warnings
 

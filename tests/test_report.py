@@ -418,6 +418,7 @@ def test_the_equations_as_printed_are_those_that_are_solved(zero, sign):
     values |= {n: sign * round(0.01 * rng.uniform(1, 9), 4) for n in friction}
     values = {n: float(f"{v:.5g}") for n, v in values.items()}  # as printed
     constants = {n: {"value": v, "free": False} for n, v in values.items()}
+    constants["drag_alpha"] |= {"value": 1.001 * values["drag_alpha"], "bound": values["drag_alpha"]}  # what it means
     result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
     lines = Reader(equations(model, result, driven=True)["With the numbers found"]).lines
     printed = []

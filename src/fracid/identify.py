@@ -77,6 +77,8 @@ class Estimate:
     interval95: tuple[float, float] | None = None
     """By the sandwich of :mod:`fracid.uncertainty`; of this model, without model error."""
     at_bound: bool = False
+    bound: float | None = None
+    """The bound that it lies at, which is what the value means: a search stops a little before it.  None: at none."""
     identifiable: str = "fixed"
     """The verdict in words: the kinds of :class:`fracid.Verdict`, or what the integer-order rival makes of an order."""
     reason: str = ""
@@ -599,8 +601,9 @@ def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str, verdi
     if isinstance(known, str):
         return Estimate(value, u.unit, True, identifiable=kind)
     se = float(known.standard_error[i])
+    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if known.at_bound[i] else None
     return Estimate(
-        value, u.unit, True, se if np.isfinite(se) else None, known.interval(x, i), bool(known.at_bound[i]),
+        value, u.unit, True, se if np.isfinite(se) else None, known.interval(x, i), bool(known.at_bound[i]), nearer,
         kind, verdict.reason if verdict else "", known.interval(x, i, "white"),
     )  # fmt: skip
 
@@ -672,6 +675,7 @@ def _estimate_json(e: Estimate) -> dict[str, Any]:
         "white95": None if e.white95 is None else list(e.white95),
         "free": e.free,
         "at_bound": e.at_bound,
+        "bound": _number(e.bound),
         "identifiable": e.identifiable,
         "reason": e.reason,
     }

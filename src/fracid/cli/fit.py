@@ -351,7 +351,9 @@ def _print_recordings(console: Console, found: Fit) -> None:
 
 
 def _digits(value: float, e: Estimate) -> str:
-    """As many digits as the standard error makes worth reading, and two more."""
+    """As many digits as the standard error makes worth reading, and two more; the bound where it lies at one."""
+    if e.bound is not None:
+        return f"{e.bound:.6g}"
     if e.standard_error is None or not e.standard_error > 0 or value == 0:
         return f"{value:.6g}"
     wanted = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
@@ -362,7 +364,7 @@ def _interval(e: Estimate) -> str:
     if not e.free:
         return "fixed"
     if e.interval95 is None:
-        return "none"
+        return "none" if e.bound is None else "at its bound"
     return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
 
 

@@ -129,7 +129,8 @@ class _Writer:
             return []
         value = self.constants[name]["value"]
         negative = self.numbers and value is not None and value < 0
-        e = {**self.constants[name], "value": -value} if negative else None
+        turned = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
+        e = {**self.constants[name], **turned} if negative else None
         size = _number(digits(e)) if e else self(name)
         return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
 

@@ -70,11 +70,17 @@ def number(value: float | None, form: str = ".4g") -> str:
 def digits(estimate: Mapping[str, Any]) -> str:
     """A value of result.json with as many digits as its standard error makes worth reading, and two more.
 
+    One that lies at a bound is that bound: the search stops a little before it.
+
     Examples
     --------
     >>> digits({"value": 0.0042925934, "standard_error": 0.000296}), digits({"value": 1.0})
     ('0.00429', '1')
+    >>> digits({"value": 2.7e-20, "standard_error": None, "bound": 0.0})
+    '0'
     """
+    if estimate.get("bound") is not None:
+        return number(estimate["bound"], ".6g")
     value, error = estimate.get("value"), estimate.get("standard_error")
     if value is None or not error or value == 0:
         return number(value, ".6g")
