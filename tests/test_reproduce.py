@@ -137,7 +137,7 @@ def another_recording(sent):
     [
         (unfinished, "is not finished; type fracid resume"),
         (another_recording, "is not the one that"),
-        (lambda sent: (sent / "result.json").unlink(), "is not finished; type fracid resume"),
+        (lambda sent: (sent / "result.json").unlink(), "was finished, but its result.json cannot be read"),
         (lambda sent: (sent / "run.json").unlink(), "has no run.json"),
         (lambda sent: (sent / "project.toml").write_text(PROJECT.replace("swing", "swung")), "cannot be read as"),
     ],

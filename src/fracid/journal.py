@@ -35,6 +35,7 @@ from types import TracebackType
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
+from fracid.shape import json_of
 
 __all__ = ["FolderLock", "Journal", "Json", "append_whole", "refuse_links", "whole_lines"]
 
@@ -248,7 +249,7 @@ def _read(path: Path, study: dict[str, Json], file: RawIOBase) -> tuple[dict[str
 def _line(text: bytes) -> dict[str, Json] | None:
     """One line; None where it is damaged."""
     try:
-        content = json.loads(text)
+        content = json_of(text)
     except ValueError:
         return None
     return content if isinstance(content, dict) else None
@@ -326,28 +327,27 @@ class FolderLock:
 def refuse_links(folder: Path) -> None:
     """Refuse a run folder with links in it: what is written there must not end elsewhere, over a file of the caller's.
 
+    Pipes and devices too: who reads them waits for ever.
+
     Raises
     ------
     InputError
-        Naming the first link, in the folder or in one of its folders.
+        Naming the first, in the folder or anywhere below.
 
     Examples
     --------
     >>> import tempfile
     >>> refuse_links(Path(tempfile.mkdtemp()))
     """
-    try:
-        entries = [*folder.iterdir()]
-        inner = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
-        entries += [entry for place in inner for entry in place.iterdir()]
-    except OSError:  # told by who needs it
-        return
-    for entry in entries:
-        if entry.is_symlink():
-            raise InputError(
-                f"{entry} is a link, and what is written to a run folder stays in it: remove the link, or give another "
-                "folder."
-            )
+    for place, folders, files in os.walk(folder):
+        for entry in (Path(place, name) for name in sorted(folders) + sorted(files)):
+            if entry.is_symlink():
+                raise InputError(
+                    f"{entry} is a link, and what is written to a run folder stays in it: remove the link, or give "
+                    "another folder."
+                )
+            if not (entry.is_file() or entry.is_dir()):
+                raise InputError(f"{entry} is no plain file but a pipe or a device: remove it, or give another folder.")
 
 
 _GUARD = threading.Lock()

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Literal
 
 from fracid.errors import InputError
+from fracid.shape import read_as
 
 __all__ = ["Kind", "kind_of", "refuse_mistaken"]
 
@@ -112,12 +113,10 @@ def _instead(path: Path, wanted: Kind, kind: Kind) -> str:
 
 def _project_of(folder: Path) -> str:
     """The project that a run was made of, as it was typed."""
-    import json
-
     try:
-        words = json.loads((folder / "environment.json").read_text(encoding="utf-8"))["command"]
-        return _typed(Path(next(word for word in words if str(word).endswith(".toml"))))
-    except (OSError, ValueError, KeyError, TypeError, StopIteration):
+        words = read_as(folder / "environment.json", {"command": [str]}, "")["command"]
+        return _typed(Path(next(word for word in words if word.endswith(".toml"))))
+    except (OSError, InputError, StopIteration):
         return "PROJECT"
 
 

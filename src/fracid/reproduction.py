@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
+from fracid.shape import ENVIRONMENT, FIT_OPTIONS, fault_of, read_as
 
 if TYPE_CHECKING:
     from fracid.saved import SavedRun
@@ -175,6 +176,8 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     state = run_state(run.folder)
     if not state.finished:
         raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
+    if fault := fault_of(state.options, FIT_OPTIONS):
+        raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
     with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
         fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
     return compared(run.result, result_of(fit, run.project, {}), _changed(run, state.inputs))
@@ -201,8 +204,8 @@ def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, s
         if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
     }
     try:
-        there = json.loads((run.folder / "environment.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        there = read_as(run.folder / "environment.json", ENVIRONMENT, "fracid fit PROJECT")
+    except OSError:
         there = {}
     here = machine()
     return found | {

@@ -9,11 +9,13 @@ A run folder has no samples.  :func:`load_run` reads the project and its recordi
 is not that of the run's, and simulates with the values of ``result.json``, validation recordings with their own.  A
 float goes through JSON unchanged, so the same versions give the same trajectories to the last bit; where the rmse
 does differ from the saved one a note says so.
+
+The folder may come from a stranger or from a dying disc.  Each file must be of its :mod:`shape <fracid.shape>`, and
+``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders, values within their bounds.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -26,6 +28,7 @@ from numpy.typing import NDArray
 
 from fracid.cut import CutCheck
 from fracid.errors import FracidError, InputError, NotTrusted
+from fracid.foreign import ascii_short
 from fracid.identify import Estimate, RecordingFit
 from fracid.journal import refuse_links
 from fracid.mistaken import refuse_mistaken
@@ -33,6 +36,7 @@ from fracid.pictures import FitPictures
 from fracid.problem import Experiment, Problem
 from fracid.project import Project, project_from_text
 from fracid.search import Start
+from fracid.shape import RESULT, json_of, must_be, text_of
 
 __all__ = ["SavedRun", "load_run"]
 
@@ -40,6 +44,12 @@ FloatArray = NDArray[np.float64]
 
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""
+
+LARGEST_PROJECT = 1 << 23
+"""Bytes of a project file."""
+
+MOST_WORDS = 1000
+"""Of a command, that are looked at for a project file."""
 
 
 @dataclass(frozen=True)
@@ -162,17 +172,62 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
-    return SavedRun(folder, result, project, _values(result))
+    run = SavedRun(folder, result, project, _values(result))
+    if fault := next(_strange(run), ""):
+        raise InputError(f"{folder / 'result.json'} is not of the project beside it: {fault}. Fit it again.")
+    return run
+
+
+def _strange(run: SavedRun) -> Iterator[str]:
+    """What result.json says that no fit of this project says, in words."""
+    result, project, model = run.result, run.project, run.problem.model
+    if set(result["recordings"]) != {r.name for r in project.recordings}:
+        yield "its recordings are others"
+    if missing := set(model.order_names) - set(result["orders"]):
+        yield f"it has no order {min(missing)!r}"
+    outputs = set(run.problem.outputs)
+    for name, r in result["recordings"].items():
+        if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:
+            yield f"the outputs of {ascii_short(name)} are others"
+    problems = (run.problem, *(run.problem.with_shared(run.x, (e,)) for e in project.validation))
+    for u in (u for problem in problems for u in problem.unknowns):
+        low, high = u.range.lower, u.range.upper
+        slack = DIFFERENT * (high - low if math.isfinite(high - low) else abs(run.values.get(u.name, 0.0)))
+        if not low - slack <= run.values.get(u.name, u.range.start) <= high + slack:
+            yield f"{u.name} = {run.values[u.name]:.6g} is outside of its bounds, {low:.6g} to {high:.6g}"
+    yield from _strange_blocks(result)
+
+
+def _strange_blocks(result: Mapping[str, Any]) -> Iterator[str]:
+    """Blocks that name what others have."""
+    joined = {s["origin"]: s["joined"] for s in result.get("starts", [])}
+    for origin in joined:
+        way = [origin]
+        while (after := joined.get(way[-1])) is not None and len(way) <= len(joined):
+            way.append(after)
+        if way[-1] not in joined or len(way) > len(joined):
+            yield f"the start {origin} joined one that is not there"
+    check, spread, cut = result.get("discretisation"), result.get("spread"), result.get("cut")
+    if check and not set(check["shift"]) == set(check["orders"]) <= set(result["orders"]):
+        yield "the orders of its discretisation are others"
+    if spread and any(len(u[key]) != len(spread["recordings"]) for u in spread["unknowns"].values()
+                      for key in ("values", "standard_errors")):  # fmt: skip
+        yield "its spread is of other recordings"
+    if cut and any(set(t["orders"]) != set(cut["as_fitted"]["orders"]) or set(t["shift"]) != set(t["orders"])
+                   for t in cut["treatments"].values()):  # fmt: skip
+        yield "the orders of its cut are others"
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(content, dict):
-            return content
+        found = json_of(text_of(path))
     except (OSError, ValueError):
-        pass
+        found = None
+    if isinstance(found, dict):
+        return dict(must_be(found, RESULT, path, "fracid fit PROJECT"))
     kind = _optional(path.parent / "run.json", "kind", "")
+    if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
+        raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
     if kind == "fit":
         raise InputError(f"The fit in {path.parent} is not finished; type fracid resume {path.parent}.")
     if kind:
@@ -185,17 +240,20 @@ def _read(path: Path) -> dict[str, Any]:
 def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
     """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
     try:
-        text = (folder / "project.toml").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = text_of(folder / "project.toml", LARGEST_PROJECT)
+    except (OSError, ValueError):
         raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
     there = [path for path in _places(folder) if path.parent.is_dir()]
     there.sort(key=lambda path: _text(path) != text)  # the file itself first, then where it was
     reason = ""
     for path in (*there, folder / "project.toml"):
         try:
-            return project_from_text(text, path, preset=result.get("preset"), trust=trust)
+            return project_from_text(text, path, preset=result.get("preset"))
         except NotTrusted:
-            raise
+            if not trust:
+                raise
+            # there and nowhere else: it is the file that was named to be read
+            return project_from_text(text, path, preset=result.get("preset"), trust=True)
         except FracidError as error:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
@@ -203,10 +261,10 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
 
 
 def _text(path: Path) -> str | None:
-    """What a file says, None without one."""
+    """What a project file says, None without one."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
+        return text_of(path, LARGEST_PROJECT)
+    except (OSError, ValueError):
         return None
 
 
@@ -216,7 +274,8 @@ def _places(folder: Path) -> Iterator[Path]:
         *_optional(folder / "environment.json", "command", []),
         *_optional(folder / "run.json", "options", {}).values(),
     ]
-    for word in dict.fromkeys(str(w) for w in said if str(w).endswith(".toml")):
+    words = [w for w in said[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
+    for word in dict.fromkeys(words):
         yield from (place / word for place in (Path(), *folder.resolve().parents))
     yield from (Path(__file__).parent / "twins").glob("*.toml")  # the demo's
 
@@ -224,7 +283,7 @@ def _places(folder: Path) -> Iterator[Path]:
 def _optional(path: Path, key: str, otherwise: Any) -> Any:
     """What a file says, where there is one."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))[key]
+        found = json_of(text_of(path))[key]
     except (OSError, ValueError, KeyError, TypeError):
         return otherwise
     return found if isinstance(found, type(otherwise)) else otherwise

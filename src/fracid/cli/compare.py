@@ -18,6 +18,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
 from fracid.foreign import csv_cell, file_stems
+from fracid.shape import lines_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -148,11 +149,7 @@ def _begin(folder: Path, study: Mapping[str, Any]) -> None:
 
 
 def _header(journal: Path) -> Any:
-    try:
-        with journal.open(encoding="utf-8") as lines:
-            return json.loads(lines.readline())["study"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    return next((line["study"] for line in lines_of(journal, {"study": dict})), None)
 
 
 # ------------------------------------------------------------------ from results to files

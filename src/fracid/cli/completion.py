@@ -7,12 +7,14 @@ and a completion must not be waited for; a test compares them with those tables.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import typer
+
+from fracid.errors import InputError
+from fracid.shape import RESULT, read_as
 
 __all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS",
            "from_run", "one_of"]  # fmt: skip
@@ -60,8 +62,8 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
 def _result(run: Path) -> Any:
     """The content of a run's result; None where there is none."""
     try:
-        return json.loads((run / "result.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_as(run / "result.json", RESULT, "")
+    except (OSError, InputError):
         return None
 
 

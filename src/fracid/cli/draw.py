@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +12,15 @@ import typer
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
 from fracid.cli.completion import RIGS, one_of
 from fracid.errors import InputError
+from fracid.shape import (
+    COMPARISON,
+    PROFILES,
+    STUDY,
+    fault_of_comparison,
+    fault_of_profiles,
+    fault_of_study,
+    read_as,
+)
 
 if TYPE_CHECKING:
     from fracid.cli.drawing import Figures
@@ -106,10 +115,13 @@ def _of_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
 
 def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
     """All that can be drawn of what lies there."""
-    if (compared := _read(folder / "compare.json")) is not None:
-        return _of_comparison(compared, style)
-    if not (folder / "result.json").exists() and (studied := _read(folder / "noise.json")) is not None:
-        return _of_study(studied, style)
+    from fracid.journal import refuse_links
+
+    refuse_links(folder)
+    if (folder / "compare.json").exists():
+        return _of_comparison(folder / "compare.json", style)
+    if not (folder / "result.json").exists() and (folder / "noise.json").exists():
+        return _of_study(folder / "noise.json", style)
     from fracid.saved import load_run
 
     return _of_run(load_run(folder, trust=trust), style, jobs)
@@ -146,26 +158,29 @@ def _of_tests(run: SavedRun, style: str) -> Figures:
 def _of_profiles(run: SavedRun, style: str) -> Figures:
     from fracid.profiles import Profiles
 
-    said = _read(run.folder / "profiles.json")
-    if said is not None:
+    path = run.folder / "profiles.json"
+    if path.exists():
+        said = _read(path, PROFILES, "fracid profile RUN", fault_of_profiles)
+        if not set(run.problem.names) <= set(said["minimum"]):
+            raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
         yield "profiles", Profiles.of_json(said, run.problem).plot(style=style)
 
 
-def _of_comparison(said: dict[str, Any], style: str) -> Figures:
+def _of_comparison(path: Path, style: str) -> Figures:
     from fracid.compare import Comparison
     from fracid.foreign import file_stems
 
-    found = Comparison.of_json(said)
+    found = Comparison.of_json(_read(path, COMPARISON, "fracid compare PROJECT", fault_of_comparison))
     yield "ladder", found.plot(style=style)
     for name, stem in file_stems(found.amplitude).items():
         if found.amplitude[name].drifts:
             yield f"amplitude-{stem}", found.amplitude[name].plot(style=style)
 
 
-def _of_study(said: dict[str, Any], style: str) -> Figures:
+def _of_study(path: Path, style: str) -> Figures:
     from fracid.studies import SavedStudy
 
-    found = SavedStudy.of_json(said)
+    found = SavedStudy.of_json(_read(path, STUDY, "fracid noise RUN", fault_of_study))
     if any(s.estimates for cell in found.cells for s in cell.unknowns.values()):
         yield "noise", found.plot(style=style)
 
@@ -183,12 +198,9 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
             yield f"linear-{posture}", found.plot(posture, style=style)
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    """A JSON file, None where there is none."""
+def _read(path: Path, shape: Any, wrote: str, between: Callable[[Any], str]) -> Any:
+    """A JSON file of that shape, whose parts fit together."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        return None
-    except ValueError:
-        raise InputError(f"{path} cannot be read as JSON; write it again with the command that made it.") from None
-    return found if isinstance(found, dict) else None
+        return read_as(path, shape, wrote, between)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or 'it is no plain file'}.") from None

@@ -19,6 +19,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.resume import ADDRESS, safe_words, said_command
 from fracid.errors import InputError
+from fracid.shape import lines_of, read_as
 from fracid.surroundings import ignore_settings
 
 if TYPE_CHECKING:
@@ -57,10 +58,12 @@ def reproduce(
     same to 1e-9.  Says what differs, what was found first.  Nothing is written into the run's folder.  Exit code 0 if
     it came out the same, 1 if not.
     """
+    from fracid.journal import refuse_links
     from fracid.mistaken import refuse_mistaken
 
     if not run.is_dir():
         refuse_mistaken(run, "run")
+    refuse_links(run)
     began = time.perf_counter()
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is None or (run / "result.json").exists():
@@ -151,16 +154,15 @@ def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
 
 def _header(journal: Path) -> dict[str, Any]:
     try:
-        with journal.open(encoding="utf-8") as lines:
-            return dict(json.loads(lines.readline())["study"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return dict(next(lines_of(journal, {"study": dict}))["study"])
+    except StopIteration:
         raise InputError(f"{journal.parent} has no journal that can be read: it cannot be done again.") from None
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        return dict(read_as(path, dict, "the command itself"))
+    except OSError:
         raise InputError(f"{path} cannot be read: there is nothing to compare.") from None
 
 

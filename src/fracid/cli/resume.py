@@ -29,6 +29,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Trust, app
 from fracid.cli.completion import EXECUTORS, one_of
 from fracid.errors import InputError, NotTrusted
+from fracid.shape import ENVIRONMENT, FIT_OPTIONS, RESULT, fault_of, read_as
 from fracid.surroundings import ignore_settings
 
 if TYPE_CHECKING:
@@ -76,11 +77,13 @@ def resume(
     Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
     the command itself; 0 too if the run is finished already.
     """
+    from fracid.journal import refuse_links
     from fracid.mistaken import refuse_mistaken
     from fracid.runs import JOURNAL, RUN, run_state
 
     if not run.is_dir():
         refuse_mistaken(run, "run")
+    refuse_links(run)
     if (run / RUN).exists() or not (run / JOURNAL).exists():
         state = run_state(run)
         if state.kind not in KINDS:
@@ -114,11 +117,15 @@ def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, tru
     from fracid.cli.fit import run_fit, tell_fit
 
     if finished:
-        typer.echo((folder / "result.json").read_text(encoding="utf-8") if json_ else
-                   f"{folder} is finished; its result is {folder / 'result.json'}.")  # fmt: skip
+        path = folder / "result.json"
+        try:
+            result = read_as(path, RESULT, "fracid fit PROJECT")
+        except OSError:
+            raise InputError(f"The fit in {folder} was finished, but {path} cannot be read; fit it again.") from None
+        typer.echo(json.dumps(result, indent=2) if json_ else f"{folder} is finished; its result is {path}.")
         return
-    if not {"project", *ASKED} <= set(options):
-        raise InputError(f"{folder} was written by another version of fracid: its run.json lacks an option.")
+    if fault := fault_of(options, FIT_OPTIONS):
+        raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
     how = {name: options[name] for name in ASKED}
     ran = run_fit(Path(str(options["project"])), folder, jobs=jobs, quiet=json_, resume=True, trust=trust, **how)
     tell_fit(ran, json_=json_)
@@ -150,9 +157,11 @@ def _typed_again(
 def said_command(folder: Path) -> tuple[list[str], Path]:
     """What was typed for a study, and where, by its environment.json."""
     try:
-        said = json.loads((folder / "environment.json").read_text(encoding="utf-8"))
-        return [str(word) for word in said["command"]], Path(said["directory"])
-    except (OSError, ValueError, KeyError, TypeError):
+        said = read_as(folder / "environment.json", ENVIRONMENT, "the command itself")
+        if "\0" in "".join([*said["command"], said["directory"]]):
+            raise KeyError("command")
+        return said["command"], Path(said["directory"])
+    except (OSError, InputError, KeyError):
         raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
 
 

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import InputError
 from fracid.journal import append_whole, whole_lines
+from fracid.shape import json_of, must_be
 
 __all__ = [
     "Ask",
@@ -218,8 +219,8 @@ class EvaluationLog:
 def _seconds(lines: list[bytes]) -> float:
     """Where the clock of an older log stood."""
     try:
-        return float(json.loads(lines[-1])["seconds"])
-    except (IndexError, ValueError, KeyError, TypeError):
+        return float(must_be(json_of(lines[-1]), {"seconds": float}, Path("log"), "")["seconds"])
+    except (IndexError, ValueError, InputError):
         return 0.0
 
 

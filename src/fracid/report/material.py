@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
-from collections.abc import Mapping
+from array import array
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +19,17 @@ from fracid.recording import Recording, inspect_recording
 from fracid.report.words import number
 from fracid.residuals import residual_analysis
 from fracid.runs import EVALUATIONS
+from fracid.shape import (
+    COMPARISON,
+    ENVIRONMENT,
+    EVALUATION,
+    PROFILES,
+    RESULT,
+    fault_of_comparison,
+    fault_of_profiles,
+    lines_of,
+    read_as,
+)
 
 if TYPE_CHECKING:
     from fracid.diagnostics import CostPlane
@@ -27,12 +38,20 @@ if TYPE_CHECKING:
     from fracid.residuals import ResidualAnalysis
     from fracid.saved import SavedRun
 
-__all__ = ["Material"]
+__all__ = ["Material", "tried"]
 
 FloatArray = NDArray[np.float64]
 
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
+
+
+BESIDE: dict[str, tuple[Any, str, Callable[[Any], str]]] = {
+    "profiles.json": (PROFILES, "fracid profile RUN", fault_of_profiles),
+    "compare.json": (COMPARISON, "fracid compare PROJECT --out RUN", fault_of_comparison),
+    "environment.json": (ENVIRONMENT, "fracid fit PROJECT", lambda _: ""),
+}
+"""Files that the report looks at → their shape, what writes them, and what does not fit together in one."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +79,10 @@ class Material:
     @classmethod
     def of_fit(cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None) -> Material:
         """From a fit that has just been written to its folder."""
-        result = _read(folder / "result.json")
-        if result is None:
-            raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.")
+        try:
+            result = read_as(folder / "result.json", RESULT, "fracid fit PROJECT")
+        except OSError:
+            raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
         return cls(folder, result, project, fit.x, fit.recordings, plane)
 
     def used(self, use: str) -> dict[str, Any]:
@@ -103,13 +123,28 @@ class Material:
         """The plane's two orders at all evaluations of the log, shape (n, 2)."""
         if self.plane is None:
             return np.empty((0, 2))
-        points = [line.get("point", {}) for line in _lines(self.folder / EVALUATIONS)]
-        names = self.plane.names
-        return np.array([[p[n] for n in names] for p in points if all(n in p for n in names)]).reshape(-1, 2)
+        return tried(self.folder, self.plane.names)
 
     def beside(self, name: str) -> dict[str, Any] | None:
         """A JSON file of the run folder; None where there is none that can be read."""
-        return _read(self.folder / name)
+        return self._beside[0].get(name)
+
+    @property
+    def left_out(self) -> list[str]:
+        """Which of these are damaged, and left out for that."""
+        return self._beside[1]
+
+    @cached_property
+    def _beside(self) -> tuple[dict[str, Any], list[str]]:
+        found, damaged = {}, []
+        for name, (shape, wrote, between) in BESIDE.items():
+            try:
+                found[name] = read_as(self.folder / name, shape, wrote, between)
+            except OSError:
+                continue
+            except InputError as error:
+                damaged.append(f"{error} It is left out here.")
+        return found, damaged
 
 
 def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
@@ -132,24 +167,10 @@ def _whole(recording: Recording, said: Mapping[str, Any], signals: tuple[str, ..
         return recording
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
-def _lines(path: Path) -> list[dict[str, Any]]:
-    """The lines of a log; a torn last one is left out."""
-    found = []
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return []
-    for line in text.splitlines():
-        try:
-            found.append(json.loads(line))
-        except ValueError:
-            continue
-    return [line for line in found if isinstance(line, dict)]
+def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
+    """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""
+    flat = array("d")
+    for line in lines_of(folder / EVALUATIONS, EVALUATION):
+        if all(n in line["point"] for n in names):
+            flat.extend(line["point"][n] for n in names)
+    return np.array(flat).reshape(-1, 2)
