@@ -13,6 +13,7 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"errors", "units"},
+    {"shape"},
     {"findings", "foreign", "journal", "memo", "mistaken", "own_code", "pictures", "style", "surroundings", "triangle"},
     {"fractional", "recording", "costs", "models", "optimise"},
     {"compiling", "executor", "same_code"},
