@@ -253,3 +253,110 @@ def test_a_process_beside_does_not_hear_ctrl_c_from_its_first_moment_on():
             found = pool.submit(_blocked)
         assert found.result()
     assert not _blocked()
+
+
+# --- from Python, as a newcomer writes it ------------------------------------------------------------------
+
+
+def decay(t, x, u, p, out):
+    out[0] = -p[0] * x[0]
+
+
+def wraps_in_place(t, x, u, p, out):
+    x[0] = x[0] % 1.5
+    out[0] = -x[0]
+
+
+def counts_calls(t, x, u, p, out):
+    p[0] += 1.0
+    out[0] = -x[0]
+
+
+SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters": [1.0]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"initial": np.ma.masked_array([1.0], [True])}, "some values are masked"),
+        ({"inputs": np.ones((101, 1), complex)}, "expected numbers"),
+        ({"inputs": np.ones((1, 101))}, "Turn it round: inputs.T."),
+        ({"inputs": np.full((101, 1), np.nan)}, "every value must be a finite number"),
+        ({"step": "0.01"}, "step = '0.01': expected a number of seconds."),
+        ({"step": None}, "step = None: expected a number of seconds."),
+        ({"step": 1e-12, "end": 1e6}, "makes 1e+18 steps; give a longer one"),
+        ({"end": [1.0]}, "end = [1.0]: expected a number of seconds."),
+        ({"tolerance": "a"}, "tolerance = 'a': expected a number above 0."),
+        ({"limit": -1.0}, "limit = -1.0: expected a number above 0."),
+        ({"limit": np.nan}, "limit = nan: expected a number above 0."),
+        ({"times": []}, "times must be a list of times"),
+        ({"rhs": wraps_in_place, "initial": [2.0]}, "wraps_in_place changes x, which is not its own"),
+        ({"rhs": counts_calls}, "counts_calls changes p, which is not its own"),
+    ],
+)
+def test_what_cannot_be_solved_as_given_is_a_sentence(changed, says):
+    with pytest.raises(InputError) as refused:
+        fracid.solve_fde(**{"rhs": decay, **SOLVED, **changed})
+    assert says in str(refused.value)
+    assert len(str(refused.value)) < 300
+
+
+def test_what_is_given_is_neither_changed_nor_need_it_lie_in_one_piece():
+    states = np.arange(8.0)[::4][:1] + 1.0
+    states.setflags(write=False)
+    parameters = np.array([[1.0, 9.0]], dtype=np.float32)[:, :1].ravel()
+    given = {**SOLVED, "initial": states, "parameters": parameters, "inputs": np.zeros((202, 2))[::2, :1]}
+    assert fracid.solve_fde(decay, **given).states == pytest.approx(fracid.solve_fde(decay, **SOLVED).states, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"model": "srv02-rotpen"}, "fracid.rotary_pendulum('srv02-rotpen')"),
+        ({"initial": {"alpha": "10deg"}}, "numpy.radians(10)"),
+    ],
+)
+def test_a_simulation_that_is_asked_for_wrongly_is_a_sentence(changed, says):
+    asked = {"model": fracid.rotary_pendulum("srv02-rotpen"), "orders": 1.0, "initial": {}, "step": 0.01, "end": 1.0}
+    with pytest.raises(InputError) as refused:
+        fracid.simulate(**{**asked, **changed})
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("time", "signals", "units", "says"),
+    [
+        (T, {"alpha": ALPHA + 0j}, None, "s: alpha is no array of real numbers"),
+        (np.datetime64("2026-01-01") + (1e3 * T).astype("m8[ms]"), {"alpha": ALPHA}, None, "time is no array of real"),
+        (T, {"alpha": np.full(T.size, "a")}, None, "alpha is no array of real numbers"),
+        (T, {"alpha": np.degrees(ALPHA)}, {"alpha": "deg"}, "Degrees: numpy.radians(samples)."),
+        (T, {"alpha": ALPHA}, {"alfa": "rad"}, "the unit 'rad' of 'alfa' is not possible"),
+        (T, {}, None, "no signal"),
+        (T * np.nan, {"alpha": ALPHA}, None, "2000 time stamps are not finite"),
+    ],
+)
+def test_arrays_that_are_no_recording_are_refused(time, signals, units, says):
+    with pytest.raises(InputError) as refused:
+        Recording.of("s", time, signals, units)
+    assert says in str(refused.value)
+
+
+def test_what_is_masked_in_an_array_is_missing_and_makes_the_recording_unfit():
+    assert Recording.of("s", T, {"alpha": np.ma.masked_greater(ALPHA, 1.0)}).report.level == "unfit"
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"problem": "rig.toml"}, 'fracid.identify(fracid.load_project("rig.toml"))'),
+        ({"validation": (1,)}, 'a project has its own, by use = "validate"'),
+        ({"seed": -1}, "seed = -1; expected a whole number, 0 or more."),
+        ({"seed": 1.5}, "seed = 1.5; expected a whole number"),
+        ({"starts": 0}, "starts = 0; expected a whole number, 1 or more."),
+        ({"executor": "gpu"}, "There is no executor 'gpu'"),
+    ],
+)
+def test_what_cannot_be_identified_as_asked_is_a_sentence_before_anything_is_searched(project, asked, says):
+    with pytest.raises(InputError) as refused:
+        fracid.identify(**{"problem": fracid.load_project(project), **asked})
+    assert says in str(refused.value)

@@ -229,7 +229,7 @@ def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Itera
     """
     if name in EXECUTORS:
         return EXECUTORS[name]
-    if "://" in name:
+    if "://" in str(name):
         return lambda work, tasks, _: _on_cluster(work, tasks, name)
     raise InputError(
         f"There is no executor {name!r}; type one of {', '.join(EXECUTORS)}, or the address of a Dask scheduler, "

@@ -44,6 +44,8 @@ from fracid.alternative import Alternative, integer_alternative
 from fracid.bootstrap import Spread, spread
 from fracid.cut import CutCheck, cut_check, whole_records
 from fracid.diagnostics import Verdict, identifiability
+from fracid.errors import InputError
+from fracid.executor import executor_from_name
 from fracid.findings import Finding
 from fracid.honesty import after, before, failed
 from fracid.journal import Journal
@@ -337,6 +339,11 @@ def identify(
     whole: Mapping[str, Experiment] = {}
     reports: Mapping[str, Report] | None = None
     if not isinstance(problem, Problem):
+        if not hasattr(problem, "problem"):
+            raise InputError(f"identify takes a project or a problem, and {problem!r} is none. For a project file type "
+                             'fracid.identify(fracid.load_project("rig.toml")).')  # fmt: skip
+        if validation:
+            raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem
         reports = {r.name: r.report for r in project.recordings}
         whole = whole_records(project) if cut else {}
@@ -344,12 +351,15 @@ def identify(
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more.")
+    executor_from_name(executor)
     refuse_twins([*problem.experiments, *validation])
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
     clock.lap("look")
-    result, made = search(problem, name, rng, jobs=jobs, starts=starts or 1, watch=watch, options=dict(options or {}),
-                          executor=executor, journal=journal)  # fmt: skip
+    result, made = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
+                          options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
     found = _Findings(problem, result, made, seen=[*seen])
     if not np.isfinite(result.best.cost):

@@ -60,6 +60,9 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
+MOST_STEPS = 1e15
+"""Whole numbers beyond it are no exact floats, and a year of computing."""
+
 
 class PaperSchemeWarning(UserWarning):
     """``gl-paper`` is asked for where it does not converge."""
@@ -231,6 +234,8 @@ def simulate(
     >>> run.states.shape
     (2001, 4)
     """
+    if not hasattr(model, "parameter_vector"):
+        raise InputError(f"model = {model!r}: expected a model, for example fracid.rotary_pendulum('srv02-rotpen').")
     values = model.parameter_vector(parameters)
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
@@ -249,7 +254,10 @@ def _named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatA
     for name in values:
         if name not in model.states:
             raise InputError(f"There is no state {name!r}; {model.name} has {', '.join(map(repr, model.states))}.")
-    return np.array([values.get(name, other) for name in model.states], dtype=np.float64)
+    try:
+        return np.array([values.get(name, other) for name in model.states], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{dict(values)}: expected numbers, of angles in rad: numpy.radians(10).") from None
 
 
 def time_scale(model: Model, values: FloatArray) -> float:
@@ -290,6 +298,9 @@ def _solve(
     u = _inputs(inputs, len(past) + steps, n_inputs)
     p = vector("parameters", parameters)
     box, wanted = _bounds(bounds, x0), _times(times, start, end)
+    for name, value in (("tolerance", tolerance), ("limit", limit)):
+        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu" or not value > 0:
+            raise InputError(f"{name} = {value!r}: expected a number above 0.")
     chosen, kept = _method(method, corrections), memory_from_name(memory, tolerance)
     if not (isinstance(every, int | np.integer) and every >= 1):
         raise InputError(f"every = {every!r}: give a whole number of at least 1.")
@@ -333,7 +344,7 @@ def integrate(
 ) -> Trajectory:
     """Run a compiled right-hand side with everything checked already: the core of :func:`solve_fde`."""
     past = initial[None] if history is None else np.vstack([history, initial])
-    states = np.empty((steps // every + 1, len(initial)))
+    states = _room(steps, every, len(initial))
     states[0] = initial
     gain = step**orders * time_scale ** (1 - orders)
     kernels = _kernels(memory, method.family, orders, steps + len(past) - 1)
@@ -351,6 +362,15 @@ def integrate(
         start + np.arange(kept, dtype=np.float64) * (step * every), states[:kept], _OUTCOMES[how], step, name,
         memory.name, orders, start - step * (len(past) - 1),
     )  # fmt: skip
+
+
+def _room(steps: int, every: int, states: int) -> FloatArray:
+    """For what is stored."""
+    try:
+        return np.empty((steps // every + 1, states))
+    except (MemoryError, ValueError):
+        raise InputError(f"{steps:.3g} steps of {states} states are more than there is memory for. Give a longer step, "
+                         "or store every so many only: every=1000.") from None  # fmt: skip
 
 
 def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int) -> Kernels:
@@ -387,6 +407,9 @@ def _initial_and_orders(
 
 def _steps(step: float, start: float, end: float, exact: bool) -> tuple[float, int]:
     """The step and how many of them; `exact` where samples are given, which fix it."""
+    for name, given in (("step", step), ("start", start), ("end", end)):
+        if np.ndim(given) or np.asarray(given).dtype.kind not in "fiu":
+            raise InputError(f"{name} = {given!r}: expected a number of seconds.")
     if not (math.isfinite(step) and step > 0):
         raise InputError(f"step = {step!r}: the step must be a positive number of seconds.")
     if not math.isfinite(start):
@@ -394,6 +417,10 @@ def _steps(step: float, start: float, end: float, exact: bool) -> tuple[float, i
     if not (math.isfinite(end) and end > start):
         raise InputError(f"end = {end!r}: the end must be a number of seconds after the start, {start:g}.")
     duration = end - start
+    if not duration / step < MOST_STEPS:
+        raise InputError(
+            f"step = {step:g} from {start:g} to {end:g} makes {duration / step:.3g} steps; give a longer one."
+        )
     steps = max(1, round(duration / step))
     if abs(steps * step - duration) <= 1e-6 * step * max(1.0, 1e-6 * steps):
         return float(step), steps
@@ -440,7 +467,7 @@ def _times(times: ArrayLike | None, start: float, end: float) -> FloatArray | No
     if times is None:
         return None
     wanted = vector("times", times)
-    if wanted.ndim != 1 or np.any(np.diff(wanted) < 0):
+    if wanted.ndim != 1 or not wanted.size or np.any(np.diff(wanted) < 0):
         raise InputError("times must be a list of times in ascending order.")
     for t in wanted[(wanted < start) | (wanted > end)]:
         raise InputError(f"times: {t:g} is not between start = {start:g} and end = {end:g}.")
@@ -452,6 +479,9 @@ def _inputs(inputs: ArrayLike | None, steps: int, count: int | None = None) -> F
         return np.zeros((1, 0))
     u = vector("inputs", inputs)
     u = np.ascontiguousarray(u.reshape(len(u), -1))
+    if count is None and len(u) == 1 and u.shape[1] == steps + 1 > 1:
+        raise InputError(f"inputs has the shape {u.shape}: one row of {steps + 1} inputs, where the grid has as many "
+                         "points. Turn it round: inputs.T.")  # fmt: skip
     if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
         wanted = "n_inputs" if count is None else count
         raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {wanted}), a row for each of the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass
 from enum import Enum
 
@@ -103,10 +104,18 @@ def _between(run: Trajectory, times: FloatArray) -> FloatArray:
 
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
+    shown = reprlib.repr(values)
+    if np.ma.is_masked(values):
+        raise InputError(
+            f"{name} = {shown}: some values are masked, and what is behind a mask is no number to count on."
+        )
     try:
-        numbers = np.array(values, dtype=np.float64, ndmin=1)
+        given = np.array(values, ndmin=1)
+        if np.iscomplexobj(given):
+            raise TypeError
+        numbers = given.astype(np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {values!r}: expected numbers.") from None
+        raise InputError(f"{name} = {shown}: expected numbers.") from None
     if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name} = {values!r}: every value must be a finite number.")
+        raise InputError(f"{name} = {shown}: every value must be a finite number.")
     return numbers

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,7 @@ class Channel:
         _require(self.fill in (None, "hold"), "fill", self.fill, '"hold"')
         counts = self.counts_per_turn
         _require(
-            counts is None or (isinstance(counts, int) and counts > 0),
+            counts is None or (isinstance(counts, Integral) and counts > 0),
             "counts_per_turn",
             counts,
             "a whole number > 0",
@@ -214,11 +215,11 @@ def _rest(value: NDArray[np.float64], name: str) -> float:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _is_column(value: Any) -> bool:
-    return isinstance(value, str) or (isinstance(value, int) and not isinstance(value, bool) and value >= 0)
+    return isinstance(value, str) or (isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 0)
 
 
 def _require(condition: bool, field: str, value: Any, expected: str) -> None:

@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
+from numbers import Real
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from fracid.errors import DataError, InputError
 from fracid.findings import Finding
 from fracid.foreign import LONGEST_NAME, printable
-from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
+from fracid.recording.channel import COUNTING, ELSEWHERE, UNITS, Channel, header_unit, hold
 from fracid.recording.report import Report, measure
 from fracid.recording.table import Table, read_table
 
@@ -131,7 +133,7 @@ class Recording:
         array([1., 2., 3.])
         """
         low = self._start(start)
-        high = np.inf if stop is None else float(stop)
+        high = np.inf if stop is None else _seconds("to", stop)
         slack = 1e-6 * (self.report.clock.step if self.report.clock.samples > 1 else 0.0)
         inside = (self.time >= low - slack) & (self.time <= high + slack)
         if inside.sum() < 2:
@@ -147,7 +149,7 @@ class Recording:
         if start != "release":
             if isinstance(start, str):
                 raise InputError(f'from = {start!r} is not possible; expected a time [s] or "release".')
-            return float(start)
+            return _seconds("from", start)
         if self.report.release is None:
             raise DataError(f"{self.name}: no release found ({self.report.release_reason}). Give from as a time [s].")
         return self.report.release
@@ -259,8 +261,18 @@ class Recording:
         >>> Recording.of("twin", np.arange(5.0), {"alpha": np.zeros(5)}).step
         1.0
         """
-        time = np.asarray(time, dtype=float)
-        arrays = {n: np.asarray(x, dtype=float) for n, x in signals.items()}
+        time = _array(f"{name}: time", time)
+        arrays = {n: _array(f"{name}: {n}", x) for n, x in signals.items()}
+        if not arrays:
+            raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
+        if not np.all(np.isfinite(time)):
+            raise InputError(f"{name}: {np.count_nonzero(~np.isfinite(time))} time stamps are not finite.")
+        for n, unit in (units or {}).items():
+            if n not in arrays or unit not in {of for _, of in UNITS.values()}:
+                raise InputError(
+                    f"{name}: the unit {unit!r} of {n!r} is not possible; expected for {', '.join(arrays)} one of "
+                    f"{', '.join(dict.fromkeys(of for _, of in UNITS.values()))}. Degrees: numpy.radians(samples)."
+                )
         for n, x in arrays.items():
             if x.shape != time.shape or time.ndim != 1:
                 raise InputError(
@@ -326,7 +338,7 @@ def load_recording(
     _demand(recording)
     if resample is None or resample is False or (resample == "needed" and recording.step is not None):
         return recording
-    if isinstance(resample, str) and resample != "needed":
+    if not isinstance(resample, Real) and resample != "needed":
         raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s] or "needed".')
     return recording.resample(None if resample in (True, "needed") else float(resample))
 
@@ -353,6 +365,8 @@ def inspect_recording(
     >>> inspect_recording(file).report.level
     'unfit'
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"{path!r} is no path of a file; expected e.g. 'release.csv'.")
     path = Path(path)
     before = _state(path)
     table = read_table(path, variable)
@@ -417,6 +431,22 @@ def _demand(recording: Recording) -> None:
         first, others = recording.report.faults[:2], len(recording.report.faults) - 2
         more = f" And {others} more fault{'s' * (others > 1)}: fracid check lists them." if others > 0 else ""
         raise DataError(f"{recording.name}: {' '.join(first)}{more}")
+
+
+def _seconds(name: str, given: Any) -> float:
+    if not isinstance(given, Real):
+        raise InputError(f"{name} = {given!r} is not possible; expected a time [s].")
+    return float(given)
+
+
+def _array(name: str, given: Any) -> Array:
+    """Turn samples that a caller has into numbers, or say what is wrong; what is masked is missing."""
+    try:
+        if np.asarray(given).dtype.kind not in "fiub":
+            raise TypeError
+        return np.ma.filled(np.ma.asarray(given, dtype=float), np.nan)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers: of time seconds, of angles radians.") from None
 
 
 def _frozen(array: Array) -> Array:
@@ -485,9 +515,9 @@ def _refuse_no_clock(stamps: Array, table: Table) -> None:
 
 
 def _from_rate(table: Table, rate: Any) -> tuple[Array, NDArray[np.bool_], _Said]:
-    if not isinstance(rate, (int, float)) or isinstance(rate, bool) or not 0 < rate < np.inf:
+    if not isinstance(rate, Real) or isinstance(rate, bool) or not 0 < float(rate) < np.inf:
         raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
-    n = len(table.values)
+    n, rate = len(table.values), float(rate)
     _refuse_no_clock(np.array([0.0, 1 / rate]), table)
     return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, (), tuple(_other_rates(table, rate)))
 
