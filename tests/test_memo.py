@@ -53,6 +53,18 @@ def test_a_record_torn_at_any_byte_is_computed_again_and_no_other(tmp_path):
         assert path.read_bytes() == whole
 
 
+def test_a_bit_that_turned_on_the_disk_is_computed_again(tmp_path):
+    path = tmp_path / "memo"
+    with Memo(path) as memo:
+        memo.get(KEY, lambda: ARRAYS["by rows"])
+    whole = path.read_bytes()
+    for at in range(16, len(whole)):  # behind the stamp
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 4]) + whole[at + 1 :])
+        with Memo(path) as memo:
+            assert np.array_equal(memo.get(KEY, lambda: ARRAYS["by rows"]), ARRAYS["by rows"])
+            assert memo.computed == 1
+
+
 def test_another_program_or_a_restarted_machine_begins_empty(tmp_path, monkeypatch):
     with Memo(tmp_path / "memo") as memo:
         memo.get(KEY, lambda: "old")

@@ -27,7 +27,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from io import RawIOBase
 from pathlib import Path
@@ -57,6 +57,8 @@ class Journal:
         Made if it is missing; its folder must exist.
     study : mapping
         What all results depend on, as plain JSON values: hashes of problem and data, options, versions.
+    fault : function (key, value) -> str, optional
+        What is wrong with the result of a repetition, as a line has it; such a line is passed over as damaged.
 
     Raises
     ------
@@ -80,13 +82,15 @@ class Journal:
     notes: tuple[str, ...]
     """What was found damaged and repaired, a sentence each."""
 
-    def __init__(self, path: str | Path, study: Mapping[str, Json]) -> None:
+    def __init__(
+        self, path: str | Path, study: Mapping[str, Json], fault: Callable[[str, Json], str] = lambda _key, _value: ""
+    ) -> None:
         """Open it, repair it, and read what is done."""
         self.path = Path(path)
         with ExitStack() as opened:
             opened.enter_context(FolderLock(self.path.parent))
             self._file = opened.enter_context(_opened(self.path))
-            self.done, self.notes, self._end = _read(self.path, dict(study), self._file)
+            self.done, self.notes, self._end = _read(self.path, dict(study), self._file, fault)
             self._synced = time.monotonic()
             if self._end == 0:
                 self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
@@ -223,7 +227,9 @@ def _opened(path: Path) -> RawIOBase:
         raise InputError(f"{path} cannot be written: {error.strerror}. Give another folder: --out DIR.") from None
 
 
-def _read(path: Path, study: dict[str, Json], file: RawIOBase) -> tuple[dict[str, Json], tuple[str, ...], int]:
+def _read(
+    path: Path, study: dict[str, Json], file: RawIOBase, fault: Callable[[str, Json], str]
+) -> tuple[dict[str, Json], tuple[str, ...], int]:
     """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
     texts, end = whole_lines(path)
     torn = path.stat().st_size > end
@@ -234,14 +240,17 @@ def _read(path: Path, study: dict[str, Json], file: RawIOBase) -> tuple[dict[str
         return {}, (), 0
     _check_study(path, lines[0], json.loads(json.dumps(study)))
     done: dict[str, Json] = {}
-    for line in lines[1:]:
-        if line is not None and "key" in line:
+    damaged = [1] if lines[0] is None else []
+    for number, line in enumerate(lines[1:], 2):
+        if line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
+            damaged.append(number)
+        else:
             done.setdefault(line["key"], line.get("value"))
     notes = []
     if torn:
         notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
-    if damaged := [n for n, line in enumerate(lines, 1) if line is None or (n > 1 and "key" not in line)]:
-        numbers = ", ".join(map(str, damaged))
+    if damaged:
+        numbers = ", ".join(map(str, damaged[:20])) + ", ..." * (len(damaged) > 20)
         notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
     return done, tuple(notes), end
 

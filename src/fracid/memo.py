@@ -8,7 +8,7 @@ being the same to the bit, so is the way there, and the result.
 
 ::
 
-    stamp  ·  key, kind, length, numbers or reason  ·  key, kind, length, …
+    stamp  ·  key, kind, length, check sum, numbers or reason  ·  key, kind, length, check sum, …
 
 Records are handed to the operating system as they end, so they outlive the process.  They are not forced to the disk:
 after a power cut, on another machine and after a change of the program the stamp differs, and the file
@@ -24,6 +24,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +33,11 @@ __all__ = ["Memo"]
 
 FloatArray = NDArray[np.float64]
 
-RECORD = struct.Struct("<16scQQ")
-"""Key, kind, rows, columns.  The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it
-is ``T``, a text of so many bytes."""
+RECORD = struct.Struct("<16scQQI")
+"""Key, kind, rows, columns, and the check sum of all that with what follows.
+
+The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it is ``T``, a text of so many
+bytes."""
 
 
 class Memo:
@@ -103,8 +106,8 @@ class Memo:
     def get(self, key: bytes, compute: Callable[[], FloatArray | str]) -> FloatArray | str:
         """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
         place = self._places.get(key)
-        if place is not None:
-            return self._at(*place)
+        if place is not None and (kept := self._at(key, *place)) is not None:
+            return kept
         found = compute()
         self.computed += 1
         self._keep(key, found)
@@ -123,8 +126,9 @@ class Memo:
             with self._lock:
                 if self._file >= 0:
                     offset = self._end + RECORD.size
-                    self._append(RECORD.pack(key, kind, rows, columns), content)
-                    self._places[key] = offset, len(content), kind, rows, columns
+                    checked = _sum(key, kind, rows, columns, content)
+                    self._append(RECORD.pack(key, kind, rows, columns, checked), content)
+                    self._places[key] = offset, len(content), kind, rows, columns, checked
         except OSError:  # no room: the run goes on without
             self.remove()
 
@@ -134,8 +138,12 @@ class Memo:
             raise OSError("no room")
         self._end += size
 
-    def _at(self, offset: int, size: int, kind: bytes, rows: int, columns: int) -> FloatArray | str:
+    def _at(
+        self, key: bytes, offset: int, size: int, kind: bytes, rows: int, columns: int, checked: int
+    ) -> FloatArray | str | None:
         content = os.pread(self._file, size, offset)
+        if _sum(key, kind, rows, columns, content) != checked:
+            return None  # a bit has turned on the disk: it is simulated again
         if kind == b"T":
             return content.decode()
         return np.frombuffer(bytearray(content)).reshape((rows, columns), order="C" if kind == b"C" else "F")
@@ -152,8 +160,12 @@ def _stamp() -> bytes:
     return blake2b(repr((since, np.__version__, files)).encode(), digest_size=16).digest()
 
 
-Place = tuple[int, int, bytes, int, int]
-"""Offset and size [bytes], kind, rows, columns."""
+def _sum(key: bytes, kind: bytes, rows: int, columns: int, content: bytes | memoryview) -> int:
+    return crc32(content, crc32(RECORD.pack(key, kind, rows, columns, 0)))
+
+
+Place = tuple[int, int, bytes, int, int, int]
+"""Offset and size [bytes], kind, rows, columns, check sum."""
 
 
 def _read(file: int) -> tuple[dict[bytes, Place], int]:
@@ -163,10 +175,10 @@ def _read(file: int) -> tuple[dict[bytes, Place], int]:
         return {}, 0
     places, end = dict[bytes, Place](), len(stamp)
     while len(header := os.pread(file, RECORD.size, end)) == RECORD.size:
-        key, kind, rows, columns = RECORD.unpack(header)
+        key, kind, rows, columns, checked = RECORD.unpack(header)
         offset, length = end + RECORD.size, rows * columns * (1 if kind == b"T" else 8)
         if offset + length > size:
             break
-        places[key] = offset, length, kind, rows, columns
+        places[key] = offset, length, kind, rows, columns, checked
         end = offset + length
     return places, end

@@ -24,7 +24,7 @@ from __future__ import annotations
 import json
 import re
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from math import isfinite
@@ -34,6 +34,7 @@ from typing import Any
 from fracid.errors import InputError
 
 __all__ = [
+    "AMPLITUDE",
     "COMPARISON",
     "ENVIRONMENT",
     "EVALUATION",
@@ -46,14 +47,17 @@ __all__ = [
     "Names",
     "Pair",
     "Word",
+    "end",
     "fault_of",
     "fault_of_comparison",
     "fault_of_profiles",
     "fault_of_study",
+    "fitted_structure",
     "json_of",
     "lines_of",
     "must_be",
     "read_as",
+    "repetition",
     "text_of",
 ]
 
@@ -88,9 +92,10 @@ class Names:
 
 @dataclass(frozen=True)
 class Pair:
-    """A list of two."""
+    """A list of two, or of as many as are said."""
 
     of: Shape
+    count: int = 2
 
 
 @dataclass(frozen=True)
@@ -276,8 +281,8 @@ def fault_of(value: Any, shape: Shape, where: str = "") -> str:
         return "" if good else _unlike(value, shape, where)
     if not _same_kind(value, shape):
         return _unlike(value, shape, where)
-    if isinstance(shape, Pair) and len(value) != 2:
-        return f"{_named(where)} has {len(value)} entries; expected two"
+    if isinstance(shape, Pair) and len(value) != shape.count:
+        return f"{_named(where)} has {len(value)} entries; expected {shape.count}"
     if isinstance(shape, dict):
         return _of_keys(value, shape, where)
     inner_shape = shape[0] if isinstance(shape, list) else shape.of
@@ -477,6 +482,44 @@ CELL = {
 
 STUDY = {"truth": Names(float), "cost": str, "optimiser": str, "seeds": int, "cells": [CELL]}
 """noise.json."""
+
+
+def repetition(names: Iterable[str]) -> Shape:
+    """The result of a repetition of a study of noise with these unknowns, as its journal has it.
+
+    Examples
+    --------
+    >>> fault_of({"evaluations": 3, "cost_of_truth": 0.1, "failure": "", "cost": 0.1, "values": {}}, repetition(["mu"]))
+    'values has no mu'
+    """
+    names = tuple(names)
+    begun = {"evaluations": int, "cost_of_truth": NUMBER}
+    found = {"values": dict.fromkeys(names, float), "standard_errors": dict.fromkeys(names, NUMBER),
+             "intervals": dict.fromkeys(names, INTERVAL), "fractional": (bool, None)}  # fmt: skip
+    return begun | {"failure": Word(""), "cost": float} | found, begun | {"failure": str, "cost": None}
+
+
+def fitted_structure(outputs: Iterable[str]) -> Shape:
+    """The fit of a structure, as the journal of a comparison has it."""
+    of_each = dict.fromkeys(outputs, NUMBER)
+    score = {"rmse": of_each, "fit_percent": of_each, "itae": of_each, "failed": str}
+    return {
+        "values": Names(float), "cost": NUMBER, "squares": NUMBER, "samples": float, "parameters": int,
+        "at_bound": [str], "orders": Names(INTERVAL), "in_sample": Names(score), "held_out": Names(score),
+        "outcome": str,
+    }  # fmt: skip
+
+
+AMPLITUDE = {"windows": [WINDOW], "notes": [str]}
+"""An amplitude test, as the journal of a comparison has it."""
+
+
+def end(unknowns: int, outcomes: Iterable[str]) -> Shape:
+    """A start of a search with so many unknowns, as its journal has it."""
+    return {
+        "first_cost": NUMBER, "end": Pair(float, unknowns), "cost": NUMBER, "ended": str, "evaluations": int,
+        "outcome": Word("|".join(map(re.escape, outcomes))),
+    }  # fmt: skip
 
 
 def fault_of_comparison(said: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +18,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
 from fracid.foreign import csv_cell, file_stems
-from fracid.shape import lines_of
+from fracid.shape import AMPLITUDE, fault_of, fitted_structure, lines_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -118,7 +118,10 @@ def _compared(
     ladder(project.problem, keep=options["keep"], others=project.validation)
     study = _study(project, options)
     _begin(folder, study)
-    with Journal(folder / JOURNAL, study) as journal, progress_shown("fits", events=json_) as tell:
+    with (
+        Journal(folder / JOURNAL, study, _fault(project, options)) as journal,
+        progress_shown("fits", events=json_) as tell,
+    ):
         for note in journal.notes:
             sys.stderr.write(f"{note}\n")
         return library_compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
@@ -130,6 +133,22 @@ def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
 
     same = {name: value for name, value in options.items() if name != "amplitude"}  # it adds to what there is
     return {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
+
+
+def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
+    """What is wrong with a result that the journal has."""
+    problem, shape = project.problem, fitted_structure(project.problem.outputs)
+    fitted, held = ({e.name for e in those} for those in (problem.experiments, project.validation))
+
+    def fault(key: str, said: Any) -> str:
+        if key.startswith("amplitude |"):
+            return fault_of(said, AMPLITUDE)
+        there = fault_of(said, shape)
+        if there or options["leave_one_out"]:
+            return there
+        return "" if set(said["in_sample"]) == fitted and set(said["held_out"]) == held else "of other recordings"
+
+    return fault
 
 
 def _begin(folder: Path, study: Mapping[str, Any]) -> None:

@@ -20,6 +20,7 @@ from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
 from fracid.foreign import printable
+from fracid.shape import end, fault_of
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -181,7 +182,7 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
         _progress(optimiser, quiet) as callback,
         Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
-        _starts_kept(run, options["executor"]) as journal,
+        _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
             sys.stderr.write(f"{note}\n")
@@ -191,15 +192,18 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
     return replace(found, problem=project.problem)
 
 
-def _starts_kept(run: Run, executor: str) -> AbstractContextManager[Journal | None]:
+def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
     """Of starts that run elsewhere, a journal in a folder of its own."""
     from fracid.journal import Journal
+    from fracid.optimise import Outcome
     from fracid.runs import STARTS
 
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    return Journal(run.folder / STARTS, {"inputs": dict(run.state.inputs), "options": dict(run.state.options)})
+    shape = end(unknowns, (o.value for o in Outcome))
+    study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of(said, shape))
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:

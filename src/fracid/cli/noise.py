@@ -19,6 +19,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
 from fracid.mistaken import refuse_mistaken
+from fracid.shape import fault_of, repetition
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -203,10 +204,11 @@ def _studied(
         fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
         optimiser=optimiser or fitted.optimiser, starts=fitted.starts,
     )  # fmt: skip
+    shape = repetition(plan.problem.names)
     if (folder / "result.json").exists():
         raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
     with (
-        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted)) as journal,
+        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), lambda _, said: fault_of(said, shape)) as journal,
         progress_shown("repetitions", events=json_) as progress,
     ):
         for note in (*journal.notes, *plan.findings):
