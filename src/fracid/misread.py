@@ -20,7 +20,8 @@ code         z, of one output y              seen as
 ``play``     :math:`\tfrac12 \mathrm{sgn}\,\dot y`   a hub, a gear or a belt with play δ
 ============ =============================== =================================================================
 
-The one that explains most is said, if it is :data:`SURE` of its standard errors away from 0 and either moves an order
+The one that explains most is said, if it is :data:`SURE` of its standard errors away from 0 (half as many where it
+explains more than :data:`MUCH`), and either moves an order
 by more than half its interval, or takes more than :data:`MOST` of the squares that are left over.  Its
 standard error knows of correlation in what is then left (Newey and West's, as in :mod:`fracid.uncertainty`), so that a
 model's own error is not taken for a fault: on recordings of three real rigs, fitted well, no step moves an order by
@@ -54,6 +55,9 @@ FloatArray = NDArray[np.float64]
 
 SURE = 8.0
 """Standard errors: twins without a fault reach 5."""
+
+MUCH = 0.3
+"""Part of the squares that are left over; of twins without a fault a hundredth."""
 
 MOVES = 1.0
 """Half intervals by which an order may move."""
@@ -127,7 +131,7 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: 
     >>> [(f.code, f.where) for f in misread(problem, fit.x, fit.uncertainty)]
     [('late', 'alpha')]
     """
-    found = [m for m in misreadings(problem, x, known, jobs=jobs) if m.sure > SURE]
+    found = [m for m in misreadings(problem, x, known, jobs=jobs) if m.sure > (SURE if m.share < MUCH else SURE / 2)]
     if found:
         best = max(found, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
         if best.half_intervals > MOVES and abs(best.shift) > SHIFT:

@@ -235,6 +235,13 @@ def _jumps(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
     if s.unit != "rad" or x.size < 16:
         return
     far = np.diff(x)
+    turn = np.abs(np.abs(far) - 2 * math.pi) < 0.1 * 2 * math.pi
+    if turn.any() and float(np.max(np.abs(far[~turn]), initial=0.0)) < 0.5 * math.pi:  # however often
+        often = "once" if turn.sum() == 1 else f"{turn.sum()} times, first"
+        yield Finding("jump", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5, "turns between two samples",
+                      f"between two samples it jumps by a whole turn, {often} after {t[np.argmax(turn)]:.6g} s: was "
+                      "its count wrapped? Type unwrap = true in its table.")  # fmt: skip
+        return
     usual = float(np.median(np.diff(t)))
     v = far / np.maximum(np.diff(t), usual)  # two stamps that jitter together make no motion
     lasting = float(np.max(np.abs(np.median([v[:-2], v[1:-1], v[2:]], axis=0))))
@@ -246,13 +253,10 @@ def _jumps(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
     times = float(np.max(np.abs(v[jumps]))) / lasting
     often = "once" if jumps.size == 1 else f"{jumps.size} times, first"
     says = f"between two samples it jumps by {_degrees(largest)}, {often} after {t[jumps[0]]:.6g} s, "
-    if abs(largest - 2 * math.pi) < 2 * lasting * usual + JUMP * (s.resolution or 0.0):
-        says += "a whole turn: was its count wrapped? Type unwrap = true in its table."
-    else:
-        says += (
-            f"{times:.3g} times as fast as it moves elsewhere: a glitch, or samples that are none. Take the part "
-            "before or after it with from and to, or leave those cells blank and be told of them."
-        )
+    says += (
+        f"{times:.3g} times as fast as it moves elsewhere: a glitch, or samples that are none. Take the part "
+        "before or after it with from and to, or leave those cells blank and be told of them."
+    )
     yield Finding("jump", s.name, times, JUMP, "times the greatest lasting speed", says)
 
 
@@ -273,7 +277,7 @@ def _repeated(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
         yield Finding("repeated", s.name, 100 * share, 100 * REPEATED, "% of its samples",
                       f"it stands still in mid-motion, {each:.0f} samples at a time, for {100 * share:.2g} % of its "
                       f"samples: its sensor may answer more slowly than it is logged, and be {late:.2g} ms late on "
-                      "average, by which orders are bent. Log as fast as it answers, or keep one sample of each.")  # fmt: skip
+                      "average, by which orders are bent. Log as fast as it answers, or keep one of each.")  # fmt: skip
 
 
 def _repeats(x: Array, q: float) -> tuple[float, float]:
@@ -298,9 +302,10 @@ def _repeats(x: Array, q: float) -> tuple[float, float]:
 def _saturated(s: SignalReport, x: Array) -> Iterator[Finding]:
     angle = s.unit == "rad"
     q = s.resolution or (0.0 if angle else 1e-3 * s.range)
-    for limit in (s.maximum, s.minimum):
-        tops = _flat_tops(x, limit, q, None if angle else GRADUAL * s.range)
-        if len(tops) < RUNS:
+    cut = {limit: _flat_tops(x, limit, q, None if angle else GRADUAL * s.range) for limit in (s.maximum, s.minimum)}
+    alike = angle and abs(s.maximum + s.minimum) <= 0.5 * q  # once, and as far as on the other side: no chance either
+    for limit, tops in cut.items():
+        if len(tops) + alike < RUNS:
             continue
         share = 100 * sum(stop - start for start, stop in tops) / x.size
         if angle:
