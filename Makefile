@@ -65,15 +65,17 @@ $(SITE): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@
 
-# Hostile files into every reader, goes on where it stopped until each has had a million: hours.  Then the property
-# tests with fresh random examples, ten times over.
+# Hostile files into every reader, goes on where it stopped until each has had a million: hours.  Then spoilt run folders
+# into every command, an hour, and the property tests with fresh random examples, ten times over.
 fuzz: $(READY)
 	$(BIN)/python tests/fuzz.py --inputs 1000000 --seconds 7200
+	$(BIN)/python tests/fuzz_runs.py --seconds 3600
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
 
-# The same hostile files each time, two minutes.
+# The same hostile files each time, two minutes, and the same spoilt run folders, three.
 fuzz-ci: $(READY)
 	$(BIN)/python tests/fuzz.py --fresh --seconds 16
+	$(BIN)/python tests/fuzz_runs.py --inputs 60
 
 # Wheel and sdist, built, looked into, installed where nothing else is, on the oldest and the newest Python, and used.
 package: $(PACKING)

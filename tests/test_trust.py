@@ -158,6 +158,26 @@ def test_a_name_on_the_command_line_is_run(capsys, folder):
     assert fracid.models.model_from_name("my_rig.py:model").name == "spring"
 
 
+def test_the_file_that_was_named_is_run_and_no_other_that_the_folder_leads_to(capsys, fitted, tmp_path, monkeypatch):
+    copytree(fitted, tmp_path / "sent", ignore=lambda *_: ["ran"])
+    monkeypatch.chdir(tmp_path / "sent")
+    for name in ("first", "second"):  # the caller is shown the first; its recording is not there, so it cannot be it
+        Path(name).mkdir()
+        Path(name, "rig.toml").write_bytes(Path("rig.toml").read_bytes())
+        Path(name, "my_rig.py").write_text(RIG)
+    Path("swing.npz").rename("second/swing.npz")
+    Path("rig.toml").unlink()
+    Path("my_rig.py").unlink()
+    words = {"command": ["fit", "first/rig.toml", "second/rig.toml"], "directory": "."}
+    Path("run/environment.json").write_text(json.dumps(ENVIRONMENT | words))
+    state = json.loads(Path("run/run.json").read_text())
+    Path("run/run.json").write_text(json.dumps(state | {"options": {}}))
+    assert "run code of its own: first/my_rig.py" in refused(capsys, "resid", "run")
+    code, _, err = run(capsys, "resid", "run", "--trust")
+    assert (code, "swing.npz" in err) == (2, True)
+    assert [path.parent.name for path in Path().rglob("ran")] == ["first"]
+
+
 @pytest.mark.parametrize("mode", list(PycInvalidationMode))
 def test_what_is_run_is_the_text_and_not_what_lies_compiled_beside_it(tmp_path, mode):
     file = tmp_path / "mine.py"
