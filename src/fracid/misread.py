@@ -20,12 +20,11 @@ code         z, of one output y              seen as
 ``play``     :math:`\tfrac12 \mathrm{sgn}\,\dot y`   a hub, a gear or a belt with play δ
 ============ =============================== =================================================================
 
-The one that explains most is said, if it is :data:`SURE` of its standard errors away from 0 (half as many where it
-explains more than :data:`MUCH`), and either moves an order
-by more than half its interval, or takes more than :data:`MOST` of the squares that are left over.  Its
-standard error knows of correlation in what is then left (Newey and West's, as in :mod:`fracid.uncertainty`), so that a
-model's own error is not taken for a fault: on recordings of three real rigs, fitted well, no step moves an order by
-half its interval, and none takes more than 34 %.
+The one that explains most, or nearly, is said, if it is :data:`SURE` of its standard errors away from 0 (half as many
+where it explains more than :data:`MUCH`), and either moves an order by more than half its interval, or takes more than
+:data:`MOST` of the squares that are left over.  Its standard error knows of correlation in what is then left (Newey and
+West's, as in :mod:`fracid.uncertainty`), so that a model's own error is not taken for a fault: on recordings of three
+real rigs, fitted well, no step moves an order by half its interval, and none takes more than 34 %.
 
 A linear step it is: a delay of a quarter of a swing is beyond it, and :func:`fracid.honesty.after` says then that the
 model cannot explain the recording.
@@ -70,6 +69,9 @@ MOST = 0.6
 
 OWN = 1e-3
 """A form of which the unknowns leave less than this part over is their own."""
+
+ALIKE = 0.8
+"""Of what the best explains: who explains less is not named in its place."""
 
 EARLY = 0.95
 """One signal is as late as the other is early, where the start is free: what is late is named."""
@@ -132,16 +134,23 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: 
     [('late', 'alpha')]
     """
     found = [m for m in misreadings(problem, x, known, jobs=jobs) if m.sure > (SURE if m.share < MUCH else SURE / 2)]
-    if found:
-        best = max(found, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
-        if best.half_intervals > MOVES and abs(best.shift) > SHIFT:
-            moves = f"{_size(problem, best)}: freed, that would move {best.moves} by {best.shift:+.2g}, "
+    most = max((m.share for m in found), default=0.0)
+    matter = [m for m in found if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
+    if matter:
+        best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
+        says, mend = _size(problem, best), _mend(best)
+        if _moves(best):
             yield Finding(best.code, best.signal, best.half_intervals, MOVES, "half intervals",
-                f"{moves}{best.half_intervals:.2g} times half its interval. {_mend(best)}")  # fmt: skip
-        elif best.share > MOST:
+                f"{says}: freed, that would move {best.moves} by {best.shift:+.2g}, {best.half_intervals:.2g} times "
+                f"half its interval. {mend}")  # fmt: skip
+        else:
             yield Finding(best.code, best.signal, 100 * best.share, 100 * MOST, "% of the squares left over",
-                f"{_size(problem, best)}: that would explain {100 * best.share:.0f} % of the squares that are left "
-                f"over. {_mend(best)}")  # fmt: skip
+                f"{says}: that would explain {100 * best.share:.0f} % of the squares that are left over. "
+                f"{mend}")  # fmt: skip
+
+
+def _moves(m: Misreading) -> bool:
+    return m.half_intervals > MOVES and abs(m.shift) > SHIFT
 
 
 def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> list[Misreading]:
