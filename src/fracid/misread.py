@@ -79,6 +79,9 @@ EARLY = 0.95
 NUMBERS = 4e6
 """Entries of J that are looked at; of longer recordings the beginning."""
 
+FEWEST = 2000
+"""Samples of each recording, or all it has: of so many recordings that less is left nothing is said."""
+
 NOTHING = 1e-6
 """What is left over [rad], below which it is arithmetic."""
 
@@ -157,8 +160,10 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals."""
     if isinstance(known, str) or not problem.names:
         return []
-    seconds = NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)) * problem.experiments[0].step
-    problem = replace(problem.until(seconds), memo=None)
+    kept = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
+    if kept < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
+        return []
+    problem = replace(problem.until(kept * max(e.step for e in problem.experiments)), memo=None)
     free = np.flatnonzero(np.isfinite(known.standard_error))
     errors, forms = problem.errors(x), _forms(problem, x)
     J = jacobian(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
