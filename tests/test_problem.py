@@ -695,3 +695,21 @@ def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_sta
     uneven = Recording.of("u", np.cumsum(1 + 0.3 * np.sin(time)), {"alpha": time})
     with pytest.raises(InputError, match="u is not on a uniform grid; resample it first"):
         Experiment.of(uneven, RIG, ["alpha"])
+
+
+def _tank(t, x, u, p, out):
+    out[0] = (2e5 - x[0]) / p[0]
+
+
+@pytest.mark.parametrize("units", [{"pressure": "Pa"}, {}], ids=["Pa", "no unit said"])
+def test_a_pressure_has_not_run_away_and_is_searched_for_in_its_own_size(units):
+    constant = fracid.Parameter("tau", "s", 2.0, "time constant", 0.1)
+    tank = fracid.Model("tank", _tank, ("pressure",), ("q",), {"pressure": 0}, (), (constant,), "", "a test")
+    run = fracid.solve_fde(_tank, 0.9, [1e5], step=0.02, end=4.0, parameters=[2.0])
+    noisy = run.states + 3e3 * np.random.default_rng(1).standard_normal(run.states.shape)
+    fill = Experiment("fill", 0.02, noisy, np.zeros((1, 0)), units=units)
+    problem = Problem(tank, (fill,), {"q": 0.9}, {"tau": Free(1.5, 0.5, 5.0)}, outputs=("pressure",))
+    found = fracid.identify(problem)
+    assert found.cost == pytest.approx(3e3, rel=0.1)
+    assert np.all(np.abs(found.x - [2.0, 1e5]) < 4 * found.uncertainty.standard_error)
+    assert abs(problem.start[1] - 1e5) > 0.2  # further than the range of an angle reaches

@@ -109,7 +109,10 @@ InitialState = Literal["estimate", "rest", "measured", "held"]
 Weights = Literal["equal", "noise"]
 
 LIMIT = 1e4
-"""A state beyond this [rad, rad/s] ends a run as diverged."""
+"""A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
+
+TURNS = 100.0
+"""No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
 
 FINEST = 1e-9
 """No output's level is below this [rad]."""
@@ -500,9 +503,10 @@ class Problem:
             return []
         guess = self._initial_guess(e).tolist()
         units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
-        reach = {i: (0.2, unit) for i, unit in units.items()}
+        sizes = dict(zip(units, self._sizes(e).tolist(), strict=True))
+        reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
-            reach |= {j: (3.0 + abs(guess[j]), f"{units[i]}/s") for i, j in self._rates.items()}
+            reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self._rates.items()}
         found = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
@@ -510,6 +514,20 @@ class Problem:
                 around = Free(guess[i], guess[i] - width, guess[i] + width)
                 found.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
         return found
+
+    def _sizes(self, e: Experiment) -> FloatArray:
+        """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).
+
+        Ranges and limits that are made for angles count in it: a pressure of 10⁵ Pa has not run away.
+        """
+        greatest = np.max(np.abs(e.measured), axis=0, initial=0.0)
+        angle = np.array([e.units.get(n, "rad") == "rad" for n in self.outputs]) & (greatest <= TURNS)
+        return np.where(angle, 1.0, np.maximum(greatest, 1.0))
+
+    @cached_property
+    def _limits(self) -> dict[str, float]:
+        """Recording → the state beyond which a run has diverged."""
+        return {e.name: LIMIT * float(np.max(self._sizes(e), initial=1.0)) for e in self.experiments}
 
     @cached_property
     def _rates(self) -> dict[int, int]:
@@ -663,7 +681,7 @@ class Problem:
         steps = (len(e.measured) - 1) * self.substeps + self._more_steps(e)
         return integrate(
             compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), self._inputs_from(release, steps, e),
-            values, step, steps, METHODS[self.method], self.memory, limit=LIMIT,
+            values, step, steps, METHODS[self.method], self.memory, limit=self._limits[e.name],
             time_scale=time_scale(self.model, values), name=self.method, start=float(release),
             history=None if e.past is None else self._past_states(e, orders, values)[:-1],
         )  # fmt: skip

@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import InputError
+from fracid.export.recursion import is_pendulum
 from fracid.models import Model
 from fracid.problem import LIMIT, Experiment, Problem
 from fracid.recording import Recording
@@ -52,6 +53,9 @@ FloatArray = NDArray[np.float64]
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
+
+BEYOND = 1e100
+"""A state beyond this has run away, whatever its unit."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +218,8 @@ class Twin:
         run = simulate(
             self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
             parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
-            memory=self.memory, inputs=self._driven(steps, h), history=self.history, limit=LIMIT,
+            memory=self.memory, inputs=self._driven(steps, h), history=self.history,
+            limit=LIMIT if is_pendulum(self.model) else BEYOND,
         )  # fmt: skip
         held, moving = self._held_and_moving(run)
         states = run.states[np.rint((moving - self.hold) / h).astype(int)] if self._whole(h) else run.at(moving)
@@ -283,8 +288,8 @@ class Twin:
             signals[name] = np.interp(run.time, times, values)
             units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
-            signals[f"state {name}" if name in signals else name] = x
-            units[f"state {name}" if name in signals else name] = "1"
+            called = f"state {name}" if name in signals else name
+            signals[called], units[called] = x, "1"
         return Recording.of(self.name, self.start + run.time, signals, units)
 
 
