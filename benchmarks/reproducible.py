@@ -72,6 +72,8 @@ class Row:
     """Whether it must be the same to the last bit."""
     killed: bool = False
     """Whether it is killed on its way, and resumed."""
+    beside: bool = False
+    """Whether a second process does the same at the same time."""
 
 
 def broken(cache: Path) -> None:
@@ -88,6 +90,7 @@ def unusable(cache: Path) -> None:
 
 
 JOBS = tuple(Row(f"--jobs {n}", ("--jobs", str(n))) for n in (1, 2, 8))
+BOTH = Row("compiled code: none, two processes make it at once", (), {"NUMBA_CACHE_DIR": "{new}/both"}, beside=True)
 COLD = Row("compiled code: none, made on the way", environment={"NUMBA_CACHE_DIR": "{new}/cold"})
 SPOILT = Row("compiled code: every file broken", environment={"NUMBA_CACHE_DIR": "{new}/cold"}, prepare=broken)
 
@@ -99,7 +102,7 @@ KINDS: dict[str, tuple[tuple[str, ...], str, tuple[Row, ...]]] = {
             Row("killed on its way, then fracid resume", killed=True),
             Row("linear algebra on 8 threads", environment={"OPENBLAS_NUM_THREADS": "8", "OMP_NUM_THREADS": "8"}),
             Row("texts hashed otherwise", environment={"PYTHONHASHSEED": "7"}),
-            COLD, SPOILT,
+            COLD, SPOILT, BOTH,
             Row("compiled code: its folder cannot be written", (), {"NUMBA_CACHE_DIR": "{new}/file"}, unusable),
             Row("another processor, imitated", environment=OLD, bits=False),
         ),
@@ -133,18 +136,29 @@ def recordings(folder: Path) -> None:
 
 def done(row: Row, command: tuple[str, ...], place: Path, out: Path) -> float:
     """Run a row in its process; gives its seconds."""
-    said = {name: value.format(new=place) for name, value in row.environment.items()}
-    environment = {**os.environ, **said}
-    row.prepare(Path(said.get("NUMBA_CACHE_DIR", place / "none")))
+    own = {name: value.format(new=place) for name, value in row.environment.items()}
+    environment = {**os.environ, **own}
+    row.prepare(Path(own.get("NUMBA_CACHE_DIR", place / "none")))
     words = [sys.executable, "-m", "fracid", *command, "--out", str(out), *row.words]
     began = time.perf_counter()
     if row.killed:
         killed(words, environment, place, out)
         words = [sys.executable, "-m", "fracid", "resume", str(out)]
-    ended = subprocess.run(words, cwd=place, env=environment, capture_output=True, text=True, check=False)
-    if ended.returncode:
-        sys.exit(f"{row.what}: {ended.stderr}")
+    typed = [[str(folder) if word == str(out) else word for word in words] for folder in outs(row, out)]
+    started = [
+        subprocess.Popen(each, cwd=place, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        for each in typed
+    ]
+    for process in started:
+        _, said = process.communicate()
+        if process.returncode:
+            sys.exit(f"{row.what}: {said}")
     return time.perf_counter() - began
+
+
+def outs(row: Row, out: Path) -> tuple[Path, ...]:
+    """Where its processes write."""
+    return (out, out.with_name(f"{out.name}-beside")) if row.beside else (out,)
 
 
 def killed(words: list[str], environment: dict[str, str], place: Path, out: Path) -> None:
@@ -165,10 +179,11 @@ def measured(kind: str, place: Path) -> Iterator[tuple[Row, float, Any]]:
     for number, row in enumerate(rows):
         out = place / f"{kind}-{number}"
         seconds = done(row, command, place, out)
-        result = json.loads((out / name).read_text(encoding="utf-8"))
-        first = first or result
-        found = compared(first, result, {} if row.bits else {"the processor": ("this", "an older")})
-        assert found.identical or not row.bits, f"{kind}, {row.what}: {found.verdict} {found.differences[:5]}"
+        for folder in outs(row, out):
+            result = json.loads((folder / name).read_text(encoding="utf-8"))
+            first = first or result
+            found = compared(first, result, {} if row.bits else {"the processor": ("this", "an older")})
+            assert found.identical or not row.bits, f"{kind}, {row.what}: {found.verdict} {found.differences[:5]}"
         yield row, seconds, found
 
 
