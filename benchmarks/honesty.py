@@ -377,8 +377,8 @@ def _(t: Twin, s: float) -> Problem:
     return t.problem(t.good[::every], step=every * t.step)
 
 
-@fault("step", "gl in the place of pi2", "samples a swing", (200, 100, 50, 25), 100, needs="release",
-       also=("coarse-steps",))  # fmt: skip
+@fault("step", "gl in the place of pi2", "samples a swing", (200, 100, 50, 25), 50, needs="release",
+       also=("coarse-steps", "stiff", "stopped-short", "cannot-explain"))  # fmt: skip
 def _(t: Twin, s: float) -> Problem:
     every = max(1, round(t.period / t.step / s))
     return t.problem(t.good[::every], step=every * t.step, method="gl")
@@ -434,7 +434,7 @@ def _(t: Twin, s: float) -> Problem:
     return t.problem(inputs=later(t.inputs[:, 0], s)[:, None])
 
 
-@fault("scaled", "α too large", "%", (0.3, 1, 3, 10, 30), 10, also=("cannot-explain", "degrees-as-radians"))
+@fault("scaled", "α too large", "%", (0.3, 1, 3, 10, 30), 30, also=("cannot-explain", "degrees-as-radians"))
 def _(t: Twin, s: float) -> Problem:
     return t.problem(changed(t.good, -1, (1 + 0.01 * s) * t.good[:, -1]))
 
@@ -600,7 +600,7 @@ def off_the_truth(problem: Problem, rng: np.random.Generator) -> Problem:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
+    lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 

@@ -24,7 +24,9 @@ The one that explains most, or nearly, is said, if it is :data:`SURE` of its sta
 where it explains more than :data:`MUCH`), and either moves an order by more than half its interval, or takes more than
 :data:`MOST` of the squares that are left over.  Its standard error knows of correlation in what is then left (Newey and
 West's, as in :mod:`fracid.uncertainty`), so that a model's own error is not taken for a fault: on recordings of three
-real rigs, fitted well, no step moves an order by half its interval, and none takes more than 34 %.
+real rigs, fitted well, no step moves an order by half its interval, and none takes more than 34 %.  What changes a
+signal by less than half a step of its encoder is left alone: where a pendulum rests its rounding is as constant as a
+zero that is off.
 
 A linear step it is: a delay of a quarter of a swing is beyond it, and :func:`fracid.honesty.after` says then that the
 model cannot explain the recording.
@@ -45,6 +47,7 @@ from numpy.typing import NDArray
 
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
+from fracid.recording import resolution
 from fracid.uncertainty import NORMAL_95, Uncertainty, bartlett_long_run, jacobian, rows_and_scores, sokal_bandwidth
 from fracid.units import with_unit
 
@@ -104,6 +107,8 @@ class Misreading:
     """By how much."""
     half_intervals: float
     """The same, in half its interval."""
+    steps: float
+    """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
 def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> Iterator[Finding]:
@@ -136,7 +141,8 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: 
     >>> [(f.code, f.where) for f in misread(problem, fit.x, fit.uncertainty)]
     [('late', 'alpha')]
     """
-    found = [m for m in misreadings(problem, x, known, jobs=jobs) if m.sure > (SURE if m.share < MUCH else SURE / 2)]
+    every = misreadings(problem, x, known, jobs=jobs)
+    found = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
     most = max((m.share for m in found), default=0.0)
     matter = [m for m in found if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
@@ -177,6 +183,8 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * known.standard_error[free]
+    lattice = {o: max(resolution(e.measured[:, k]) or 1e-300 for e in problem.experiments)
+               for k, o in enumerate(problem.outputs)}  # fmt: skip
     orders = [k for k, i in enumerate(free) if i in problem.order_indices]
     found = []
     for (code, signal), form in forms:
@@ -193,6 +201,7 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
             code, signal, size, abs(size) * power / _scatter(left * own, len(problem.outputs)),
             1 - float(left @ left) / float(e @ e), "" if k is None else problem.unknowns[free[k]].target,
             0.0 if k is None else float(change[k]), 0.0 if k is None else float(abs(change[k]) / half[k]),
+            2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
         ))  # fmt: skip
     return found
 
