@@ -38,10 +38,10 @@ from fracid.cut import cut_check, whole_records
 from fracid.models import RIGS
 from fracid.optimise import Evaluation, Space, genetic, least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
-from fracid.projection import start_shift
+from fracid.projection import curvature, start_shift
 from fracid.recording import Recording
 from fracid.regression import LUMPED
-from fracid.uncertainty import NORMAL_95, jacobian, sandwich, uncertainty
+from fracid.uncertainty import NORMAL_95, jacobian, uncertainty
 
 
 def coverage(seeds=150):
@@ -169,7 +169,7 @@ def noisy_start(seeds=120):
             x = minimise(problem.evaluate, least_squares(problem.space, None)).best.point
             known = uncertainty(problem, x)
             noise = {"release": np.full(2, 1e-3)}
-            shift = start_shift(problem, x, sandwich(problem, x, np.arange(2)), noise)
+            shift = start_shift(problem, x, curvature(problem, x, np.arange(2)), noise)
             moved += [*(np.zeros(2) if shift is None else shift / known.standard_error)]
             held += [*(abs(x - true) < NORMAL_95 * known.standard_error)]
         moved, held = np.array(moved), np.array(held)

@@ -10,19 +10,21 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.costs import COSTS
 from fracid.honesty import _most_moved, after, before, noisy_start
 from fracid.identify import identify
 from fracid.memory import compressed, full, short
-from fracid.problem import Experiment, Free, Problem
-from fracid.projection import start_shift
+from fracid.problem import Experiment, Free, Prior, Problem
+from fracid.projection import curvature, newton_step, start_shift
 from fracid.recording import Recording
 from fracid.search import Watch, refined
-from fracid.uncertainty import sandwich, uncertainty
+from fracid.uncertainty import uncertainty
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
 COUNT = 2 * np.pi / 4096
 ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
 FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
+C1 = FREE["C1"].start
 STEP = 5e-3
 HELD = {"initial_state": "held", "initial": {"theta": 0.0, "alpha": 0.6}}
 PAGE = Path(__file__).parent.parent / "docs" / "honesty.md"
@@ -315,7 +317,7 @@ def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it
     inside, beyond = [], []
     for seed in range(16):
         p, x, known = held(seed)
-        found = sandwich(p, x, np.arange(2))
+        found = curvature(p, x, np.arange(2))
         times = start_shift(p, x, found, {"swing": np.full(2, 1e-3)}) / known.standard_error
         for i, true in enumerate((0.9, 0.95)):
             holds = abs(x[i] - true) < 1.96 * known.standard_error[i]
@@ -335,7 +337,7 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
     flat[:5] = flat[0]  # the slope of its first samples is that of the start, 0
     p = replace(p, experiments=(replace(p.experiments[0], measured=flat),), initial_state=state)
     x, _ = minimum(p)
-    sd = start_shift(p, x, sandwich(p, x, np.arange(2)), {"swing": np.full(2, 1e-6)})
+    sd = start_shift(p, x, curvature(p, x, np.arange(2)), {"swing": np.full(2, 1e-6)})
     moved = []
     for seed in range(24):
         y = flat.copy()
@@ -344,6 +346,48 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
         moved.append(refined(other, x, 1, Watch()).best.point - x)
     assert len(p.experiments[0].slope_weights) == 5
     assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
+
+
+@pytest.mark.parametrize("options", [{}, {"weights": "noise"}, {"cost_function": COSTS["huber"]}],
+                         ids=["a valley", "levels", "huber"])  # fmt: skip
+def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum(options):
+    p = problem(GOOD, **HELD, **options)
+    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    known = uncertainty(p, x)
+    assert "stopped-short" not in codes(after(p, x, known))
+    size, along = np.linalg.eigh(known.covariance / np.outer(known.standard_error, known.standard_error))
+    valley = along[:, np.argmax(size)] * known.standard_error  # where the data tell least
+    for far in (0.2, 0.8, 2.0):
+        away = x + far * 1.96 * valley / np.max(np.abs(valley / known.standard_error))
+        there = uncertainty(p, away)
+        found = [f for f in after(p, away, there) if f.code == "stopped-short"]
+        step, cost = newton_step(p, away, curvature(p, away, np.arange(len(x))))
+        assert away + step == pytest.approx(x, abs=0.1 * np.max(1.96 * known.standard_error))
+        assert np.max(np.abs(away + step - x) / known.standard_error) < 0.2
+        assert cost == pytest.approx(p.cost(x), rel=1e-4)
+        assert bool(found) == (far > 0.5)
+        for f in found:
+            i = p.names.index(f.where)
+            assert f.number * there.standard_error[i] == pytest.approx(abs(away - x)[i] / 1.96, rel=0.1)
+            assert f.limit == 0.5
+            assert "stopped short of its minimum" in f.sentence
+
+
+def test_a_prior_counts_in_where_the_minimum_is():
+    p = problem(GOOD, parameters={"C1": replace(FREE["C1"], prior=Prior(1.002 * C1, 5e-4 * C1))}, **HELD)
+    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    known = uncertainty(p, x)
+    assert "stopped-short" not in codes(after(p, x, known))
+    step, _ = newton_step(p, x + 0.5 * known.standard_error, curvature(p, x + 0.5 * known.standard_error, np.arange(3)))
+    assert step / known.standard_error == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_converges_is_not():
+    far = {"lambda": Free(1.15, 0.5, 1.2), "mu": Free(0.8, 0.5, 1.2)}
+    p = problem(GOOD, orders=far, **HELD)
+    for budget, says in ((4, True), (8, True), (100, False)):
+        x = refined(p, p.start, 1, Watch(), budget=budget).best.point
+        assert ("stopped-short" in codes(after(p, x, uncertainty(p, x)))) == says
 
 
 def test_a_start_that_is_found_or_named_has_no_noise():
