@@ -14,6 +14,7 @@ from fracid.costs import COSTS
 from fracid.honesty import _most_moved, after, before, noisy_start
 from fracid.identify import identify
 from fracid.memory import compressed, full, short
+from fracid.misread import FORMS, misreadings
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.projection import curvature, newton_step, start_shift
 from fracid.recording import Recording
@@ -86,6 +87,11 @@ DATA_FAULTS = {
     "a sensor without steps that goes no further": ("saturated", {"alpha": clipped(swing(60), 0.7)}),
     "a motor at its limit": ("saturated", {"voltage": clipped(9 * np.sin(5 * T), 6.0), "alpha": swing(30)}),
     "too few samples a swing": ("aliased", {"alpha": swing(40, frequency=20.0)}),
+    "samples that a logger repeats": ("repeated", {"alpha": counted(swing(80))[np.arange(T.size) // 3 * 3]}),
+    "a sensor that goes no further, to one side once": (
+        "saturated",
+        {"alpha": clipped(swing(60, decay=0.8), 0.5)},
+    ),
     "a line near Nyquist's frequency": ("aliased", {"alpha": swing(40) + 0.15 * np.sin(2 * np.pi * 43 * T)}),
 }
 NUMBERS = {  # what theory says the number is
@@ -123,6 +129,10 @@ SHAKEN = PLATEAU + np.where(T < 3, 1e-3 * np.random.default_rng(1).standard_norm
         "a small swing": {"alpha": counted(swing(6))},
         "a held plateau": {"alpha": counted(PLATEAU)},
         "a plateau that a hand shakes": {"alpha": counted(SHAKEN)},
+        "a noisy swing read by an encoder": {
+            "alpha": counted(swing(90) + 2e-3 * np.random.default_rng(1).standard_normal(T.size))
+        },
+        "an arm that sticks and slips": {"theta": counted(np.cumsum(np.maximum(0, np.sin(T)) > 0.5) * 2e-3)},
         "much noise": {"alpha": swing(40) + 0.1 * np.random.default_rng(1).standard_normal(T.size)},
         "an arm that turns and turns back": {"theta": 20 * np.sin(T), "alpha": swing(40)},
         "a pendulum that goes over the top": {"alpha": np.where(T < 5, 6 * T, 30 + swing(90))},
@@ -416,6 +426,62 @@ def test_a_record_too_short_for_an_order_is_said_with_its_swings():
     assert all(fit.orders[f.where].identifiable != "identifiable" for f in found)
 
 
+def later(x, samples):
+    n = np.arange(len(x))
+    return np.interp(n - samples, n, x)
+
+
+def spoilt(column, change):
+    y = GOOD.copy()
+    y[:, column] = change(y[:, column])
+    return y
+
+
+MISREAD = {
+    "the pendulum read two samples later": ("late", "alpha", 2 * STEP, lambda: problem(
+        spoilt(1, lambda x: later(x, 2)), **HELD)),
+    "the arm read two samples later": ("late", "theta", 2 * STEP, lambda: problem(
+        spoilt(0, lambda x: later(x, 2)), **HELD)),
+    "a voltage that is recorded too late": ("late", "voltage", -2 * STEP, lambda: problem(
+        DRIVEN, MOTOR, inputs=later(VOLTS[:, 0], 2)[:, None], initial_state="rest")),
+    "a pendulum's angle that is too large": ("scaled", "alpha", 0.1 / 1.1, lambda: problem(
+        spoilt(1, lambda x: 1.1 * x), **HELD)),
+    "a zero that is half a degree off": ("off-zero", "alpha", np.radians(0.5), lambda: problem(
+        spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")),
+    "a zero that drifts by a degree": ("drifts", "alpha", np.radians(1), lambda: problem(
+        spoilt(1, lambda x: x + np.linspace(0, np.radians(1), len(x))), initial_state="rest")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", MISREAD)
+def test_a_signal_that_was_misread_is_said_with_how_much(fault):
+    code, signal, size, made = MISREAD[fault]
+    p = made()
+    x, known = minimum(p)
+    found = sole([f for f in after(p, x, known) if f.code != "noisy-start"], code)
+    assert found.where == signal
+    assert found.number > found.limit
+    best = max(misreadings(p, x, known), key=lambda m: m.share)
+    assert best.size == pytest.approx(size, rel=0.15)
+
+
+def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
+    """The one step of Gauss and Newton is what another search finds with alpha_rest free."""
+    p = problem(spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")
+    x, known = minimum(p)
+    [zero] = [m for m in misreadings(p, x, known) if (m.code, m.signal) == ("off-zero", "alpha")]
+    freed = replace(p, parameters={**p.parameters, "alpha_rest": Free(0.0, -0.1, 0.1)})
+    better, _ = minimum(freed)
+    assert better[freed.names.index("alpha_rest")] == pytest.approx(zero.size, rel=0.05)
+    i, j = p.names.index(zero.moves), freed.names.index(zero.moves)
+    assert better[j] - x[i] == pytest.approx(zero.shift, abs=0.3 * abs(zero.shift) + 0.3 * known.standard_error[i])
+    assert not [
+        m
+        for m in misreadings(freed, better, uncertainty(freed, better))
+        if m.code == "off-zero" and m.signal == "alpha"
+    ]
+
+
 STRUCTURES = {
     "dry friction that the model lacks": fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=1.5e-2),
     "a cable that the model lacks": fracid.rotary_pendulum("srv02-rotpen", cable_stiffness=0.5),
@@ -469,6 +535,6 @@ def test_a_finding_is_a_warning_of_the_fit_and_stands_in_its_json():
 def test_every_code_has_its_row_in_the_page():
     source = (Path(fracid.__file__).parent / name for name in ("honesty.py", "stiffness.py", "recording/faults.py"))
     known = {code for path in source for code in re.findall(r'Finding\(\s*"([a-z-]+)"', path.read_text("utf-8"))}
-    known |= {"degrees-as-radians", "radians-as-degrees"}
+    known |= {"degrees-as-radians", "radians-as-degrees", *FORMS}
     rows = set(re.findall(r"^\| `([a-z-]+)`", PAGE.read_text(encoding="utf-8"), flags=re.M))
     assert known <= rows

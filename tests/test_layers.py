@@ -28,7 +28,7 @@ LAYERS = (
     {"criteria", "profiles"},
     {"bootstrap", "diagnostics", "residuals"},
     {"search"},
-    {"projection"},
+    {"misread", "projection"},
     {"alternative", "cut", "honesty"},
     {"ladder"},
     {"identify"},

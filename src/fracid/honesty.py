@@ -26,6 +26,8 @@ and of the minimum :func:`after` asks
                     how many, and how long it takes; an interval shrinks like :math:`T^{-3/2}`
 ``noisy-start``     how far the noise of the first samples moves an unknown, where the start is taken from them
                     (``held``, ``measured``), in half intervals (:func:`fracid.projection.start_shift`)
+``late`` and so on  a signal that is late, scaled, off its zero, that drifts or has play: its size by one
+                    Gauss-Newton step, and how far that would move an order, in half intervals (:mod:`fracid.misread`)
 ``stopped-short``   how far a Newton step from the search's end goes to lower cost, in half intervals
                     (:func:`fracid.projection.newton_step`); said above a half, or where that is lower by 1 %
 ``cannot-explain``  rms of what is left over, in units of the noise that is measured on the samples (third differences,
@@ -49,6 +51,7 @@ from numpy.typing import NDArray
 from fracid.costs import COSTS
 from fracid.findings import Finding
 from fracid.memory import compressed
+from fracid.misread import misread
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.projection import LOOSER, curvature, newton_step, start_shift
@@ -202,6 +205,7 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: in
     found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]
     found += noisy_start(problem, x, known, jobs=jobs)
     found += _stopped_short(problem, x, known, jobs)
+    found += misread(problem, x, known, jobs=jobs)
     return (*found, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
 
 
