@@ -13,7 +13,7 @@ import fracid
 import fuzz_runs
 from fracid.cli.draw import _of_profiles
 from fracid.errors import InputError
-from fracid.journal import Journal, refuse_links
+from fracid.journal import Journal, refuse_links, whole_lines
 from fracid.shape import Names, Pair, Word, fault_of, fitted_structure, json_of, lines_of, repetition, text_of
 from program import fit_in, run
 
@@ -270,6 +270,12 @@ def test_a_score_has_the_outputs_of_its_study():
             "in_sample": {"one": score}, "held_out": {}, "outcome": ""}  # fmt: skip
     assert fault_of(said, fitted_structure(["alpha"])) == ""
     assert fault_of(said, fitted_structure(["alpha", "theta"])) == "in_sample.one.rmse has no theta"
+
+
+def test_a_line_without_an_end_fills_no_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("fracid.journal.LONGEST", 10)
+    (tmp_path / "log").write_bytes(b"one\n" + b"x" * 35 + b"\ntwo\n" + b"y" * 35)
+    assert whole_lines(tmp_path / "log") == ([b"one", b"", b"two"], 44)
 
 
 def test_a_folder_of_files_has_no_links(tmp_path):

@@ -7,6 +7,7 @@ into a page, into programs, and into names of files.
 where it goes              what makes it fit
 =========================  ===========================================================================================
 a terminal, a message      :func:`printable`: what cannot be seen, a terminal's commands among it, is written out
+JSON on a terminal         :func:`json_text`: the same, by JSON's own escapes
 a result, a page, a plot   :func:`refuse_unseen`, at the entrance: no recording's name holds such a thing
 a file's name              :func:`file_stems`: letters, digits and dashes, not too long, and no two alike
 HTML, JSON in HTML         Jinja's autoescape and an escaped ``<``: :mod:`fracid.report`
@@ -21,13 +22,15 @@ the direction of reading among them), Zl and Zp (ends of lines and paragraphs) a
 
 from __future__ import annotations
 
+import json
 import re
 import unicodedata
 from collections.abc import Iterable
+from typing import Any
 
 from fracid.errors import InputError
 
-__all__ = ["ascii_short", "csv_cell", "file_stems", "printable", "refuse_unseen", "shortened"]
+__all__ = ["ascii_short", "csv_cell", "file_stems", "json_text", "printable", "refuse_unseen", "shortened"]
 
 UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
 """Categories of Unicode."""
@@ -53,6 +56,26 @@ def printable(text: str) -> str:
     if text.isascii() and text.isprintable():  # nearly always
         return text
     return "".join(c if c in "\n\t" or not _unseen(c) else c.encode("unicode_escape").decode() for c in text)
+
+
+def json_text(value: Any) -> str:
+    r"""JSON for a terminal: what cannot be seen in its texts is written as JSON's own escapes, which mean the same.
+
+    Examples
+    --------
+    >>> print(json_text({"name": "λ\u202e\x9b"}))
+    {
+      "name": "λ\u202e\u009b"
+    }
+    """
+    text = json.dumps(value, indent=2, ensure_ascii=False)
+    if text.isascii() and "\x7f" not in text:
+        return text
+    return "".join(_escaped(c) if c != "\n" and _unseen(c) else c for c in text)
+
+
+def _escaped(character: str) -> str:
+    return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]
 
 
 def refuse_unseen(what: str, text: str) -> str:

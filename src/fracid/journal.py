@@ -35,7 +35,7 @@ from types import TracebackType
 from typing import Any
 
 from fracid.errors import InputError, Unfinished
-from fracid.shape import json_of
+from fracid.shape import LONGEST, json_of
 
 __all__ = ["FolderLock", "Journal", "Json", "append_whole", "refuse_links", "whole_lines"]
 
@@ -155,9 +155,18 @@ def whole_lines(path: Path) -> tuple[list[bytes], int]:
     >>> whole_lines(path)
     ([b'one', b'two'], 8)
     """
-    content = path.read_bytes() if path.exists() else b""
-    end = content.rfind(b"\n") + 1
-    return content[:end].splitlines(), end
+    lines: list[bytes] = []
+    end, at, begun = 0, 0, False
+    if not path.exists():
+        return lines, end
+    with path.open("rb") as file:
+        while piece := file.readline(LONGEST):  # a line that is longer is none of ours, and would fill the memory
+            at += len(piece)
+            if piece.endswith(b"\n"):
+                lines.append(b"" if begun else piece[:-1])
+                end = at
+            begun = not piece.endswith(b"\n")
+    return lines, end
 
 
 def resumable(path: Path) -> Path:

@@ -39,6 +39,7 @@ __all__ = [
     "ENVIRONMENT",
     "EVALUATION",
     "FIT_OPTIONS",
+    "LONGEST",
     "MOST",
     "PROFILES",
     "RESULT",

@@ -25,11 +25,11 @@ import typer
 
 from fracid import __version__
 from fracid.errors import DataError, FracidError, InputError, NotTrusted
-from fracid.foreign import printable
+from fracid.foreign import json_text, printable
 from fracid.surroundings import ignore_settings, safe_children
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "each_once", "main", "new_console", "open_page",
-           "say_next", "table", "typed"]  # fmt: skip
+__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "each_once", "echo_json", "main", "new_console",
+           "open_page", "say_next", "table", "typed"]  # fmt: skip
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -99,6 +99,11 @@ def new_console(**options: Any) -> Any:
             return super().render_str(printable(text), **how)
 
     return Printable(**{"highlight": False, **options})
+
+
+def echo_json(value: Any) -> None:
+    """Print a value as JSON, so that no terminal obeys what its texts hold."""
+    typer.echo(json_text(value))
 
 
 def typed(*words: object) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 
@@ -168,7 +167,7 @@ def _print_json(recording: Recording, figure: Path | None) -> None:
         "step": recording.step,
     }
     content = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
-    typer.echo(json.dumps(content, indent=2, ensure_ascii=False))
+    echo_json(content)
 
 
 def print_check(recording: Recording, figure: Path | None) -> None:

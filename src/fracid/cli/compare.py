@@ -17,7 +17,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, say_
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
-from fracid.foreign import csv_cell, file_stems
+from fracid.foreign import csv_cell, file_stems, printable
 from fracid.shape import AMPLITUDE, fault_of, fitted_structure, lines_of
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _compared(
         progress_shown("fits", events=json_) as tell,
     ):
         for note in journal.notes:
-            sys.stderr.write(f"{note}\n")
+            sys.stderr.write(printable(f"{note}\n"))
         return library_compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
 
 

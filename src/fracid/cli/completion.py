@@ -14,7 +14,7 @@ from typing import Any
 import typer
 
 from fracid.errors import InputError
-from fracid.shape import RESULT, read_as
+from fracid.shape import Names, read_as
 
 __all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS",
            "from_run", "one_of"]  # fmt: skip
@@ -28,6 +28,10 @@ PRESETS = ("paper",)
 RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "stepper-freeswing")
 COLUMNS = ("alpha=", "theta=", "voltage=")
 ZEROS = ("hanging", "upright")
+
+
+NAMED = {"orders?": Names({"free": bool}), "parameters?": Names({"free": bool}), "recordings?": Names(dict)}
+"""What counts here of a result."""
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:
@@ -62,7 +66,7 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
 def _result(run: Path) -> Any:
     """The content of a run's result; None where there is none."""
     try:
-        return read_as(run / "result.json", RESULT, "")
+        return read_as(run / "result.json", NAMED, "")
     except (OSError, InputError):
         return None
 

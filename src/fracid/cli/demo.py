@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from importlib.resources import files
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app, new_console, open_page, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
 from fracid.cli.fit import run_fit, say_undrawn, show_fit
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ def demo(
         open_page(page, open_)
         say_next(console, (typed("check", "FILE"), "a recording of your own"))
     if json_:
-        typer.echo(json.dumps(results, indent=2, ensure_ascii=False))
+        echo_json(results)
 
 
 def _truth(ran: Ran) -> list[str]:

@@ -12,6 +12,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
 from fracid.cli.completion import RIGS, one_of
 from fracid.errors import InputError
+from fracid.foreign import printable
 from fracid.shape import (
     COMPARISON,
     PROFILES,
@@ -87,7 +88,7 @@ def draw(
     home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
     where = out or (home if style == "screen" else home / style)
     for path in saved(figures, folder, wanted, where):
-        typer.echo(f"figure   {path}")
+        typer.echo(printable(f"figure   {path}"))
 
 
 def _formats(asked: list[str] | None) -> tuple[str, ...]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, new_console, say_next
+from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next
 from fracid.cli.completion import FORMATS, one_of
 
 __all__ = ["export"]
@@ -60,7 +59,7 @@ def export(
     found = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:
         record = {"files": [str(path) for path in found.files], "notes": list(found.notes)}
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        echo_json(record)
         return
     from rich.markup import escape
 

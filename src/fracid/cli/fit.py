@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
@@ -185,7 +184,7 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
         _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
-            sys.stderr.write(f"{note}\n")
+            sys.stderr.write(printable(f"{note}\n"))
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
                          journal=journal, seen=seen, **options)  # fmt: skip
@@ -252,7 +251,7 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
 def tell_fit(ran: Ran, *, json_: bool) -> None:
     """Print the result, and end with the command's exit code."""
     if json_:
-        typer.echo(json.dumps(ran.result, indent=2, ensure_ascii=False))
+        echo_json(ran.result)
     else:
         console = new_console()
         show_fit(ran, console)

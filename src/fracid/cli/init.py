@@ -12,6 +12,7 @@ from fracid.cli.app import app, new_console, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, RIGS, one_of
 from fracid.errors import InputError
+from fracid.foreign import printable
 
 __all__ = ["init"]
 
@@ -67,8 +68,8 @@ def init(
         raise InputError(f"{target} cannot be written: {error.strerror}. Give another: --out FILE.") from None
     load_project(target)  # it runs as it is, or says what stands against it
     for note in draft.notes:
-        typer.echo(f"  {note}")
-    typer.echo(f"project  {target}")
+        typer.echo(printable(f"  {note}"))
+    typer.echo(printable(f"project  {target}"))
     say_next(new_console(), (typed("fit", target), "after a look at every line of it"))
 
 
@@ -85,7 +86,7 @@ def _asked(
     print_check(recording, None)
     guess, notes = guess_file(file, time=clock, variable=variable)
     for note in notes:
-        typer.echo(f"  {note}")
+        typer.echo(printable(f"  {note}"))
     columns: dict[str, dict[str, Any]] = {}
     for signal, what in SIGNALS.items():
         proposed = guess.get(signal)

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, new_console, say_next, typed
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
+from fracid.foreign import csv_cell, printable
 from fracid.mistaken import refuse_mistaken
 from fracid.shape import fault_of, repetition
 
@@ -104,7 +105,7 @@ def noise(
     record = study.to_json() | {"source": str(source)}
     figure = _write(study, record, folder)
     if json_:
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        echo_json(record)
     else:
         console = new_console()
         _show(study, folder, figure, console)
@@ -212,7 +213,7 @@ def _studied(
         progress_shown("repetitions", events=json_) as progress,
     ):
         for note in (*journal.notes, *plan.findings):
-            sys.stderr.write(f"{note}\n")
+            sys.stderr.write(printable(f"{note}\n"))
         where = executor or ("threads" if plan.own else "processes")
         return plan.run(executor=where, jobs=jobs, journal=journal, progress=progress)
 
@@ -254,7 +255,7 @@ def _csv(study: NoiseStudy) -> str:
     rows, text = study.table(), io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]))
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
     return text.getvalue()
 
 

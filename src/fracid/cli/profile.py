@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, new_console, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
@@ -68,7 +68,7 @@ def profile(
     folder = out or (source if source.is_dir() else Path("runs") / f"{source.stem}-profile")
     figure = _write(found, folder)
     if json_:
-        typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
+        echo_json(found.record)
     else:
         console = new_console()
         _show(found, folder, figure, console)

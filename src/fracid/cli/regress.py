@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import RIGS, ZEROS, one_of
@@ -120,7 +120,7 @@ def regress(
     if out is not None:
         _write(found, out)
     if json_:
-        typer.echo(json.dumps(_record(found), indent=2, ensure_ascii=False, allow_nan=False))
+        echo_json(_record(found))
     else:
         console = new_console()
         _show(found, out, console)

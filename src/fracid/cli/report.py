@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_next, typed
+from fracid.foreign import printable
 
 __all__ = ["report"]
 
@@ -38,7 +39,7 @@ def report(
     from fracid.report import write_report
 
     path = write_report(run, jobs=jobs, out=out, trust=trust)
-    typer.echo(f"report   {path}")
+    typer.echo(printable(f"report   {path}"))
     if open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
     elif not open_:

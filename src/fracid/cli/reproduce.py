@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console
 from fracid.cli.app import table as new_table
 from fracid.cli.resume import ADDRESS, safe_words, said_command
 from fracid.errors import InputError
@@ -72,7 +72,7 @@ def reproduce(
     else:
         found = _studied(run, study, trust, out, jobs)
     if json_:
-        typer.echo(json.dumps(found.to_json(), indent=2, ensure_ascii=False))
+        echo_json(found.to_json())
     else:
         _show(found, run, time.perf_counter() - began, new_console())
     if not found.reproduced:

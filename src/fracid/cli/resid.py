@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, new_console, say_next, typed
+from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError, InputError
@@ -63,7 +63,7 @@ def resid(
     folder = out or run
     figures = _write(found, folder)
     if json_:
-        typer.echo(json.dumps(found.record, indent=2, ensure_ascii=False))
+        echo_json(found.record)
     else:
         _show(found, folder, figures, new_console())
     if not any(isfinite(a.level.rms) for a in found.all):

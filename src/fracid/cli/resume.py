@@ -16,7 +16,6 @@ To make a new command resumable name it in :data:`STUDIES` and give it a journal
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 import sys
@@ -26,9 +25,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Trust, app
+from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
 from fracid.cli.completion import EXECUTORS, one_of
 from fracid.errors import InputError, NotTrusted
+from fracid.foreign import printable
 from fracid.shape import ENVIRONMENT, FIT_OPTIONS, RESULT, fault_of, read_as
 from fracid.surroundings import ignore_settings
 
@@ -122,7 +122,10 @@ def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, tru
             result = read_as(path, RESULT, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"The fit in {folder} was finished, but {path} cannot be read; fit it again.") from None
-        typer.echo(json.dumps(result, indent=2) if json_ else f"{folder} is finished; its result is {path}.")
+        if json_:
+            echo_json(result)
+        else:
+            typer.echo(printable(f"{folder} is finished; its result is {path}."))
         return
     if fault := fault_of(options, FIT_OPTIONS):
         raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
 from fracid.errors import DataError, InputError
@@ -142,7 +142,7 @@ def simulate(
     record = _record(source, twin, run, levels, counts, seed)
     files = _write(made, record, file, folder)
     if json_:
-        typer.echo(json.dumps(record | {"files": [str(path) for path in files]}, indent=2, ensure_ascii=False))
+        echo_json(record | {"files": [str(path) for path in files]})
     else:
         _show(source, twin, run, made, files, new_console())
 

@@ -7,12 +7,13 @@ file is the run's ``result.json`` with the recordings' curves in it.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.foreign import file_stems
+from fracid.foreign import csv_cell, file_stems
 
 if TYPE_CHECKING:
     from fracid.identify import RecordingFit
@@ -52,16 +53,22 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
 def _csv(recording: RecordingFit, inputs: Mapping[str, Any]) -> str:
     columns = {"time [s]": recording.time}
     for output in recording.measured:
-        columns[f"{output} measured [rad]"] = recording.measured[output]
-        columns[f"{output} fitted [rad]"] = recording.fitted[output]
-        columns[f"{output} residual [rad]"] = recording.residual(output)
+        columns[f"{output} measured [{recording.unit(output)}]"] = recording.measured[output]
+        columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
+        columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
     columns |= {f"{name} [{UNITS.get(name, 'SI')}]": u for name, u in inputs.items()}
     rows = (",".join(_field(v) for v in row) for row in np.column_stack(list(columns.values())).tolist())
-    return "\r\n".join([",".join(columns), *rows, ""])
+    return "\r\n".join([",".join(map(_heading, columns)), *rows, ""])
 
 
 UNITS = {"voltage": "V", "torque": "N m"}
 """Of the rotary pendulum's inputs."""
+
+
+def _heading(text: str) -> str:
+    """Of a model of one's own it may be anything."""
+    cell = csv_cell(text).replace('"', '""')
+    return f'"{cell}"' if re.search(r'[",\r\n]', cell) else cell
 
 
 def _field(value: float) -> str:

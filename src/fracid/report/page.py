@@ -14,6 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError
+from fracid.foreign import printable
 from fracid.report.equations import equations, is_rotary_pendulum
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
@@ -131,7 +132,7 @@ def report_page(material: Material) -> str:
 
     jinja = Environment(
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
+        lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
     jinja.filters |= {"number": number, "digits": digits, "half": half_width, "unit": unit, "letter": letter,
                       "joined": joined}  # fmt: skip
@@ -140,6 +141,11 @@ def report_page(material: Material) -> str:
     return template.render(
         **_context(material), styles=styles, scripts=scripts, policy=_policy(styles, scripts), data=_data(material)
     )
+
+
+def _seen(value: Any) -> Any:
+    """A text of a run's without what cannot be seen: it could turn the direction of what stands beside it."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _own(name: str) -> str:
