@@ -360,3 +360,53 @@ def test_what_cannot_be_identified_as_asked_is_a_sentence_before_anything_is_sea
     with pytest.raises(InputError) as refused:
         fracid.identify(**{"problem": fracid.load_project(project), **asked})
     assert says in str(refused.value)
+
+
+# --- one command does not take another's place -----------------------------------------------------------------
+
+
+def test_the_fit_of_another_project_is_not_written_over(project, tmp_path, capsys, monkeypatch):
+    drawn_so(monkeypatch, lambda _: ())
+    folder = tmp_path / "run"
+    run(capsys, "fit", project, "--out", folder, "--jobs", 1)
+    kept = (folder / "result.json").read_bytes()
+    other = project.with_name("other.toml")
+    other.write_text(PROJECT.replace("start = 1.0", "start = 0.9"))
+    code, _, err = run(capsys, "fit", other, "--out", folder, "--jobs", 1)
+    assert code == 2
+    assert f"holds the fit of another project, {project}" in err
+    assert (folder / "result.json").read_bytes() == kept
+    other.rename(tmp_path / "gone.toml")
+
+
+def test_what_is_reproduced_does_not_take_the_place_of_a_result(project, tmp_path, capsys, monkeypatch):
+    drawn_so(monkeypatch, lambda _: ())
+    folder = tmp_path / "run"
+    run(capsys, "fit", project, "--out", folder, "--jobs", 1)
+    kept = (folder / "result.json").read_bytes()
+    code, _, err = run(capsys, "reproduce", folder, "--out", folder, "--jobs", 1)
+    assert code == 2
+    assert "holds files already; give an empty or a new folder: --out DIR." in err
+    assert (folder / "result.json").read_bytes() == kept
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (
+            "fit PROJECT --multi-start 2 --executor processes --scheduler tcp://h:1",
+            "are two places; give one of the two.",
+        ),
+        ("compare PROJECT --executor processes --scheduler tcp://h:1", "are two places; give one of the two."),
+        ("fit PROJECT --seed 9223372036854775808", "expected less than 2^63."),
+        ("profile PROJECT --seed -1", "--seed"),
+        ("noise PROJECT --seed -1", "--seed"),
+        ("simulate qube-servo2 --hold -1", "hold = -1 s is not possible; expected 0 or more."),
+    ],
+)
+def test_an_option_out_of_its_range_or_beside_its_rival_is_refused(project, tmp_path, capsys, monkeypatch, words, says):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, *(str(project) if w == "PROJECT" else w for w in words.split()))
+    assert code == 2
+    assert says in err
+    assert list(tmp_path.iterdir()) == []

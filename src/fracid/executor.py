@@ -559,10 +559,11 @@ def _client(address: str) -> Iterator[Any]:
         ) from None
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
-    except (OSError, ValueError) as error:  # ValueError: no address at all
+    except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything
+        said = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError(
-            f"No Dask scheduler answers at {address}: {str(error).splitlines()[0]}. Start one with dask scheduler and "
-            "workers with dask worker ADDRESS, or leave the cluster out: --executor processes."
+            f"No Dask scheduler answers at {address}: {said}. Start one with dask scheduler and workers with dask "
+            "worker ADDRESS, or leave the cluster out: --executor processes."
         ) from None
     with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves
         try:

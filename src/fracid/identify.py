@@ -351,8 +351,8 @@ def identify(
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
     name, seed = optimiser or "multistart", 1 if seed is None else seed
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more.")
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more, and less than 2^63.")
     executor_from_name(executor)
     refuse_twins([*problem.experiments, *validation])
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)

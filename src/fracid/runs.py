@@ -26,6 +26,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import sys
 import threading
 from collections.abc import Iterator, Mapping
@@ -59,6 +60,8 @@ __all__ = [
     "machine",
     "open_folder",
     "open_run",
+    "refuse_anothers",
+    "refuse_used",
     "result_of",
     "run_state",
     "versions",
@@ -72,6 +75,12 @@ JOURNAL = "journal.jsonl"
 EVALUATIONS = "evaluations.jsonl"
 MEMO = ".memo"
 FIGURES = "figures"
+
+FIGURE = re.compile(
+    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise)"
+    r"\.(svg|png|pdf)"
+)
+"""Names of the figures that runs and studies draw."""
 
 STARTS = f"starts/{JOURNAL}"
 LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
@@ -218,6 +227,42 @@ def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapp
         return False
 
 
+def refuse_used(folder: Path) -> None:
+    """Refuse a folder that holds anything: what is written there would stand in place of it.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_used(Path("/nowhere/new"))
+    """
+    if folder.exists() and (not folder.is_dir() or any(not path.name.startswith(".") for path in folder.iterdir())):
+        raise InputError(f"{folder} holds files already; give an empty or a new folder: --out DIR.")
+
+
+def refuse_anothers(folder: Path, project: Path) -> None:
+    """Refuse a folder with the fit of another project, which is still there: its result would be lost.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_anothers(Path("/nowhere/new"), Path("rig.toml"))
+    """
+    try:
+        fitted = Path(str(run_state(folder).options["project"]))
+    except (InputError, KeyError):
+        return
+    if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
+        raise InputError(
+            f"{folder} holds the fit of another project, {fitted}, and would lose it; give another folder: --out DIR."
+        )
+
+
 def inputs_of(project: Project) -> dict[str, str]:
     """Hash all that a run of a project depends on: the file, its recordings, its code; and name the versions.
 
@@ -303,8 +348,8 @@ def _refuse_strangers(folder: Path) -> None:
 
 
 def _figures(folder: Path) -> list[Path]:
-    """Figures of an earlier run: of recordings, perhaps, that this one does not have."""
-    return [path for kind in ("*.svg", "*.png", "*.pdf") for path in (folder / FIGURES).rglob(kind)]
+    """Figures of an earlier run: of recordings, perhaps, that this one does not have; what others put there stays."""
+    return [path for path in (folder / FIGURES).rglob("*") if FIGURE.fullmatch(path.name)]
 
 
 def _halves(folder: Path) -> list[Path]:

@@ -29,7 +29,7 @@ from fracid.foreign import json_text, printable
 from fracid.surroundings import ignore_settings, safe_children
 
 __all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "each_once", "echo_json", "main", "new_console",
-           "open_page", "say_next", "table", "typed"]  # fmt: skip
+           "one_place", "open_page", "say_next", "table", "typed"]  # fmt: skip
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -44,7 +44,7 @@ app = typer.Typer(
 
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for what is written.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True)]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True, min=0)]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
 Trust = Annotated[
     bool, typer.Option("--trust", help="Let the project run code of its own, my_rig.py:model. Read that first.")
@@ -129,6 +129,23 @@ def each_once(option: str, given: Iterable[tuple[str, Any]]) -> dict[str, Any]:
             raise InputError(f"{option} says {name} twice, {said[name]} and {value}; say it once.")
         said[name] = value
     return said
+
+
+def one_place(executor: str | None, scheduler: str | None) -> str | None:
+    """Where the work is done, by --executor or --scheduler; both would be two places.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> one_place("processes", None)
+    'processes'
+    """
+    if executor is not None and scheduler is not None:
+        raise InputError(f"--executor {executor} and --scheduler {scheduler} are two places; give one of the two.")
+    return scheduler or executor
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:

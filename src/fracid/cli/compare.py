@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, PRESETS, one_of
 from fracid.errors import DataError, InputError
@@ -90,7 +90,8 @@ def compare(
         "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep or []),
         "seed": loaded.seed if seed is None else seed, "starts": multi_start or loaded.starts,
     }  # fmt: skip
-    found = _compared(loaded, folder, options, scheduler or executor, jobs, json_)
+    place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
+    found = _compared(loaded, folder, options, place, jobs, json_)
     figures = _write(found, loaded, folder)
     if json_:
         typer.echo((folder / RESULT).read_text(encoding="utf-8").rstrip("\n"))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.cli.drawing import drawing
@@ -37,6 +37,9 @@ __all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
 
 EVALUATIONS_OF_THE_GA = 26 * 20
 """Its population, and 25 generations after the initial one: the end of its progress bar."""
+
+LARGEST_SEED = 2**63
+"""What JSON can hold everywhere."""
 
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -93,7 +96,7 @@ def fit(
     """
     folder = out or Path("runs") / project.stem
     ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
-                  starts=multi_start, cut=cut, executor=scheduler or executor, trust=trust)  # fmt: skip
+                  starts=multi_start, cut=cut, executor=one_place(executor, scheduler), trust=trust)  # fmt: skip
     tell_fit(ran, json_=json_)
 
 
@@ -123,7 +126,7 @@ def run_fit(
     from fracid.executor import executor_from_name
     from fracid.optimise import Outcome, optimiser_from_name
     from fracid.project import load_project
-    from fracid.runs import cut_short, inputs_of, open_run, write_result
+    from fracid.runs import cut_short, inputs_of, open_run, refuse_anothers, write_result
 
     project = load_project(path, preset=preset, trust=trust)
     name = _optimiser(optimiser, project.optimiser, starts)
@@ -133,6 +136,9 @@ def run_fit(
     executor_from_name(executor or "threads")
     if executor and (starts or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
+    if seed is not None and seed >= LARGEST_SEED:
+        raise InputError(f"--seed {seed} is not possible; expected less than 2^63.")
+    refuse_anothers(folder, path)
     inputs = inputs_of(project)
     if not resume and cut_short(folder, "fit", asked, inputs):
         sys.stderr.write(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.\n")

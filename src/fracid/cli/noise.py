@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
@@ -101,7 +101,7 @@ def noise(
     fitted = _of_run(source, trust) if source.is_dir() else _of_project(source, jobs, trust)
     _refuse_other_units(fitted)
     folder = out or (source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise")
-    study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, scheduler or executor, jobs, json_)
+    study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, one_place(executor, scheduler), jobs, json_)
     record = study.to_json() | {"source": str(source)}
     figure = _write(study, record, folder)
     if json_:

@@ -60,10 +60,13 @@ def reproduce(
     """
     from fracid.journal import refuse_links
     from fracid.mistaken import refuse_mistaken
+    from fracid.runs import refuse_used
 
     if not run.is_dir():
         refuse_mistaken(run, "run")
     refuse_links(run)
+    if out is not None:
+        refuse_used(out)  # before the time is spent
     began = time.perf_counter()
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is None or (run / "result.json").exists():
