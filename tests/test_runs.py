@@ -2,16 +2,20 @@
 
 import json
 import os
+import re
 import stat
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fracid
+import fracid.cli
 from fracid.errors import InputError
 from fracid.project import load_project
 from fracid.runs import (
     EVALUATIONS,
+    FIGURE,
     FIGURES,
     JOURNAL,
     RUN,
@@ -36,8 +40,13 @@ def test_a_new_folder_is_made_with_its_environment(tmp_path):
 def test_an_earlier_run_is_cleared_of_its_own_files_alone(tmp_path):
     folder = open_folder(tmp_path / "run")
     (folder / FIGURES).mkdir()
-    own = [folder / EVALUATIONS, folder / "result.json", folder / FIGURES / "old.svg", folder / FIGURES / "old.png"]
-    foreign = [folder / "notes.txt", folder / FIGURES / "notes.txt"]
+    own = [
+        folder / EVALUATIONS,
+        folder / "result.json",
+        folder / FIGURES / "cut.svg",
+        folder / FIGURES / "figure2-old.png",
+    ]
+    foreign = [folder / "notes.txt", folder / FIGURES / "notes.txt", folder / FIGURES / "old.png"]
     for path in (*own, *foreign):
         path.write_text("x")
     open_folder(folder)
@@ -209,3 +218,25 @@ def test_all_that_a_run_reads_is_named_its_own_model_and_cost_too(tmp_path):
         file.write("# changed\n")
     after = inputs_of(load_project(tmp_path / "rig.toml", trust=True))
     assert {what for what in before if before[what] != after[what]} == {"the code own.py"}
+
+
+def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
+    with open_run(tmp_path / "run", "fit", {}) as run:
+        run.finish()
+    figures = tmp_path / "run" / "figures"
+    (figures / "journal").mkdir(parents=True)
+    theirs = ("thesis.png", "figure.pdf", "cut.txt", "journal/my-noise.png")
+    own = ("figure2-swing.png", "figure3-swing-alpha.svg", "journal/cut.pdf", "residuals-a-b.png", "noise.png")
+    for name in (*theirs, *own):
+        (figures / name).touch()
+    with open_run(tmp_path / "run", "fit", {}):
+        there = {path.relative_to(figures).as_posix() for path in figures.rglob("*") if path.is_file()}
+    assert there == set(theirs)
+
+
+def test_all_figures_that_are_drawn_are_known_by_their_names():
+    drawn = re.compile(r'(?:yield f?|FIGURES, f?)"([a-z0-9-]+)')
+    texts = [path.read_text(encoding="utf-8") for path in Path(fracid.cli.__file__).parent.glob("*.py")]
+    stems = {stem for text in texts for stem in drawn.findall(text)}
+    assert len(stems) > 9
+    assert all(FIGURE.fullmatch(f"{stem}x.png" if stem.endswith("-") else f"{stem}.png") for stem in stems)
