@@ -111,6 +111,16 @@ def test_an_order_off_1_by_chance_is_not_called_fractional():
     assert all(fit.orders[n].identifiable == "no different from 1 as far as the recordings can tell" for n in missed)
 
 
+def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
+    """The arm is all but clamped: its order stays where the search left it, 0.9, and no rival has to explain that."""
+    twin = release((1.0, 1.0), {"J_theta": 1e6}, end=3.0, outputs=(2,))
+    fit = identify(nominal(twin, parameters={"J_theta": 1e12}, outputs=("alpha",),
+                           orders={"lambda": Free(0.9, 0.3, 1.2), "mu": BOTH["mu"]}))  # fmt: skip
+    assert fit.orders["lambda"].interval95 is None
+    assert fit.orders["lambda"].identifiable == "not at all"
+    assert fit.alternative is None
+
+
 def test_orders_that_are_tied_have_their_rival_too():
     problem = nominal(release(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
     fit = identify(problem)

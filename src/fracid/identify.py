@@ -420,7 +420,7 @@ def _examine(
             polished = _arrived(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
         clock.lap("polish")
-        widths = {problem.unknowns[i].target: _half_width(found.known, x, i) for i in problem.order_indices}
+        widths = {problem.unknowns[i].target: _unsure(found.known, x, i) for i in problem.order_indices}
         found.alternative = integer_alternative(problem, found.result.best, widths, jobs=jobs)
         found.warnings.append(found.alternative.warning if found.alternative else "")
         clock.lap("alternative")
@@ -588,6 +588,13 @@ def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, kno
         f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
         f"{polished.cost:.6g} from {best.cost:.6g}{f' ({changes})' if changes else ''}."
     )
+
+
+def _unsure(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+    """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
+    if isinstance(known, str) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
+        return _half_width(known, x, i)
+    return np.inf
 
 
 def _half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
