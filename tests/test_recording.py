@@ -398,6 +398,18 @@ def test_the_name_of_a_signal_that_fills_a_page_is_cut_in_what_is_said_of_it(tmp
     assert len(str(said.value)) < 700
 
 
+@pytest.mark.parametrize(
+    "stamps",
+    ["0,1e-320,2e-320,3e-320", "-1.5e308,-0.5e308,0.5e308,1.5e308", "0,1,inf,3", "0,,,", "0,1e300,2e300,3e300"],
+)
+def test_a_column_of_time_that_is_no_clock_says_nothing_against_the_rate(stamps, tmp_path):
+    rows = "".join(f"{t},{k % 2}\n" for k, t in enumerate(stamps.split(",")))
+    (tmp_path / "log.csv").write_text(f"time,alpha\n{rows}")
+    found = load_recording(tmp_path / "log.csv", {"alpha": "alpha"}, time={"rate": 100})
+    assert found.time.tolist() == [0.0, 0.01, 0.02, 0.03]
+    assert not found.report.findings
+
+
 LONG = {
     "digits": "9" * 300_000 + "x",
     "decimals": "9" * 150_000 + "." + "9" * 150_000 + "e",

@@ -528,7 +528,12 @@ def _other_rates(table: Table, rate: float) -> Iterator[Finding]:
         uneven = _unevenness(table.values[:, j]) if TIME_NAME.search(name[:LONGEST_NAME].lower()) else None
         if uneven is None or uneven > EVEN:
             continue
-        own = 1 / float(np.median(np.diff(table.values[:, j])))
+        stamps = table.values[:, j]
+        with np.errstate(over="ignore", invalid="ignore"):
+            step = float(np.median(np.diff(stamps[np.isfinite(stamps)])))
+        if not 1e-12 < step < 1e12:  # no clock's
+            continue
+        own = 1 / step
         times = [rate / (own / seconds) for seconds in SECONDS.values()]
         nearest = min(times, key=lambda r: abs(math.log(r)))
         if abs(math.log(nearest)) > math.log(OTHER_RATE):
