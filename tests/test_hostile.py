@@ -350,7 +350,7 @@ def test_what_is_masked_in_an_array_is_missing_and_makes_the_recording_unfit():
     [
         ({"problem": "rig.toml"}, 'fracid.identify(fracid.load_project("rig.toml"))'),
         ({"validation": (1,)}, 'a project has its own, by use = "validate"'),
-        ({"seed": -1}, "seed = -1; expected a whole number, 0 or more."),
+        ({"seed": -1}, "seed = -1; expected a whole number, 0 or more, and less than 2^63."),
         ({"seed": 1.5}, "seed = 1.5; expected a whole number"),
         ({"starts": 0}, "starts = 0; expected a whole number, 1 or more."),
         ({"executor": "gpu"}, "There is no executor 'gpu'"),
@@ -401,6 +401,9 @@ def test_what_is_reproduced_does_not_take_the_place_of_a_result(project, tmp_pat
         ("fit PROJECT --seed 9223372036854775808", "expected less than 2^63."),
         ("profile PROJECT --seed -1", "--seed"),
         ("noise PROJECT --seed -1", "--seed"),
+        ("draw PROJECT --zero upright", "--zero is for a rig;"),
+        ("simulate qube-servo2 --order mu=abc", "e.g. --order mu=0.91."),
+        ("simulate qube-servo2 --initial alpha=1m", "e.g. --initial alpha=10deg."),
         ("simulate qube-servo2 --hold -1", "hold = -1 s is not possible; expected 0 or more."),
     ],
 )

@@ -96,8 +96,6 @@ class Twin:
             if not (math.isfinite(value) and value > 0):
                 said = f"end = {self.end:g} s with hold = {self.hold:g} s" if what == "end" else f"step = {value:g} s"
                 raise InputError(f"{said} is not possible; expected an end after the release and a step above 0.")
-        if not self.hold >= 0:
-            raise InputError(f"hold = {self.hold:g} s is not possible; expected 0 or more.")
         if self.end / self.step > MOST:
             raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
         if not 1 <= self.substeps <= 1000:

@@ -64,9 +64,13 @@ def draw(
         ),
     ] = None,
     zero: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="Of a rig: hanging or upright.", autocompletion=one_of("hanging", "upright")),
-    ] = "hanging",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a rig: hanging or upright. hanging if left out.",
+            autocompletion=one_of("hanging", "upright"),
+        ),
+    ] = None,
     trust: Trust = False,
     out: Out = None,
     jobs: Jobs = CORES,
@@ -84,7 +88,10 @@ def draw(
 
     style_named(style)
     folder, wanted = Path(source), _formats(formats)
-    figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else _of_rig(source, zero, style, trust)
+    if zero is not None and (folder.is_dir() or source.endswith(".toml")):
+        raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")
+    of_rig = _of_rig(source, zero or "hanging", style, trust)
+    figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else of_rig
     home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
     where = out or (home if style == "screen" else home / style)
     for path in saved(figures, folder, wanted, where):

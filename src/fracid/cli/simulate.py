@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 import warnings
 from collections.abc import Mapping
@@ -186,9 +187,13 @@ def _assigned(given: list[str] | None, example: str, unit: Mapping[str, str] | N
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip():
             raise InputError(f"{text!r} is not possible; expected NAME=VALUE, e.g. {example}.")
-        shown = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}"
+        shown = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}" if _is_number(value) else example
         values.append((name.strip(), quantity(value, shown, unit=(unit or {}).get(name.strip(), ""))))
     return each_once(example.split()[0], values)
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", text) is not None
 
 
 def _twin(source: str, recording: str | None, zero: str | None, friction: bool, released: bool, trust: bool) -> Twin:
@@ -275,6 +280,8 @@ def _changed(
     for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
         if more[name] is not None:
             fields[name] = quantity(more[name], example)
+    if fields.get("hold", 0.0) < 0:
+        raise InputError(f"hold = {fields['hold']:g} s is not possible; expected 0 or more.")
     if "hold" in fields and "end" not in fields:
         fields["end"] = twin.end + fields["hold"] - twin.hold
     if more["method"] is not None:
@@ -311,7 +318,7 @@ def _driven(twin: Twin, said: str | None, end: str | None) -> Twin:
     here = [n for n in found.signals if n in inputs] or list(found.signals)
     if not fields and len(here) > 1:
         raise InputError(f"{file} has {len(here)} columns besides its time: {', '.join(here)}. "
-                         f"Say which drives it: --input {file},column={here[-1]}.")  # fmt: skip
+                         f"Say which drives it: --input {shlex.quote(f'{file},column={here[-1]}')}.")  # fmt: skip
     channel = column_from_text(f"{inputs[0]}={here[0]}" if not fields else f"{inputs[0]}=0,{fields}")[1]
     read = load_recording(file, {inputs[0]: {"unit": "V" if inputs[0] == "voltage" else "1"} | channel})
     times = read.time - read.time[0]
