@@ -60,6 +60,8 @@ __all__ = [
     "machine",
     "open_folder",
     "open_run",
+    "refuse_anothers",
+    "refuse_used",
     "result_of",
     "run_state",
     "versions",
@@ -223,6 +225,42 @@ def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapp
         return run_state(folder) == now
     except InputError:
         return False
+
+
+def refuse_used(folder: Path) -> None:
+    """Refuse a folder that holds anything: what is written there would stand in place of it.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_used(Path("/nowhere/new"))
+    """
+    if folder.exists() and (not folder.is_dir() or any(not path.name.startswith(".") for path in folder.iterdir())):
+        raise InputError(f"{folder} holds files already; give an empty or a new folder: --out DIR.")
+
+
+def refuse_anothers(folder: Path, project: Path) -> None:
+    """Refuse a folder with the fit of another project, which is still there: its result would be lost.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_anothers(Path("/nowhere/new"), Path("rig.toml"))
+    """
+    try:
+        fitted = Path(str(run_state(folder).options["project"]))
+    except (InputError, KeyError):
+        return
+    if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
+        raise InputError(
+            f"{folder} holds the fit of another project, {fitted}, and would lose it; give another folder: --out DIR."
+        )
 
 
 def inputs_of(project: Project) -> dict[str, str]:
