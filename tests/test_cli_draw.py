@@ -82,7 +82,7 @@ def test_a_new_run_takes_the_figures_of_the_old_one_away(made, tmp_path):
     folder = tmp_path / "run"
     (folder / "figures" / "journal").mkdir(parents=True)
     (folder / "run.json").write_text('{"kind": "fit"}')
-    for name in ("figures/journal/old.pdf", "figures/old.svg"):
+    for name in ("figures/journal/figure2-old.pdf", "figures/cut.svg"):
         (folder / name).write_text("")
     open_folder(folder)
     assert not [path for path in (folder / "figures").rglob("*.*") if path.is_file()]
