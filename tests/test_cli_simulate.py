@@ -131,7 +131,8 @@ def test_a_run_is_simulated_as_it_was_fitted_inputs_and_all(capsys, folder, tmp_
         time, theta, alpha = read(tmp_path / f"{name}.npz")
         assert np.array_equal(theta, fitted["theta"])
         assert np.array_equal(alpha, fitted["alpha"])
-    driven = np.load(tmp_path / "swing.npz")
+    with np.load(tmp_path / "swing.npz") as file:
+        driven = dict(file)
     assert np.allclose(driven["voltage"], 3 * np.sin(12 * time[0] + 12 * driven["time"]), atol=1e-12)
     assert {"D^lambda theta", "D^mu alpha"} <= set(driven)
 
