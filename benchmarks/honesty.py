@@ -1,6 +1,6 @@
 """Is each fault of docs/honesty.md said before the answer is wrong by more than its interval, and none without a fault?
 
-    python benchmarks/honesty.py                  # everything; some three minutes on an idle machine
+    python benchmarks/honesty.py                  # everything; some six minutes on two idle cores
     python benchmarks/honesty.py late off-zero    # faults by code
     python benchmarks/honesty.py --healthy 300    # so many twins without a fault; 0 for none
     python benchmarks/honesty.py --write          # also puts its tables into docs/honesty.md
@@ -615,7 +615,7 @@ def write(text: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("codes", nargs="*", help="faults by code; all if left out")
-    parser.add_argument("--healthy", type=int, default=200, help="twins without a fault")
+    parser.add_argument("--healthy", type=int, default=120, help="twins without a fault")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/honesty.md")
     asked = parser.parse_args()
