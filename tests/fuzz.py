@@ -309,6 +309,7 @@ def _go_on(reader: str, inputs: int, seconds: float, out: Path) -> None:
             del kept["failures"][number]
             total = Counter(kept["outcomes"]) - Counter(failed=1) + Counter(tally.outcomes)
             kept["outcomes"] = dict(total)
+    _keep(reader, kept, out)
     left = inputs - sum(kept["outcomes"].values())
     while left > 0 and (time_left := begun + seconds - time.monotonic()) > 0:
         since, source = time.monotonic(), kept["source"]
@@ -320,10 +321,14 @@ def _go_on(reader: str, inputs: int, seconds: float, out: Path) -> None:
         total.join(tally.outcomes, tally.failures)
         kept |= {"next": after, "outcomes": total.outcomes, "failures": total.failures}
         kept["seconds"] += time.monotonic() - since
-        out.mkdir(parents=True, exist_ok=True)
-        (out / f"{reader}.tmp").write_text(json.dumps(kept, indent=1))
-        (out / f"{reader}.tmp").replace(out / f"{reader}.json")
+        _keep(reader, kept, out)
         left = inputs - total.inputs
+
+
+def _keep(reader: str, kept: dict[str, Any], out: Path) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{reader}.tmp").write_text(json.dumps(kept, indent=1))
+    (out / f"{reader}.tmp").replace(out / f"{reader}.json")
 
 
 def _print_table(out: Path, readers: list[str]) -> int:

@@ -130,7 +130,7 @@ def lose_data(folder):
 @pytest.mark.parametrize(("spoil", "words"), [
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
     (lose_data, "cannot be read as the run read it: .* Put its recordings back, or fit again: fracid fit PROJECT"),
-    (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run was finished, but its result.json cannot be read"),
+    (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run was finished, but its result.json cannot be"),
     (lose_result("fit", "{"), "The fit in .*run is not finished"),
     (lose_result("noise", "[]"), "run is the folder of fracid noise; give one that fracid fit wrote"),
     (lose_result("", "{"), "is no run folder: it has no result.json that can be read"),

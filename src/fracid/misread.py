@@ -5,20 +5,21 @@ One sample of delay in one of two angles moves an order by up to ten times its i
 But what is left over has the fault's own form.  With e the residuals, :math:`J = ∂e/∂x` at the minimum and
 :math:`z = ∂e/∂δ` of a fault of size δ, which is one unknown more, Gauss-Newton's step for all of them is
 
-.. math::  \hat δ = -\frac{z_⊥·e}{z_⊥·z_⊥}, \qquad Δx = -(J'J)^{-1}J'(e + z\hatδ), \qquad z_⊥ = z - J(J'J)^{-1}J'z :
+.. math::  \hat δ = -\frac{z_\perp'e}{z_\perp'z_\perp}, \qquad Δx = -(J'J)^{-1}J'(e + z\,\hat δ), \qquad
+           z_\perp = z - J(J'J)^{-1}J'z :
 
 what of z the unknowns could not do themselves (an *added variable* [CW]_; the test of it is Rao's score test).  Here
 
-============ =============================== =================================================================
-code         z, of one output y              seen as
-============ =============================== =================================================================
-``late``     :math:`\dot y`                  read δ seconds after the others: a filter, a logger that polls in turn
-(an input)   :math:`-∂y/∂δ`, by simulation   the same of what drives
-``scaled``   :math:`-y`                      a wrong gain, wrong counts per turn
-``off-zero`` −1                              the zero that is δ off
-``drifts``   :math:`-t/T`                    a zero that is δ off at the end
-``play``     :math:`\tfrac12 \mathrm{sgn}\,\dot y`   a hub, a gear or a belt with play δ
-============ =============================== =================================================================
+============ ===================================== ==================================================================
+code         z, of one output y                    seen as
+============ ===================================== ==================================================================
+``late``     :math:`\dot y`                        read δ seconds after the others: a filter, a logger polling in turn
+(an input)   :math:`-∂y/∂δ`, by simulation         the same of what drives
+``scaled``   :math:`-y`                            a wrong gain, wrong counts per turn
+``off-zero`` −1                                    the zero that is δ off
+``drifts``   :math:`-t/T`                          a zero that is δ off at the end
+``play``     :math:`\tfrac12 \mathrm{sgn}\,\dot y` a hub, a gear or a belt with play δ
+============ ===================================== ==================================================================
 
 The one that explains most, or nearly, is said, if it is :data:`SURE` of its standard errors away from 0 (half as many
 where it explains more than :data:`MUCH`), and either moves an order by more than half its interval, or takes more than
@@ -169,7 +170,8 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
     kept = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
     if kept < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
         return []
-    problem = replace(problem.until(kept * max(e.step for e in problem.experiments)), memo=None)
+    if kept < max(len(e.measured) for e in problem.experiments):
+        problem = replace(problem.until(kept * max(e.step for e in problem.experiments)), memo=None)
     free = np.flatnonzero(np.isfinite(known.standard_error))
     errors, forms = problem.errors(x), _forms(problem, x)
     J = jacobian(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
