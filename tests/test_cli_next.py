@@ -152,7 +152,8 @@ def test_what_a_path_is_can_be_told(folder, name, kind):
 
 def test_a_run_without_a_result_is_to_be_resumed(capsys, folder):
     (folder / "cut").mkdir(exist_ok=True)
-    shutil.copy(folder / "runs" / "rig" / "run.json", folder / "cut")
+    begun = json.loads((folder / "runs" / "rig" / "run.json").read_text()) | {"finished": False}
+    (folder / "cut" / "run.json").write_text(json.dumps(begun))
     code, _, err = run(capsys, "resid", "cut")
     assert code == 2
     assert "The fit in cut is not finished; type fracid resume cut." in err
