@@ -187,7 +187,7 @@ def batch(folder: Path) -> str:  # noqa: ARG001
 STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[Path], str], float, float]]]] = {
     "hour": (make_hour, [
         ("check", check_file("hour.npz"), 115.2, 600),
-        ("fit, 3 free", fit_project("hour"), 115.2, 4000),
+        ("fit, 3 free", fit_project("hour"), 115.2, 2000),
         ("report", report_run("hour"), 115.2, 1000),
     ]),
     "many": (make_many, [

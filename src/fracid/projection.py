@@ -188,21 +188,33 @@ def start_shift(
     """
     if problem.initial_state not in LOOSER:
         return None
-    looser = replace(problem, initial_state=LOOSER[problem.initial_state])
-    has_past = {e.name for e in problem.experiments if e.past is not None}
-    started = [i for i, u in enumerate(looser.unknowns) if u.kind == "initial" and u.experiment not in has_past]
-    if not started:
+    errors = problem.errors(x)
+    if isinstance(errors, str):
         return None
-    values = dict(zip(problem.names, x.tolist(), strict=True))
-    point = np.array([values.get(u.name, u.range.start) for u in looser.unknowns])  # the same run, so the same errors
-    own = [looser.names.index(problem.names[i]) for i in found.free]
-    errors, J = looser.errors(point), jacobian(looser, point, np.array([*own, *started]), jobs=jobs)
-    if isinstance(errors, str) or isinstance(J, str):
+    weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
+    values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(found.free)), False
+    for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
+        alone = replace(
+            problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)
+        )  # its start moves no other
+        started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and e.past is None]
+        if not started:
+            continue
+        point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
+        own = {
+            k: alone.names.index(name) for k, i in enumerate(found.free) if (name := problem.names[i]) in alone.names
+        }
+        J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
+        if isinstance(J, str):
+            return None
+        rows = weight * J[0].reshape(-1, len(own) + len(started))
+        G = found.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
+        variance += np.einsum("ij,jk,ik->i", G, _covariance(alone, started, noise), G)
+        any_taken = True
+    if not any_taken:
         return None
-    rows, _ = rows_and_scores(looser, errors, J)
-    G = found.inverse @ rows[:, : len(own)].T @ rows[:, len(own) :]
     shift = np.zeros(len(x))
-    shift[found.free] = np.sqrt(np.einsum("ij,jk,ik->i", G, _covariance(looser, started, noise), G))
+    shift[found.free] = np.sqrt(variance)
     return shift
 
 
