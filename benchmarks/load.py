@@ -191,7 +191,7 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         ("report", report_run("hour"), 115.2, 1000),
     ]),
     "many": (make_many, [
-        ("fit, 3 free", fit_project("many"), 6.4, 300),
+        ("fit, 3 free", fit_project("many"), 6.4, 400),
         ("report", report_run("many"), 6.4, 500),
     ]),
     "long": (make_long, [
@@ -199,8 +199,8 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         (".csv, check", check_file("long.csv"), 240.0, 2500),
     ]),
     "population": (None, [
-        ("genetic algorithm", population("genetic"), 0.0, 500),
-        ("differential evolution", population("differential-evolution"), 0.0, 500),
+        ("genetic algorithm", population("genetic"), 0.0, 1200),
+        ("differential evolution", population("differential-evolution"), 0.0, 1200),
         ("solve_fde_batch", batch, 35.0, 600),
     ]),
 }  # fmt: skip
