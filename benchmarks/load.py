@@ -200,7 +200,7 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
     ]),
     "population": (None, [
         ("genetic algorithm", population("genetic"), 0.0, 1200),
-        ("differential evolution", population("differential-evolution"), 0.0, 1200),
+        ("differential evolution", population("differential-evolution"), 0.0, 600),
         ("solve_fde_batch", batch, 35.0, 600),
     ]),
 }  # fmt: skip
