@@ -29,8 +29,9 @@ real rigs, fitted well, no step moves an order by half its interval, and none ta
 signal by less than half a step of its encoder is left alone: where a pendulum rests its rounding is as constant as a
 zero that is off.
 
-A linear step it is: a delay of a quarter of a swing is beyond it, and :func:`fracid.honesty.after` says then that the
-model cannot explain the recording.
+A linear step it is.  One that takes an order out of its range is none, and not said: where the data hardly tell an
+order, a gain of 40 % is as good.  A delay of a quarter of a swing is beyond it, and :func:`fracid.honesty.after` says
+then that the model cannot explain the recording.
 
 References
 ----------
@@ -198,6 +199,9 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
         size = -float(own @ e) / power
         left = e + size * own
         change = -np.linalg.solve(R, Q.T @ (e + size * z))
+        ends = x[free[orders]] + change[orders]
+        if np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]])):
+            continue  # further than an order can be: no linear step goes there
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
         found.append(Misreading(
             code, signal, size, abs(size) * power / _scatter(left * own, len(problem.outputs)),
