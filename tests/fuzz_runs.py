@@ -31,6 +31,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -177,27 +178,36 @@ def _spoil(run: Path, choose: random.Random) -> str:
 
 def _value(path: Path, choose: random.Random) -> str:
     """Another value somewhere in a JSON file, or in a line of a log."""
-    if path.suffix == ".toml":
-        return _bits(path, choose)
-    lines = path.read_text().splitlines() if path.suffix == ".jsonl" else [path.read_text()]
-    at = choose.randrange(len(lines))
-    try:
-        said = json.loads(lines[at])
-    except (ValueError, RecursionError):
-        return "spoilt already"
-    places = list(_places(said))
-    if not places:
-        return "nothing in it"
-    owner, key = choose.choice(places)
-    new = choose.choice((*VALUES, *TEXTS))
-    owner[key] = new
-    lines[at] = json.dumps(said)
-    path.write_text("\n".join(lines) + "\n")
-    return f"{key} = {str(new)[:30]!r}"
+
+    def change(said: Any) -> str:
+        places = list(_places(said))
+        if not places:
+            return "nothing in it"
+        owner, key = choose.choice(places)
+        owner[key] = choose.choice((*VALUES, *TEXTS))
+        return f"{key} = {str(owner[key])[:30]!r}"
+
+    return _changed(path, choose, change)
 
 
 def _key(path: Path, choose: random.Random) -> str:
     """A key left out, or another one for it."""
+
+    def change(said: Any) -> str:
+        places = [(owner, key) for owner, key in _places(said) if isinstance(owner, dict)]
+        if not places:
+            return "no keys"
+        owner, key = choose.choice(places)
+        value, new = owner.pop(key), choose.choice((None, *TEXTS))
+        if new is not None:
+            owner[new] = value
+        return f"{key} is now {str(new)[:30]!r}"
+
+    return _changed(path, choose, change)
+
+
+def _changed(path: Path, choose: random.Random, change: Callable[[Any], str]) -> str:
+    """Change what a JSON file says, or a line of a log; bits of any other file."""
     if path.suffix == ".toml":
         return _bits(path, choose)
     lines = path.read_text().splitlines() if path.suffix == ".jsonl" else [path.read_text()]
@@ -206,16 +216,10 @@ def _key(path: Path, choose: random.Random) -> str:
         said = json.loads(lines[at])
     except (ValueError, RecursionError):
         return "spoilt already"
-    places = [(owner, key) for owner, key in _places(said) if isinstance(owner, dict)]
-    if not places:
-        return "no keys"
-    owner, key = choose.choice(places)
-    value, new = owner.pop(key), choose.choice((None, *TEXTS))
-    if new is not None:
-        owner[new] = value
+    what = change(said)
     lines[at] = json.dumps(said)
     path.write_text("\n".join(lines) + "\n")
-    return f"{key} is now {str(new)[:30]!r}"
+    return what
 
 
 def _places(said: Any) -> Any:

@@ -7,6 +7,20 @@ import pytest
 
 from fracid.cli import main
 
+RELEASE = """
+[model.orders]
+lambda = 1.0
+mu = { start = 1.0, lower = 0.9, upper = 1.1 }
+[fit]
+initial_state = "held"
+[[recording]]
+file = "swing.npz"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+"""
+"""The project of a release whose recording, swing.npz, stands beside it: mu is free."""
+
 
 def run(capsys, *arguments):
     """Return exit code, standard output and standard error of the program."""

@@ -21,23 +21,10 @@ from fracid.export.table import _csv
 from fracid.foreign import csv_cell, json_text, printable
 from fracid.identify import RecordingFit
 from fracid.plots import look
-from program import fit_in, run
+from program import RELEASE, fit_in, run
 
 EVIL = "\"'><img src=x onerror=alert(1)></script><script>alert(2)</script> [red]{{7*7}} $\\frac{ \\input{x} ${run} =1+1"
 TERMINAL = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202eevil\u2066\x7f"
-
-PROJECT = """
-[model.orders]
-lambda = 1.0
-mu = { start = 1.0, lower = 0.9, upper = 1.1 }
-[fit]
-initial_state = "held"
-[[recording]]
-file = "swing.npz"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-"""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +33,7 @@ def fitted(tmp_path_factory):
     time = np.arange(0.0, 2.0, 0.01)
     noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 200))
     np.savez(folder / "swing.npz", time=time, theta=noise[0], alpha=0.35 * np.cos(6 * time) + noise[1])
-    fit_in(folder, PROJECT)
+    fit_in(folder, RELEASE)
     return folder
 
 

@@ -15,20 +15,7 @@ from fracid.cli.draw import _of_profiles
 from fracid.errors import InputError
 from fracid.journal import Journal, refuse_links, whole_lines
 from fracid.shape import Names, Pair, Word, fault_of, fitted_structure, json_of, lines_of, repetition, text_of
-from program import fit_in, run
-
-PROJECT = """
-[model.orders]
-lambda = 1.0
-mu = { start = 1.0, lower = 0.9, upper = 1.1 }
-[fit]
-initial_state = "held"
-[[recording]]
-file = "swing.npz"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-"""
+from program import RELEASE, fit_in, run
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +26,7 @@ def fitted(tmp_path_factory):
     found = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.97}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
     noisy = found.states[:200, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((200, 2))
     np.savez(folder / "swing.npz", time=time, theta=noisy[:, 0], alpha=noisy[:, 1])
-    fit_in(folder, PROJECT)
+    fit_in(folder, RELEASE)
     return folder
 
 

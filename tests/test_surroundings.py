@@ -9,24 +9,12 @@ import numpy as np
 import pytest
 
 from fracid.surroundings import ignore_settings, safe_children
+from program import RELEASE
 
 MODULES = ("multiprocessing", "numpy", "struct", "tempfile", "typer", "matplotlib", "numba")
 """That the program, or a process that it starts, imports from where they are installed."""
 
 PROGRAM = "from fracid.cli import main\nif __name__ == '__main__':\n    main()\n"
-
-PROJECT = """
-[model.orders]
-lambda = 1.0
-mu = { start = 1.0, lower = 0.9, upper = 1.1 }
-[fit]
-initial_state = "held"
-[[recording]]
-file = "swing.csv"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-"""
 
 
 @pytest.fixture
@@ -42,7 +30,7 @@ def strange(tmp_path):
     time = np.arange(0.0, 1.0, 0.01)
     rows = np.column_stack([time, 1e-3 * np.sin(9 * time), 0.35 * np.cos(8 * time)])
     np.savetxt(folder / "swing.csv", rows, delimiter=",", header="time,theta,alpha", comments="")
-    (folder / "rig.toml").write_text(PROJECT)
+    (folder / "rig.toml").write_text(RELEASE.replace("swing.npz", "swing.csv"))
     return folder
 
 

@@ -54,7 +54,7 @@ from fracid.memory import compressed
 from fracid.misread import misread
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
-from fracid.projection import LOOSER, curvature, newton_step, start_shift
+from fracid.projection import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.report import measure_signal, resolution, tail
@@ -203,8 +203,9 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: in
     ['cannot-explain', 'cannot-explain']
     """
     found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]
-    found += noisy_start(problem, x, known, jobs=jobs)
-    found += _stopped_short(problem, x, known, jobs)
+    parabola = _parabola(problem, x, known, jobs)
+    found += noisy_start(problem, x, known, jobs=jobs, parabola=parabola)
+    found += _stopped_short(problem, x, known, parabola)
     found += misread(problem, x, known, jobs=jobs)
     return (*found, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
 
@@ -541,7 +542,17 @@ def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Findin
             f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
 
 
-def noisy_start(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> tuple[Finding, ...]:
+def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Curvature | str:
+    """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
+    if isinstance(known, str):
+        return known
+    free = np.flatnonzero(~known.at_bound)
+    return curvature(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
+
+
+def noisy_start(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1, parabola: Curvature | str | None = None
+) -> tuple[Finding, ...]:
     """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
 
     Parameters
@@ -553,6 +564,8 @@ def noisy_start(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
         What :func:`fracid.uncertainty.uncertainty` gave there.
     jobs : int
         Threads.
+    parabola : Curvature or str, optional
+        There, of the unknowns that no bound holds; found if left out.
 
     Returns
     -------
@@ -575,8 +588,7 @@ def noisy_start(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
     """
     if isinstance(known, str) or problem.initial_state not in LOOSER:
         return ()
-    free = np.flatnonzero(~known.at_bound)
-    found = curvature(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
+    found = _parabola(problem, x, known, jobs) if parabola is None else parabola
     noise = _noise_at_the_start(problem, x)
     shift = None if isinstance(found, str) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
     if shift is None:
@@ -597,10 +609,10 @@ def noisy_start(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
         "in the recording's table."),)  # fmt: skip
 
 
-def _stopped_short(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Iterator[Finding]:
+def _stopped_short(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, found: Curvature | str
+) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
-    free = np.array([]) if isinstance(known, str) else np.flatnonzero(~known.at_bound)
-    found = curvature(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
     if isinstance(found, str) or isinstance(known, str):
         return
     step, cost = newton_step(problem, x, found)
