@@ -1,6 +1,6 @@
 """Is each fault of docs/honesty.md said before the answer is wrong by more than its interval, and none without a fault?
 
-    python benchmarks/honesty.py                  # everything; some six minutes on two idle cores
+    python benchmarks/honesty.py                  # everything; a quarter of an hour beside other work
     python benchmarks/honesty.py late off-zero    # faults by code
     python benchmarks/honesty.py --healthy 300    # so many twins without a fault; 0 for none
     python benchmarks/honesty.py --write          # also puts its tables into docs/honesty.md
