@@ -68,14 +68,14 @@ $(SITE): $(READY)
 # Hostile files into every reader, goes on where it stopped until each has had a million: hours.  Then spoilt run folders
 # into every command, an hour, and the property tests with fresh random examples, ten times over.
 fuzz: $(READY)
-	$(BIN)/python tests/fuzz.py --inputs 1000000 --seconds 7200
-	$(BIN)/python tests/fuzz_runs.py --seconds 3600
+	$(BIN)/python tests/safety/fuzz.py --inputs 1000000 --seconds 7200
+	$(BIN)/python tests/safety/fuzz_runs.py --seconds 3600
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
 
 # The same hostile files each time, two minutes, and the same spoilt run folders, three.
 fuzz-ci: $(READY)
-	$(BIN)/python tests/fuzz.py --fresh --seconds 16
-	$(BIN)/python tests/fuzz_runs.py --inputs 60
+	$(BIN)/python tests/safety/fuzz.py --fresh --seconds 16
+	$(BIN)/python tests/safety/fuzz_runs.py --inputs 60
 
 # Wheel and sdist, built, looked into, installed where nothing else is, on the oldest and the newest Python, and used.
 package: $(PACKING)
@@ -88,7 +88,7 @@ $(PACKING): tests/packaging/requirements.txt
 
 # Executes the notebook of the paper anew, with its figures: a minute.
 notebook: $(READY)
-	$(BIN)/python tests/notebook.py examples/paper.ipynb
+	$(BIN)/python tests/docs/notebook.py examples/paper.ipynb
 
 # The compiled loops that are kept; they are checked against their source, so this only frees disk space.
 clean-cache:

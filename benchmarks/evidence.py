@@ -5,13 +5,13 @@ section        what it measures, and where that stands                          
 ============== ========================================================================= ==========
 ``genetic``    the paper's genetic algorithm against random points                       1 s
                (:mod:`fracid.optimise.genetic`)
-``rounding``   what the rounding of an encoder does to ITAE (:mod:`fracid.costs`)        10 s
+``rounding``   what the rounding of an encoder does to ITAE (:mod:`fracid.problem.costs`)        10 s
 ``coverage``   how often a 95 % interval of λ and of μ holds the truth                   1 min
-               (:mod:`fracid.uncertainty`)
+               (:mod:`fracid.estimation.covariance`)
 ``swing``      orders from a start in mid-swing, by how its past is treated              1 min
-               (:mod:`fracid.problem`)
+               (:mod:`fracid.problem.problem`)
 ``cut``        how far the orders of a real SRV02 move with the cut; its recordings     1 min
-               from FRACID_RECORDINGS or ../shared/recordings (:mod:`fracid.cut`)
+               from FRACID_RECORDINGS or ../shared/recordings (:mod:`fracid.validation.unknown_past`)
 ``start``      how often an interval holds the truth where the start is taken from a    15 s
                noisy sample, by how far that moves the order (docs/honesty.md)
 ``regression`` errors of the linear regression, by the release and the orders            2 min
@@ -33,15 +33,15 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
-from fracid.costs import COSTS
-from fracid.cut import cut_check, whole_records
+from fracid.estimation.covariance import NORMAL_95, jacobian, uncertainty
+from fracid.estimation.curvature import curvature, start_shift
 from fracid.models import RIGS
 from fracid.optimise import Evaluation, Space, genetic, least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
-from fracid.projection import curvature, start_shift
+from fracid.problem.costs import COSTS
 from fracid.recording import Recording
 from fracid.regression import LUMPED
-from fracid.uncertainty import NORMAL_95, jacobian, uncertainty
+from fracid.validation.unknown_past import cut_check, whole_records
 
 
 def coverage(seeds=150):

@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 import psutil
 
-from fracid.executor import Task, run_tasks
-from fracid.journal import Journal
-from fracid.memo import Memo
+from fracid.tasks.job import Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.tasks import run_tasks
 
 PAGE = Path(__file__).parent.parent / "docs" / "scale.md"
 
@@ -191,9 +192,9 @@ def refuse() -> str:
 def real() -> str:
     """Repetitions of a noise study on the demo's twin: 20 s at 1 kHz, two orders free."""
     import fracid
-    from fracid.project import load_project
-    from fracid.search import search
-    from fracid.studies import noise_study
+    from fracid.estimation.search import search
+    from fracid.problem.project import load_project
+    from fracid.validation.monte_carlo import noise_study
 
     project = load_project(Path(fracid.__file__).parent / "twins" / "reference-twin.toml")
     problem = project.problem

@@ -31,14 +31,16 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
+from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
+from fracid.estimation.horizons import Watch, refined
 from fracid.findings import Finding
-from fracid.honesty import after, before
-from fracid.identify import POOR, _coarse, _discretisation
-from fracid.memory import compressed
+from fracid.identification import POOR
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Free, Problem
-from fracid.search import Watch, refined
-from fracid.uncertainty import NORMAL_95, Uncertainty, uncertainty
+from fracid.solver.memory import compressed
+from fracid.validation.after_search import after
+from fracid.validation.before_search import before
+from fracid.validation.discretisation import coarse_step, discretisation_check
 
 PAGE = Path(__file__).parent.parent / "docs" / "honesty.md"
 
@@ -172,7 +174,7 @@ def ask(problem: Problem, codes: tuple[str, ...], start: Problem | None = None) 
     known = uncertainty(problem, best.point)
     found += (*after(problem, best.point, known), *poor(problem, best))
     if "step" in codes:
-        found += tuple(_coarse(problem, _discretisation(problem, best.point, known, 1)))
+        found += tuple(coarse_step(problem, discretisation_check(problem, best.point, known, 1)))
     return Said(found, off(problem, best, known))
 
 

@@ -33,15 +33,17 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
-from fracid.bootstrap import bootstrap
-from fracid.executor import Progress, Task, run_tasks
-from fracid.journal import Journal
+from fracid.estimation.block_bootstrap import bootstrap
+from fracid.estimation.cost_profile import profile
+from fracid.estimation.covariance import jacobian, uncertainty
+from fracid.estimation.search import search
 from fracid.models import RIGS
 from fracid.problem import Experiment, Free, Problem
-from fracid.profiles import profile
-from fracid.search import search
-from fracid.studies import NoiseStudy, Plan, binomial95, planned, repetition, simulated
-from fracid.uncertainty import jacobian, uncertainty
+from fracid.tasks.job import Progress, Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import run_tasks
+from fracid.twins.encoder import simulated
+from fracid.validation.monte_carlo import NoiseStudy, Plan, binomial95, planned, repetition
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "uncertainty.md"

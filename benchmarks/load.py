@@ -130,7 +130,7 @@ def fit_project(name: str) -> Callable[[Path], str]:
 
     def run(folder: Path) -> str:
         import fracid
-        from fracid.runs import inputs_of, open_run, write_result
+        from fracid.runs.folder import inputs_of, open_run, write_result
 
         project = fracid.load_project(folder / f"{name}.toml")
         with open_run(folder / name, "fit", {"project": str(project.path)}, inputs=inputs_of(project)) as run:

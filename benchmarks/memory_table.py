@@ -11,8 +11,9 @@ import time
 
 import numpy as np
 
-from fracid.memory import _compressed, compressed
-from fracid.simulate import solve_fde
+from fracid.solver.exponentials import compressed_kernel
+from fracid.solver.memory import compressed
+from fracid.solver.solve import solve_fde
 
 ORDERS = (0.001, 0.1, 0.5, 0.9, 0.99, 0.999, 1.001, 1.1, 1.5, 1.9, 1.999)
 STEPS = (20_000, 1_000_000, 10_000_000)
@@ -64,10 +65,10 @@ def print_build_times(steps: int = 20_000, repeats: int = 2000) -> None:
     print(f"\nTime to build a kernel of {steps:,} steps, tolerance 1e-10\n")
     for family in FAMILIES:
         orders = [0.8 + 1e-6 * i for i in range(repeats)]  # each another order, as in a fit
-        _compressed(family, 0.7, steps, 1e-10, 8)
+        compressed_kernel(family, 0.7, steps, 1e-10, 8)
         start = time.perf_counter()
         for order in orders:
-            _compressed(family, order, steps, 1e-10, 8)
+            compressed_kernel(family, order, steps, 1e-10, 8)
         print(f"{family}: {(time.perf_counter() - start) / repeats * 1e6:.0f} µs")
 
 

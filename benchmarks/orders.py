@@ -22,8 +22,9 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 
 from fracid import Trajectory, sensitivities, solve_fde  # noqa: E402
-from fracid.fractional import mittag_leffler  # noqa: E402
-from fracid.simulate import METHODS, PaperSchemeWarning  # noqa: E402
+from fracid.solver.methods import METHODS  # noqa: E402
+from fracid.solver.operators import mittag_leffler  # noqa: E402
+from fracid.solver.solve import PaperSchemeWarning  # noqa: E402
 from oracles import derivatives as recursions  # noqa: E402
 from oracles.problems import (  # noqa: E402
     LINEAR,

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import fracid
-from fracid.reproduction import compared
+from fracid.runs.reproduction import compared
 
 PAGE = Path(__file__).parent.parent / "docs" / "reproducible.md"
 

@@ -27,7 +27,7 @@ import psutil
 
 import fracid
 from fracid.report import write_report
-from fracid.runs import inputs_of, open_run, write_result
+from fracid.runs.folder import inputs_of, open_run, write_result
 
 GROWTH = 16.0
 """Megabytes for a thousand fits that are no growth: allocators keep pages, and give some back."""

@@ -21,14 +21,16 @@ import numpy as np
 import plain
 
 import fracid
-from fracid.compiling import RHS_SIGNATURE
-from fracid.costs import COSTS
-from fracid.fractional import gl_weights
-from fracid.memory import compressed, full
 from fracid.models import RIGS
 from fracid.optimise import OPTIMISERS, minimise
 from fracid.problem import Experiment, Free, Problem
-from fracid.simulate import METHODS, compile_rhs, integrate
+from fracid.problem.costs import COSTS
+from fracid.solver.compilation import RHS_SIGNATURE
+from fracid.solver.memory import compressed, full
+from fracid.solver.methods import METHODS
+from fracid.solver.operators import gl_weights
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import integrate
 
 STEP, STEPS = 1e-3, 20_000
 ORDERS = np.array([0.8623, 0.8623, 0.9146, 0.9146])

@@ -52,9 +52,9 @@ import plain
 from scipy.interpolate import CubicSpline
 
 import fracid
-import fracid.memory
-from fracid.fractional import gl_weights
-from fracid.memory import memory_from_name
+import fracid.solver.memory
+from fracid.solver.memory import memory_from_name
+from fracid.solver.operators import gl_weights
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, PICTURE = ROOT / "docs" / "work-precision.md", ROOT / "docs" / "images" / "work_precision.png"
@@ -454,7 +454,7 @@ def _timed(solver: Solver, case: Case, steps: int) -> tuple[float, Points]:
 
 def forget_kernels() -> None:
     """Empty fracid's caches of weights, so that each call builds its own; what it knows of a function stays."""
-    for value in vars(fracid.memory).values():
+    for value in vars(fracid.solver.memory).values():
         if hasattr(value, "cache_clear"):
             value.cache_clear()
 

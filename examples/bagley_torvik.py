@@ -10,7 +10,7 @@ along diffuses, and so remembers.  Here it is loaded with f = k at t = 0 and set
 x = (y − 1, D^.5 y, y', D^1.5 y) it is D^.5 x = A x, so that x(t) = V E_.5(Λ t^.5) V⁻¹ x(0) with the eigenvalues of A.
 
 *Solved.*  As `fracid.linear_multi_term` makes it a system: ``chain``, the default, in two states, D^1.5 y = z and
-D^.5 z = f − c z − k y, and ``star`` in three; `fracid.reduction` says which when.
+D^.5 z = f − c z − k y, and ``star`` in three; `fracid.solver.reduction` says which when.
 """
 
 import sys
@@ -18,7 +18,7 @@ import sys
 import numpy as np
 
 import fracid
-from fracid.fractional import mittag_leffler
+from fracid.solver.operators import mittag_leffler
 
 STIFFNESS = 4.0  # k [1/s²]
 DAMPINGS = (0.1, 1.0, 10.0, 100.0)  # c [s^-0.5]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import fracid
-from fracid.simulate import PaperSchemeWarning
+from fracid.solver.solve import PaperSchemeWarning
 
 SEED = 20240914
 ORDERS = {"lambda": 0.8623, "mu": 0.9146}

@@ -18,7 +18,7 @@ import numpy as np
 
 import fracid
 from fracid import Experiment, Free, Problem
-from fracid.costs import COSTS, Cost
+from fracid.problem.costs import COSTS, Cost
 
 FADE = 0.3  # [s]
 

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import fracid
-from fracid.simulate import PaperSchemeWarning
+from fracid.solver.solve import PaperSchemeWarning
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 PAPER = {"lambda": 0.8623, "mu": 0.9146}

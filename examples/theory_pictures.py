@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 
 import fracid
-from fracid.plots.look import BLUE, GREEN, ORANGE, VERMILLION
-from fracid.simulate import PaperSchemeWarning
+from fracid.plots.appearance import BLUE, GREEN, ORANGE, VERMILLION
+from fracid.solver.solve import PaperSchemeWarning
 
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
 

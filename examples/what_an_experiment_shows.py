@@ -25,8 +25,8 @@ from scipy.signal import butter, chirp, sosfilt, sosfiltfilt
 
 import fracid
 from fracid import Experiment, Free, Problem, optimise
-from fracid.plots.look import BLUE, VERMILLION
-from fracid.uncertainty import jacobian
+from fracid.estimation.covariance import jacobian
+from fracid.plots.appearance import BLUE, VERMILLION
 
 PAGE = Path(__file__).parent.parent / "docs" / "recording.md"
 PICTURE = PAGE.parent / "images" / "recording-angles.png"

@@ -1,6 +1,7 @@
-"""The layers hold: a module imports only from rows above its own."""
+"""The architecture holds: packages import downwards only, no file is in a circle, names are nouns of their own."""
 
 import ast
+import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -8,84 +9,120 @@ from pathlib import Path
 import pytest
 
 import fracid
+from fracid.former_modules import FORMER
 
 PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
-    {"errors", "units"},
-    {"shape"},
-    {"findings", "foreign", "journal", "memo", "mistaken", "own_code", "pictures", "style", "surroundings", "triangle"},
-    {"fractional", "recording", "costs", "models", "optimise"},
-    {"compiling", "executor", "same_code"},
-    {"memory"},
-    {"history", "starting"},
-    {"stepping", "trajectory"},
-    {"right_hand_side", "stiffness"},
-    {"simulate"},
-    {"batch", "problem", "reduction"},
-    {"draft", "portable", "project"},
-    {"uncertainty", "regression"},
-    {"criteria", "profiles"},
-    {"bootstrap", "diagnostics", "residuals"},
-    {"search"},
-    {"misread", "projection"},
-    {"alternative", "cut", "honesty"},
-    {"ladder"},
-    {"identify"},
-    {"runs", "saved"},
-    {"plots", "reproduction"},
-    {"amplitude", "export", "studies"},
-    {"compare", "twin_recording"},
-    {"report"},
+    {"_version", "arrays", "errors", "former_modules", "units"},
+    {"figures", "files", "findings", "qr"},
+    {"safety"},
+    {"signals", "tasks"},
+    {"models", "optimise", "recording"},
+    {"solver"},
+    {"problem"},
+    {"regression", "twins"},
+    {"estimation"},
+    {"selection"},
+    {"validation"},
+    {"fit"},
+    {"identification"},
+    {"plots", "runs"},
+    {"export", "report"},
+    {"workflows"},
     {"cli"},
 )
-"""From the ground up.  A package counts as one module; `fracid` itself and `__main__` stand outside."""
+"""From the ground up: a file imports from its own package and from rows above its package's.  ARCHITECTURE.md draws it.
+
+Every import counts: those for type checkers, those within functions, those of ``plot``.
+"""
 
 ROW = {name: row for row, names in enumerate(LAYERS) for name in names}
 
-
-def home(path):
-    """The layer's name that a file belongs to: ``recording/table.py`` → ``recording``."""
-    first = path.relative_to(PACKAGE).parts[0]
-    return first.removesuffix(".py")
+MODULES = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix("__init__").rstrip("."): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+"""Dotted name within fracid → file; "" is fracid itself."""
 
 
 def imports(path):
-    """Names of fracid's own modules that a file imports, those for type checkers only left out."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            node.body = []
-        if isinstance(node, ast.FunctionDef) and node.name.startswith("plot"):
-            node.body = []  # drawing itself is a convenience: what stands above is imported when it is called
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "fracid":
-            parts = node.module.split(".")
-            yield from [parts[1]] if len(parts) > 1 else [alias.name for alias in node.names]
+    """Names of fracid's own modules that a file imports, anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "fracid":
+            base = node.module.removeprefix("fracid").lstrip(".")
+            for alias in node.names:
+                inner = f"{base}.{alias.name}".lstrip(".")
+                yield inner if inner in MODULES else base
         elif isinstance(node, ast.Import):
-            yield from (a.name.split(".")[1] for a in node.names if a.name.startswith("fracid."))
+            yield from (a.name.removeprefix("fracid.") for a in node.names if a.name.startswith("fracid."))
 
 
-FILES = [p for p in sorted(PACKAGE.rglob("*.py")) if home(p) not in ("__init__", "__main__")]
+GRAPH = {name: set(imports(path)) - {name} for name, path in MODULES.items()}
+BELOW = [name for name in MODULES if name not in ("", "__main__")]
 
 
-def test_every_module_has_its_place():
-    assert {home(path) for path in FILES} == set(ROW)
+def first(name):
+    return name.split(".")[0]
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_a_module_imports_only_from_rows_above(path):
-    own = home(path)
-    for name in imports(path):
-        if name in ROW and name != own:
-            assert ROW[name] < ROW[own], f"{own} (row {ROW[own]}) imports {name} (row {ROW[name]})"
+def test_every_package_has_its_row():
+    assert {first(name) for name in BELOW} == set(ROW)
+
+
+@pytest.mark.parametrize("name", BELOW)
+def test_a_module_imports_only_from_its_own_package_and_from_rows_above(name):
+    for other in GRAPH[name]:
+        assert other, f"{name} imports from fracid itself; import from the module that defines it"
+        allowed = first(other) == first(name) or ROW[first(other)] < ROW[first(name)]
+        assert allowed, f"{name} (row {ROW[first(name)]}) imports {other} (row {ROW[first(other)]})"
+
+
+def circles(graph):
+    """Sets of two or more files that import each other in a circle, by Tarjan's algorithm."""
+    index, low, stack, found = {}, {}, [], []
+
+    def visit(node):
+        index[node] = low[node] = len(index)
+        stack.append(node)
+        for other in graph.get(node, ()):
+            if other not in index:
+                visit(other)
+            low[node] = min(low[node], low[other] if other in stack else low[node])
+        if low[node] == index[node]:
+            circle = stack[stack.index(node) :]
+            del stack[stack.index(node) :]
+            if len(circle) > 1:
+                found.append(sorted(circle))
+
+    for node in graph:
+        if node not in index:
+            visit(node)
+    return found
+
+
+def test_no_two_files_import_each_other_in_a_circle():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
+    assert circles(GRAPH) == []
+
+
+def test_no_module_is_called_like_a_public_function():
+    functions = {name for name in fracid.__all__ if not name[0].isupper()}
+    assert {name.rpartition(".")[2] for name in BELOW} & functions == set()
+
+
+def test_few_files_lie_flat_in_the_package():
+    assert len(list(PACKAGE.glob("*.py"))) <= 16
+
+
+def test_the_array_type_is_defined_once():
+    defined = [n for n, path in MODULES.items() if "= NDArray[np.float64]\n" in path.read_text(encoding="utf-8")]
+    assert defined == ["arrays"]
 
 
 @pytest.mark.parametrize("heavy", ["numba", "matplotlib", "pymoo", "statsmodels", "h5py", "pandas"])
 def test_the_ground_layers_import_nothing_heavy(heavy):
-    import subprocess
-
-    ground = ", ".join(f"fracid.{name}" for name in sorted(set().union(*LAYERS[:3])))
+    ground = ", ".join(f"fracid.{name}" for name in sorted(set().union(*LAYERS[:4])))
     code = f"import sys, {ground}; sys.exit({heavy!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -97,12 +134,34 @@ def test_the_public_names_are_sorted_and_all_there():
         assert getattr(fracid, name) is not None
 
 
-def test_importing_a_module_does_not_hide_the_function_of_its_name():
-    import fracid.identify
-    import fracid.simulate
+def test_every_figure_that_a_result_draws_is_there():
+    from fracid import plots
 
-    assert callable(fracid.simulate)
-    assert callable(fracid.identify)
+    named = set()
+    for path in MODULES.values():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "draw" and node.args:
+                named |= {c.value for c in ast.walk(node.args[0]) if isinstance(c, ast.Constant)}
+    assert named - {None} <= set(plots.FIGURES) | {"residual_plots", "residual_diagnostics"}
+    assert set(plots.FIGURES) <= set(plots.__all__)
+
+
+def test_former_modules_still_import():
+    code = "import sys, warnings; from importlib import import_module; warnings.simplefilter('ignore')\n"
+    code += "for name in sys.argv[1:]: assert import_module(name).__doc__"
+    assert subprocess.run([sys.executable, "-c", code, *FORMER], check=False).returncode == 0
+    assert {home for homes in FORMER.values() for home in homes.split()} <= set(MODULES)
+
+
+def test_what_was_in_a_former_module_is_found_with_a_warning():
+    with pytest.warns(DeprecationWarning, match=r"fracid\.costs has moved to fracid\.problem\.costs"):
+        from fracid.costs import COSTS
+    from fracid.problem.costs import COSTS as now
+
+    assert COSTS is now
+    code = "import warnings; warnings.simplefilter('ignore'); import fracid, fracid.simulate; fracid.simulate(1)"
+    run = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert "simulate() missing" in run.stderr  # called as the function that it is too
 
 
 def test_a_misspelt_public_name_is_told_with_those_there_are():

@@ -8,7 +8,7 @@ import pytest
 
 import fracid
 from fracid import Experiment, Free, Model, Parameter, Problem
-from fracid.identify import RecordingFit
+from fracid.estimation.records import RecordingFit
 from fracid.units import shown_unit, with_unit
 
 TIME = np.arange(0, 10, 0.01)

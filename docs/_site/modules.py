@@ -2,7 +2,8 @@
 
 The sections take the place of the line ``<!-- modules -->`` in reference/modules.md, the functions of
 :mod:`fracid.plots` that of ``<!-- figures -->`` in reference/figures.md.  A docstring may name what is not public:
-``:func:`fracid.search.growing```; such a link leads to the section of its module.  One that names nothing is an error.
+``:func:`fracid.estimation.horizons.growing```; such a link leads to the section of its module.  One that names
+nothing is an error.
 """
 
 import importlib
@@ -51,10 +52,10 @@ def _read(app, _page, source):
 def home_of(target, module=None):
     """Return where a docstring's target lives: a public name's own, or its module's; None where there is no such thing.
 
-    >>> home_of("fracid.executor.run_tasks")
+    >>> home_of("fracid.tasks.tasks.run_tasks")
     'fracid.run_tasks'
-    >>> home_of("fracid.search.growing")
-    'fracid.search'
+    >>> home_of("fracid.estimation.horizons.growing")
+    'fracid.estimation.horizons'
     """
     import fracid
 

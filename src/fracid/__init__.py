@@ -12,105 +12,110 @@ Names are imported when they are first used, so that ``import fracid`` costs not
 
 import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from fracid._version import __version__
+from fracid.former_modules import FormerModules
+
 if TYPE_CHECKING:
-    from fracid.amplitude import AmplitudeTest, amplitude_test
-    from fracid.batch import Sensitivities, sensitivities, solve_fde_batch
-    from fracid.bootstrap import Bootstrap, Spread, bootstrap, spread
-    from fracid.compare import Comparison, compare
-    from fracid.cut import CutCheck, cut_check
-    from fracid.diagnostics import Verdict, identifiability
-    from fracid.draft import draft_project
     from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
-    from fracid.executor import Task, run_tasks
+    from fracid.estimation.agreement import Spread, spread
+    from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
+    from fracid.estimation.cost_profile import Profile, Profiles, profile
+    from fracid.estimation.parameter_verdicts import Verdict, identifiability
     from fracid.export import export_run
     from fracid.export.state_space import integer_model
-    from fracid.fractional import derivative
-    from fracid.identify import Fit, identify
-    from fracid.journal import Journal
+    from fracid.fit import Fit
+    from fracid.identification import identify
     from fracid.models import Model, Parameter, rotary_pendulum
     from fracid.problem import Experiment, Free, Problem
-    from fracid.profiles import Profile, Profiles, profile
-    from fracid.project import Project, load_project
+    from fracid.problem.draft import draft_project
+    from fracid.problem.project import Project, load_project
     from fracid.recording import Recording, load_recording
-    from fracid.reduction import System, linear_multi_term, linear_system, multi_term
+    from fracid.recording.writing import save_recording
     from fracid.regression import Regression, regress
     from fracid.report import write_report
-    from fracid.reproduction import Reproduction, reproduce
-    from fracid.residuals import ResidualAnalysis, residual_analysis
-    from fracid.saved import SavedRun, load_run
-    from fracid.simulate import simulate, solve_fde
-    from fracid.studies import NoiseStudy, noise_study
-    from fracid.trajectory import Outcome, Trajectory
-    from fracid.twin_recording import Twin, save_recording
-
-__version__ = "0.1.0"
+    from fracid.runs.reproduction import Reproduction, reproduce
+    from fracid.runs.saved import SavedRun, load_run
+    from fracid.selection.amplitude import AmplitudeTest, amplitude_test
+    from fracid.selection.comparison import Comparison, compare
+    from fracid.solver.batch import Sensitivities, sensitivities, solve_fde_batch
+    from fracid.solver.operators import derivative
+    from fracid.solver.reduction import System, linear_multi_term, linear_system, multi_term
+    from fracid.solver.solve import simulate, solve_fde
+    from fracid.solver.trajectory import Outcome, Trajectory
+    from fracid.tasks.job import Task
+    from fracid.tasks.journal import Journal
+    from fracid.tasks.tasks import run_tasks
+    from fracid.twins.twin import Twin
+    from fracid.validation.monte_carlo import NoiseStudy, noise_study
+    from fracid.validation.residual_records import ResidualAnalysis
+    from fracid.validation.residuals import residual_analysis
+    from fracid.validation.unknown_past import CutCheck, cut_check
 
 _HOME = {
-    "AmplitudeTest": "amplitude",
-    "Bootstrap": "bootstrap",
-    "Comparison": "compare",
-    "CutCheck": "cut",
+    "AmplitudeTest": "selection.amplitude",
+    "Bootstrap": "estimation.block_bootstrap",
+    "Comparison": "selection.comparison",
+    "CutCheck": "validation.unknown_past",
     "DataError": "errors",
     "Experiment": "problem",
-    "Fit": "identify",
+    "Fit": "fit",
     "FracidError": "errors",
     "Free": "problem",
     "InputError": "errors",
-    "Journal": "journal",
+    "Journal": "tasks.journal",
     "Model": "models",
-    "NoiseStudy": "studies",
+    "NoiseStudy": "validation.monte_carlo",
     "NotTrusted": "errors",
-    "Outcome": "trajectory",
+    "Outcome": "solver.trajectory",
     "Parameter": "models",
     "Problem": "problem",
-    "Profile": "profiles",
-    "Profiles": "profiles",
-    "Project": "project",
+    "Profile": "estimation.cost_profile",
+    "Profiles": "estimation.cost_profile",
+    "Project": "problem.project",
     "Recording": "recording",
     "Regression": "regression",
-    "Reproduction": "reproduction",
-    "ResidualAnalysis": "residuals",
-    "SavedRun": "saved",
-    "Sensitivities": "batch",
-    "Spread": "bootstrap",
-    "System": "reduction",
-    "Task": "executor",
-    "Trajectory": "trajectory",
-    "Twin": "twin_recording",
+    "Reproduction": "runs.reproduction",
+    "ResidualAnalysis": "validation.residual_records",
+    "SavedRun": "runs.saved",
+    "Sensitivities": "solver.batch",
+    "Spread": "estimation.agreement",
+    "System": "solver.reduction",
+    "Task": "tasks.job",
+    "Trajectory": "solver.trajectory",
+    "Twin": "twins.twin",
     "Unfinished": "errors",
-    "Verdict": "diagnostics",
-    "amplitude_test": "amplitude",
-    "bootstrap": "bootstrap",
-    "compare": "compare",
-    "cut_check": "cut",
-    "derivative": "fractional",
-    "draft_project": "draft",
+    "Verdict": "estimation.parameter_verdicts",
+    "amplitude_test": "selection.amplitude",
+    "bootstrap": "estimation.block_bootstrap",
+    "compare": "selection.comparison",
+    "cut_check": "validation.unknown_past",
+    "derivative": "solver.operators",
+    "draft_project": "problem.draft",
     "export_run": "export",
-    "identifiability": "diagnostics",
-    "identify": "identify",
+    "identifiability": "estimation.parameter_verdicts",
+    "identify": "identification",
     "integer_model": "export.state_space",
-    "linear_multi_term": "reduction",
-    "linear_system": "reduction",
-    "load_project": "project",
+    "linear_multi_term": "solver.reduction",
+    "linear_system": "solver.reduction",
+    "load_project": "problem.project",
     "load_recording": "recording",
-    "load_run": "saved",
-    "multi_term": "reduction",
-    "noise_study": "studies",
-    "profile": "profiles",
+    "load_run": "runs.saved",
+    "multi_term": "solver.reduction",
+    "noise_study": "validation.monte_carlo",
+    "profile": "estimation.cost_profile",
     "regress": "regression",
-    "reproduce": "reproduction",
-    "residual_analysis": "residuals",
+    "reproduce": "runs.reproduction",
+    "residual_analysis": "validation.residuals",
     "rotary_pendulum": "models",
-    "run_tasks": "executor",
-    "save_recording": "twin_recording",
-    "sensitivities": "batch",
-    "simulate": "simulate",
-    "solve_fde": "simulate",
-    "solve_fde_batch": "batch",
-    "spread": "bootstrap",
+    "run_tasks": "tasks.tasks",
+    "save_recording": "recording.writing",
+    "sensitivities": "solver.batch",
+    "simulate": "solver.solve",
+    "solve_fde": "solver.solve",
+    "solve_fde_batch": "solver.batch",
+    "spread": "estimation.agreement",
     "write_report": "report",
 }
 """Which module each public name lives in."""
@@ -137,12 +142,4 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-class _Package(ModuleType):
-    """Importing the modules ``simulate`` and ``identify`` must not hide the functions of these names."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+sys.meta_path.append(FormerModules)

@@ -10,10 +10,25 @@
 
 Each message is a sentence or three: what was wrong with the value, what was
 expected, what to type.  A numerical failure (a diverging run, det M = 0) is not
-an error but an outcome: see :class:`fracid.simulate.Outcome`.
+an error but an outcome: see :class:`fracid.Outcome`.
 """
 
-__all__ = ["DataError", "FracidError", "InputError", "NotTrusted", "Unfinished"]
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection
+from numbers import Integral, Real
+
+__all__ = [
+    "DataError",
+    "FracidError",
+    "InputError",
+    "NotTrusted",
+    "Unfinished",
+    "at_least",
+    "is_number",
+    "unknown_name",
+]
 
 
 class FracidError(Exception):
@@ -42,3 +57,43 @@ class Unfinished(FracidError, RuntimeError):
     """Long work was cut short by something outside of it; what was done is kept, and can be gone on with."""
 
     exit_code = 1
+
+
+def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:
+    """Return the error for a name that is not one of the known ones, with the closest of them.
+
+    Examples
+    --------
+    >>> print(unknown_name("rig", "abc", ("qube-servo2", "srv02-rotpen")))
+    unknown rig 'abc'; the known ones are qube-servo2, srv02-rotpen
+    >>> print(unknown_name("parameter", "J_teta", ("J_theta", "C1")))
+    unknown parameter 'J_teta': did you mean J_theta?  The known ones are J_theta, C1
+    """
+    close = difflib.get_close_matches(str(name), known, n=2, cutoff=0.55)
+    everything = ", ".join(known) if known else "none"
+    if not close:
+        return InputError(f"unknown {what} {name!r}; the known ones are {everything}")
+    return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")
+
+
+def is_number(value: object) -> bool:
+    """A real number of Python or NumPy; True and False are none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def at_least(name: str, value: int, least: int) -> int:
+    """Give a count back if it is one.
+
+    Raises
+    ------
+    InputError
+        If it is below `least` or no whole number.
+
+    Examples
+    --------
+    >>> at_least("jobs", 4, 1)
+    4
+    """
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise InputError(f"{name} = {value!r}; expected a whole number, {least} or more.")
+    return int(value)

@@ -8,7 +8,7 @@ is said, so that a reader can judge it, and a program can sort by it.  ``docs/ho
 made by                             looks at
 ==================================  ====================================================================
 :mod:`fracid.recording.faults`      samples alone, for ``fracid check`` and whatever reads a recording
-:mod:`fracid.honesty`               a problem before the search, and its minimum after it
+:mod:`fracid.validation.before_search`               a problem before the search, and its minimum after it
 :class:`fracid.Trajectory`          a simulation that did not reach its end (``reason``, in words)
 ==================================  ====================================================================
 """

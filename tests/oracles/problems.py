@@ -12,7 +12,7 @@ from math import ceil, gamma, radians
 
 import numpy as np
 
-from fracid.fractional import mittag_leffler
+from fracid.solver.operators import mittag_leffler
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,14 @@
 """The command line, ``fracid check``, ``fit`` …: one file a command; :mod:`fracid.cli.app` holds the frame."""
 
-from fracid.cli import (
-    check,
-    compare,
-    demo,
-    draw,
-    export,
-    fit,
-    init,
-    noise,
-    profile,
-    regress,
-    report,
-    reproduce,
-    resid,
-    resume,
-    simulate,
-)
+from fracid.cli import check, demo, export, fit, noise, report, resume
+from fracid.cli import comparison as compare
+from fracid.cli import draft as init
+from fracid.cli import figures as draw
+from fracid.cli import profiles as profile
+from fracid.cli import regression as regress
+from fracid.cli import reproduction as reproduce
+from fracid.cli import residuals as resid
+from fracid.cli import simulation as simulate
 from fracid.cli.app import app, main
 
 __all__ = ["app", "check", "compare", "demo", "draw", "export", "fit", "init", "main", "noise", "profile", "regress",

@@ -23,13 +23,29 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid import __version__
+from fracid._version import __version__
 from fracid.errors import DataError, FracidError, InputError, NotTrusted
-from fracid.foreign import json_text, printable
-from fracid.surroundings import ignore_settings, safe_children
+from fracid.safety.environment import ignore_settings, safe_children
+from fracid.safety.text import json_text, printable
 
-__all__ = ["CORES", "Jobs", "Json", "Out", "Seed", "Trust", "app", "each_once", "echo_json", "main", "new_console",
-           "one_place", "open_page", "say_next", "table", "typed"]  # fmt: skip
+__all__ = [
+    "CORES",
+    "Jobs",
+    "Json",
+    "Out",
+    "Seed",
+    "Trust",
+    "app",
+    "each_once",
+    "echo_json",
+    "main",
+    "new_console",
+    "one_place",
+    "open_page",
+    "say_next",
+    "table",
+    "typed",
+]
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -43,9 +59,13 @@ app = typer.Typer(
 )
 
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for what is written.")]
+
 Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
+
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True, min=0)]
+
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
+
 Trust = Annotated[
     bool, typer.Option("--trust", help="Let the project run code of its own, my_rig.py:model. Read that first.")
 ]
@@ -196,7 +216,7 @@ def _program(
 ) -> None:
     """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""
     if version and json_:
-        from fracid.runs import versions
+        from fracid.runs.environment import versions
 
         typer.echo(json.dumps(versions(), indent=2))
     elif version:

@@ -14,21 +14,27 @@ from typing import Any
 import typer
 
 from fracid.errors import InputError
-from fracid.shape import Names, read_as
+from fracid.safety.schema import Names, read_as
 
-__all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS",
-           "from_run", "one_of"]  # fmt: skip
+__all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS", "from_run", "one_of"]
 
 COSTS = ("rmse", "itae", "iae", "ise", "itse", "huber")
-EXECUTORS = ("threads", "processes")
-FORMATS = ("matlab", "c", "csv", "json", "state-space")
-METHODS = ("pi2", "pi2-implicit", "pi3", "gl", "gl-sequential", "gl-paper")
-OPTIMISERS = ("multistart", "least-squares", "cma", "differential-evolution", "genetic", "nelder-mead")
-PRESETS = ("paper",)
-RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "stepper-freeswing")
-COLUMNS = ("alpha=", "theta=", "voltage=")
-ZEROS = ("hanging", "upright")
 
+EXECUTORS = ("threads", "processes")
+
+FORMATS = ("matlab", "c", "csv", "json", "state-space")
+
+METHODS = ("pi2", "pi2-implicit", "pi3", "gl", "gl-sequential", "gl-paper")
+
+OPTIMISERS = ("multistart", "least-squares", "cma", "differential-evolution", "genetic", "nelder-mead")
+
+PRESETS = ("paper",)
+
+RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "stepper-freeswing")
+
+COLUMNS = ("alpha=", "theta=", "voltage=")
+
+ZEROS = ("hanging", "upright")
 
 NAMED = {"orders?": Names({"free": bool}), "parameters?": Names({"free": bool}), "recordings?": Names(dict)}
 """What counts here of a result."""

@@ -54,7 +54,7 @@ def export(
     about hanging and upright.
     """
     from fracid.export import export_run
-    from fracid.saved import load_run
+    from fracid.runs.saved import load_run
 
     found = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:

@@ -16,22 +16,24 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
-from fracid.cli.drawing import drawing
 from fracid.errors import DataError, InputError
-from fracid.foreign import printable
-from fracid.shape import end, fault_of
+from fracid.runs.schemas import end
+from fracid.safety.schema import fault_of
+from fracid.safety.text import printable
 from fracid.units import with_unit
+from fracid.workflows.figures import drawing
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.alternative import Alternative
-    from fracid.identify import Estimate, Fit
-    from fracid.journal import Journal
-    from fracid.memo import Memo
+    from fracid.estimation.records import Estimate
+    from fracid.fit import Fit
     from fracid.optimise import Evaluation, EvaluationLog
-    from fracid.project import Project
-    from fracid.runs import Run
+    from fracid.problem.project import Project
+    from fracid.runs.folder import Run
+    from fracid.selection.integer_rival import Alternative
+    from fracid.tasks.journal import Journal
+    from fracid.tasks.simulation_cache import Memo
 
 __all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
 
@@ -123,10 +125,10 @@ def run_fit(
 ) -> Ran:  # fmt: skip
     """Load, identify and write everything; or go on with what is in the folder."""
     began = time.perf_counter()
-    from fracid.executor import executor_from_name
     from fracid.optimise import Outcome, optimiser_from_name
-    from fracid.project import load_project
-    from fracid.runs import cut_short, inputs_of, open_run, refuse_anothers, write_result
+    from fracid.problem.project import load_project
+    from fracid.runs.folder import cut_short, inputs_of, open_run, refuse_anothers, write_result
+    from fracid.tasks.tasks import executor_from_name
 
     project = load_project(path, preset=preset, trust=trust)
     name = _optimiser(optimiser, project.optimiser, starts)
@@ -173,11 +175,11 @@ def run_fit(
 
 def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser: str, **options: Any) -> Fit:
     """Identify; what was simulated before a resumption is read from the folder."""
-    from fracid.honesty import before
-    from fracid.identify import identify
-    from fracid.memo import Memo
+    from fracid.identification import identify
     from fracid.optimise import EvaluationLog
-    from fracid.runs import EVALUATIONS, MEMO
+    from fracid.runs.folder import EVALUATIONS, MEMO
+    from fracid.tasks.simulation_cache import Memo
+    from fracid.validation.before_search import before
 
     reports = {r.name: r.report for r in project.recordings}
     seen = before(project.problem, reports, validation=project.validation, jobs=jobs)
@@ -199,9 +201,9 @@ def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser
 
 def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
     """Of starts that run elsewhere, a journal in a folder of its own."""
-    from fracid.journal import Journal
     from fracid.optimise import Outcome
-    from fracid.runs import STARTS
+    from fracid.runs.folder import STARTS
+    from fracid.tasks.journal import Journal
 
     if executor == "threads":
         return nullcontext()
@@ -213,7 +215,7 @@ def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManag
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
     """What a resumption found in the folder."""
-    from fracid.runs import EVALUATIONS
+    from fracid.runs.folder import EVALUATIONS
 
     if log.torn:
         yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
@@ -237,7 +239,7 @@ def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
 def _progress(optimiser: str, events: bool) -> Iterator[Any]:
     """Evaluations, time and the best cost so far."""
     from fracid.cli.progress import progress_shown
-    from fracid.executor import Progress
+    from fracid.tasks.job import Progress
 
     began = time.perf_counter()
     total = EVALUATIONS_OF_THE_GA if optimiser == "genetic" else None  # the others stop when they have converged
@@ -282,7 +284,7 @@ def say_undrawn(ran: Ran) -> None:
 
 
 def _say_next(ran: Ran, console: Console) -> None:
-    from fracid.ladder import has_friction
+    from fracid.selection.ladder import has_friction
 
     trust = ["--trust"] * bool(ran.project.own_code)
     ladder = [(typed("compare", ran.project.path, *trust), "do the orders help, or is it friction?")]
@@ -388,7 +390,7 @@ def _begins_in_motion(found: Fit) -> bool:
 
 def _starts(found: Fit) -> str:
     """How many starts ended where, and which one won."""
-    from fracid.search import SAME_COST, final_cost, won
+    from fracid.estimation.starts import SAME_COST, final_cost, won
 
     best = won(found.starts)
     if best is None or best.cost is None:

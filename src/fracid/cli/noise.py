@@ -18,17 +18,18 @@ from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_co
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
-from fracid.foreign import csv_cell, printable
-from fracid.mistaken import refuse_mistaken
-from fracid.shape import fault_of, repetition
+from fracid.runs.schemas import repetition
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import fault_of
+from fracid.safety.text import csv_cell, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.optimise.base import FloatArray
+    from fracid.arrays import FloatArray
     from fracid.problem import Problem
-    from fracid.project import Project
-    from fracid.studies import NoiseStudy, Plan, Statistics
+    from fracid.problem.project import Project
+    from fracid.validation.monte_carlo import NoiseStudy, Plan, Statistics
 
 __all__ = ["noise"]
 
@@ -149,7 +150,7 @@ class _Fitted:
 
 
 def _of_run(folder: Path, trust: bool) -> _Fitted:
-    from fracid.saved import load_run
+    from fracid.runs.saved import load_run
 
     run = load_run(folder, trust=trust)
     return _fitted(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
@@ -159,8 +160,8 @@ def _of_project(path: Path, jobs: int, trust: bool) -> _Fitted:
     """Fit a project, without what comes after the search."""
     import numpy as np
 
-    from fracid.project import load_project
-    from fracid.search import search
+    from fracid.estimation.search import search
+    from fracid.problem.project import load_project
 
     project = load_project(path, trust=trust)
     rng = np.random.default_rng(project.seed)
@@ -197,9 +198,9 @@ def _studied(
 ) -> NoiseStudy:  # fmt: skip
     """Run it, going on with what the journal in the folder has."""
     from fracid.cli.progress import progress_shown
-    from fracid.journal import Journal
-    from fracid.runs import JOURNAL, open_folder
-    from fracid.studies import planned
+    from fracid.runs.folder import JOURNAL, open_folder
+    from fracid.tasks.journal import Journal
+    from fracid.validation.monte_carlo import planned
 
     plan = planned(
         fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
@@ -220,7 +221,7 @@ def _studied(
 
 def _header(plan: Plan, fitted: _Fitted) -> dict[str, Any]:
     """All that a repetition depends on beside its key, so that more levels or seeds go on from what there is."""
-    from fracid.runs import versions
+    from fracid.runs.environment import versions
 
     return {
         "kind": "noise",
@@ -238,8 +239,9 @@ def _header(plan: Plan, fitted: _Fitted) -> dict[str, Any]:
 
 
 def _write(study: NoiseStudy, record: dict[str, Any], folder: Path) -> Path:
+    from fracid.files import write_text
     from fracid.plots import noise_levels, save
-    from fracid.runs import FIGURES, write_text
+    from fracid.runs.folder import FIGURES
 
     try:
         write_text(folder / RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

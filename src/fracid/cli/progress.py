@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TextIO
 
-from fracid.executor import Progress
+from fracid.tasks.job import Progress
 
 __all__ = ["progress_shown"]
 

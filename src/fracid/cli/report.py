@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_next, typed
-from fracid.foreign import printable
+from fracid.safety.text import printable
 
 __all__ = ["report"]
 

@@ -3,7 +3,8 @@
 Two kinds of run can be gone on with.
 
 *   What has a ``run.json`` names itself, with all its options; :data:`KINDS` says how each is gone on with.  A fit
-    begins again, but reads what it simulated before (:mod:`fracid.memo`), so it takes the same way and ends the same.
+    begins again, but reads what it simulated before (:mod:`fracid.tasks.simulation_cache`), so it takes the same way
+    and ends the same.
 *   What has a journal but no run.json is a study: its command, from ``environment.json``, is typed again where
     it was typed, and does what the journal has not.
 
@@ -11,7 +12,7 @@ A run folder may come from a stranger, and may say anything.  So neither the per
 ``--trust``, nor the address of a scheduler, whose answers are unpickled, is taken from there: the caller types them.
 
 To make a new command resumable name it in :data:`STUDIES` and give it a journal in the folder that
-:func:`fracid.runs.open_folder` made: that is all.
+:func:`fracid.runs.folder.open_folder` made: that is all.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
 from fracid.cli.completion import EXECUTORS, one_of
 from fracid.errors import InputError, NotTrusted
-from fracid.foreign import printable
-from fracid.shape import ENVIRONMENT, FIT_OPTIONS, RESULT, fault_of, read_as
-from fracid.surroundings import ignore_settings
+from fracid.runs.schemas import ENVIRONMENT, FIT_OPTIONS, RESULT
+from fracid.safety.environment import ignore_settings
+from fracid.safety.schema import fault_of, read_as
+from fracid.safety.text import printable
 
 if TYPE_CHECKING:
-    from fracid.runs import RunState
+    from fracid.runs.folder import RunState
 
 __all__ = ["KINDS", "resume", "safe_words", "said_command"]
 
@@ -77,9 +79,9 @@ def resume(
     Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
     the command itself; 0 too if the run is finished already.
     """
-    from fracid.journal import refuse_links
-    from fracid.mistaken import refuse_mistaken
-    from fracid.runs import JOURNAL, RUN, run_state
+    from fracid.runs.folder import JOURNAL, RUN, run_state
+    from fracid.safety.paths import refuse_mistaken
+    from fracid.tasks.folder_lock import refuse_links
 
     if not run.is_dir():
         refuse_mistaken(run, "run")

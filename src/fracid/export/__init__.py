@@ -10,7 +10,7 @@ format           files                                          module
 ``json``         ``export.json``: the result with its curves    :mod:`fracid.export.table`
 ===============  =============================================  =============================
 
-Programs (``model.m``, the C function) step as :mod:`fracid.stepping` does, with tables of numbers that
+Programs (``model.m``, the C function) step as :mod:`fracid.solver.schemes` does, with tables of numbers that
 :mod:`fracid.export.recursion` takes out of the compiled loops.  Nothing is written outside of the folder that is given.
 """
 
@@ -21,14 +21,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.errors import InputError
-from fracid.models.base import unknown_name
+from fracid.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
-    from fracid.saved import SavedRun
+    from fracid.runs.saved import SavedRun
 
 __all__ = ["FORMATS", "Export", "export_run"]
-
 
 HOURS = 10_000_000
 """Steps that the memory of the C function holds where nothing is said: 2.8 h of 1 ms."""
@@ -95,7 +93,7 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
     from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
     from fracid.export.recursion import Recursion
     from fracid.export.state_space import integer_model
-    from fracid.runs import write_text
+    from fracid.files import write_text
 
     write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
@@ -113,7 +111,7 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
     from fracid.export.c import c_model
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
-    from fracid.runs import write_text
+    from fracid.files import write_text
 
     if reason := no_program(run):
         yield reason
@@ -131,7 +129,7 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
 
 def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import csv_tables
-    from fracid.runs import write_text
+    from fracid.files import write_text
 
     for name, text in csv_tables(run).items():
         write_text(folder / name, text)
@@ -140,7 +138,7 @@ def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str
 
 def _json(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import json_text
-    from fracid.runs import write_text
+    from fracid.files import write_text
 
     write_text(folder / "export.json", json_text(run))
     yield folder / "export.json"
@@ -150,8 +148,9 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     import json
 
     from fracid.export.state_space import integer_model, sentences
-    from fracid.plots import linear_response, save
-    from fracid.runs import write_text
+    from fracid.files import write_text
+    from fracid.plots.linear import linear_response
+    from fracid.plots.writing import save
 
     found = integer_model(run)
     text = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)

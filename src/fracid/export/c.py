@@ -1,7 +1,7 @@
 """``fracid_model.c`` and ``.h``: the identified model as a C99 function for real-time targets.
 
 No allocation, no library but ``<math.h>``, all memory in one struct, and the same work at every step (but for Newton's
-method, where dry friction asks for it): :mod:`fracid.stepping` with the tables of :mod:`fracid.export.recursion`.
+method, where dry friction asks for it): :mod:`fracid.solver.schemes` with the tables of :mod:`fracid.export.recursion`.
 
 A controller knows its input only when the step ends, so the first steps, which fracid solves together, are solved with
 the input of the moment for those to come.  With one such step (orders near 1), or an input that stays while
@@ -16,11 +16,12 @@ from string import Template
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid import __version__
+from fracid._version import __version__
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion, is_pendulum
-from fracid.models.rotary_pendulum import GRAVITY
-from fracid.problem import LIMIT
+from fracid.export.recursion import SCHEMES, Case, Recursion
+from fracid.models.geometry import is_pendulum
+from fracid.models.pendulum import GRAVITY
+from fracid.problem.problem import LIMIT
 
 __all__ = ["c_model"]
 

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fracid import __version__
+from fracid._version import __version__
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion, is_pendulum
-from fracid.models.rotary_pendulum import GRAVITY
-from fracid.problem import LIMIT
+from fracid.export.recursion import SCHEMES, Case, Recursion
+from fracid.models.geometry import is_pendulum
+from fracid.models.pendulum import GRAVITY
+from fracid.problem.problem import LIMIT
 
 if TYPE_CHECKING:
-    from fracid.saved import SavedRun
+    from fracid.runs.saved import SavedRun
 
 __all__ = ["matlab_model", "matlab_results", "no_program", "of_recording", "write_results"]
-
-FloatArray = NDArray[np.float64]
 
 RHS = """\
 function f = rhs(x, u, p)
@@ -246,7 +246,7 @@ def write_results(path: Path, content: Mapping[str, Any]) -> None:
 
     from scipy.io import savemat
 
-    from fracid.runs import write_whole
+    from fracid.files import write_whole
 
     memory = BytesIO()
     savemat(memory, dict(content), do_compression=True, oned_as="column", long_field_names=True)

@@ -1,18 +1,19 @@
 r"""A scheme, its memory and its start as plain numbers: what ``model.m`` and the C function step with.
 
-A run of :mod:`fracid.stepping` needs nothing but tables, all in units of the step, so that they hold for any step:
+A run of :mod:`fracid.solver.schemes` needs nothing but tables, all in units of the step, so that they hold for any
+step:
 
 ======================  =========================================================================================
 table                   for what
 ======================  =========================================================================================
 ``weights``, ``start``  the last L samples: :math:`\sum_{k=1}^{L} w_k v_{n-k}`; the first sample has weights of its own
-``decay``, …            all older ones: :math:`\sum_m a_m Y_m`, :math:`Y_m ← z_m Y_m + v_{n-L-1}` (:mod:`fracid.memory`)
+``decay``, …            all older ones: :math:`\sum_m a_m Y_m`, :math:`Y_m ← z_m Y_m + v_{n-L-1}`
 ``fit``, ``errors``     :math:`C(n) = \sum_e c_e E_e(n)`, :math:`c = F\,(f_1 - f_0, …, f_s - f_0)` (`starting`)
 ``starting``            the first s steps together: :math:`x_n = x_0 + h^q \sum_{k=0}^{s} M_{nk} f_k`
 ======================  =========================================================================================
 
-The last two are Lubich's corrections for the orders of the model (:mod:`fracid.starting`), all of whose states are
-taken to move.  Of ``pi3`` what corrects :math:`δ^2 f_0` is two rows more of `fit` and `errors`.  A memory of
+The last two are Lubich's corrections for the orders of the model (:mod:`fracid.solver.starting`), all of whose states
+are taken to move.  Of ``pi3`` what corrects :math:`δ^2 f_0` is two rows more of `fit` and `errors`.  A memory of
 exponentials is exported as it is; a full one as exponentials within 10⁻¹², for nothing else runs for ever in fixed
 memory.
 """
@@ -27,26 +28,24 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from fracid.compiling import when_called
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.memory import Kernel, compressed
-from fracid.memory import _third_weights as third_weights
-from fracid.memory import _trapezoidal_weights as trapezoidal_weights
 from fracid.models import Model
-from fracid.models.rotary_pendulum import hanging, upright
 from fracid.problem import Experiment, Problem
-from fracid.simulate import METHODS, time_scale
-from fracid.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
+from fracid.solver.compilation import when_called
+from fracid.solver.memory import compressed
+from fracid.solver.methods import METHODS
+from fracid.solver.solve import time_scale
+from fracid.solver.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
+from fracid.solver.weights import Kernel, third_weights, trapezoidal_weights
 
-__all__ = ["SCHEMES", "Case", "Recursion", "is_pendulum"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["SCHEMES", "Case", "Recursion"]
 
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""
 
 SHORTEST = 10_000
-"""Steps that an exported memory holds at least: below 65 :mod:`fracid.memory` would keep all."""
+"""Steps that an exported memory holds at least: below 65 :mod:`fracid.solver.memory` would keep all."""
 
 SCHEMES = {
     "pi2": "product trapezoidal rule, second order",
@@ -180,11 +179,6 @@ class Recursion:
         )  # fmt: skip
 
 
-def is_pendulum(model: Model) -> bool:
-    """Tell whether the right-hand side is the rotary pendulum's, which can be written out in other languages."""
-    return getattr(model.rhs, "py_func", model.rhs) in (hanging, upright)
-
-
 # --- memory ------------------------------------------------------------------------------------------
 
 
@@ -248,7 +242,7 @@ def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -
 
 
 def _fit_of_powers(sigma: FloatArray, s: int) -> FloatArray:
-    """From f_1 − f_0 … f_s − f_0 to the c of f_k − f_0 = Σ c_m k^σ_m; as :mod:`fracid.starting` does it."""
+    """From f_1 − f_0 … f_s − f_0 to the c of f_k − f_0 = Σ c_m k^σ_m; as :mod:`fracid.solver.starting` does it."""
     k = np.arange(1.0, s + 1)
     if len(sigma) < s:
         return np.array([k**power / (1 + 4.0**power) for power in sigma]).reshape(len(sigma), s)

@@ -42,24 +42,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.matlab import of_recording
-from fracid.export.recursion import Case, is_pendulum
-from fracid.memory import compressed
+from fracid.export.recursion import Case
+from fracid.figures import Style, draw
 from fracid.models import Model
-from fracid.problem import LIMIT, Problem
-from fracid.simulate import METHODS, compile_rhs, integrate, time_scale
+from fracid.models.geometry import is_pendulum
+from fracid.problem import Problem
+from fracid.problem.problem import LIMIT
+from fracid.solver.memory import compressed
+from fracid.solver.methods import METHODS
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import integrate, time_scale
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.saved import SavedRun
-    from fracid.style import Style
+    from fracid.runs.saved import SavedRun
 
 __all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "oustaloup", "sentences"]
 
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 DECIBEL, DEGREES = 0.01, 0.02
@@ -70,7 +74,6 @@ MOST = 25
 
 WIDER = (10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0)
 """By what factor the filter's band may reach beyond the data's on each side, since it is wrong near its ends."""
-
 
 OVERDAMPED = 0.95
 """Damping from which on a pair of poles is the filters', two real poles that nearly meet."""
@@ -338,11 +341,9 @@ class IntegerModel:
         posture : str
             A key of `linear`: ``hanging`` or ``upright``.
         style : str or Style
-            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
         """
-        from fracid.plots import linear_response
-
-        return linear_response(self, posture, style=style)
+        return draw("linear_response", self, posture, style=style)
 
     @cached_property
     def weight(self) -> FloatArray:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.foreign import csv_cell, file_stems
+from fracid.safety.text import csv_cell, file_stems
 
 if TYPE_CHECKING:
-    from fracid.identify import RecordingFit
-    from fracid.saved import SavedRun
+    from fracid.estimation.records import RecordingFit
+    from fracid.runs.saved import SavedRun
 
 __all__ = ["csv_tables", "json_text"]
 

@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError
-from fracid.models.base import Model, Parameter, unknown_name
+from fracid.errors import InputError, unknown_name
+from fracid.models.base import Model, Parameter
+from fracid.models.pendulum import energy, mass_matrix, rotary_pendulum
 from fracid.models.rigs import RIGS, Rig, lumped_constants
-from fracid.models.rotary_pendulum import energy, mass_matrix, rotary_pendulum
-from fracid.own_code import run_file
+from fracid.safety.user_code import run_file
 
 __all__ = [
     "MODELS",

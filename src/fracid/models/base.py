@@ -40,26 +40,21 @@ array([0.95, 0.95])
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.errors import InputError
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, is_number, unknown_name
+from fracid.figures import Style, draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.style import Style
-
-__all__ = ["FloatArray", "Model", "Parameter", "RightHandSide", "unknown_name"]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["Model", "Parameter", "RightHandSide"]
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
@@ -102,7 +97,7 @@ class Parameter:
         """Refuse what is no number or lies outside the bounds."""
         if not self.name.isidentifier():
             raise InputError(f"a parameter's name must be a Python identifier, not {self.name!r}")
-        if not _is_number(self.value) or not math.isfinite(self.value):
+        if not is_number(self.value) or not math.isfinite(self.value):
             raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
         if not self.lower <= self.value <= self.upper:
             raise InputError(
@@ -288,7 +283,7 @@ class Model:
         for name, value in states.items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
-            if not _is_number(value) or not math.isfinite(value):
+            if not is_number(value) or not math.isfinite(value):
                 raise InputError(f"initial state {name} = {value!r}: expected a finite number")
             x[index[name]] = value
         return x
@@ -299,7 +294,7 @@ class Model:
         Parameters
         ----------
         style : str or Style
-            ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
         Raises
         ------
@@ -313,10 +308,7 @@ class Model:
         >>> round(25.4 * figure.get_figwidth())
         88
         """
-        from importlib import import_module  # a circle, in which mypy would take the function for its module
-
-        figure: Figure = import_module("fracid.plots").rig_drawing(self, style=style)
-        return figure
+        return draw("rig_drawing", self, style=style)
 
     def _overridden(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
         for name in values:
@@ -324,32 +316,10 @@ class Model:
         return tuple(replace(p, value=values[p.name]) if p.name in values else p for p in self.parameters)
 
 
-def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:
-    """Return the error for a name that is not one of the known ones, with the closest of them.
-
-    Examples
-    --------
-    >>> print(unknown_name("rig", "abc", ("qube-servo2", "srv02-rotpen")))
-    unknown rig 'abc'; the known ones are qube-servo2, srv02-rotpen
-    >>> print(unknown_name("parameter", "J_teta", ("J_theta", "C1")))
-    unknown parameter 'J_teta': did you mean J_theta?  The known ones are J_theta, C1
-    """
-    close = difflib.get_close_matches(str(name), known, n=2, cutoff=0.55)
-    everything = ", ".join(known) if known else "none"
-    if not close:
-        return InputError(f"unknown {what} {name!r}; the known ones are {everything}")
-    return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")
-
-
-def _is_number(value: object) -> bool:
-    """A real number of Python or NumPy; True and False are none."""
-    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
-
-
 def _check_order(model: Model, name: str, order: float) -> None:
     if name not in model.order_names:
         raise unknown_name(f"{model.name} order", name, model.order_names)
-    if not _is_number(order) or not 0.0 < order < 2.0:
+    if not is_number(order) or not 0.0 < order < 2.0:
         raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
 
 
@@ -375,7 +345,7 @@ def _check_shapes(model: Model) -> None:
             " expected at least one state, and one order name for each"
         )
     for order in model.orders:
-        if not isinstance(order, str) and not (_is_number(order) and 0.0 < order < 2.0):
+        if not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
                 f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
             )
@@ -388,7 +358,7 @@ def _check_shapes(model: Model) -> None:
     for name, value in model.integer_orders.items():
         if name not in model.order_names:
             raise unknown_name(f"order in integer_orders of {model.name}", name, model.order_names)
-        if value is not None and (not _is_number(value) or value not in (0, 1)):
+        if value is not None and (not is_number(value) or value not in (0, 1)):
             raise InputError(
                 f"model {model.name}: integer_orders has {name} = {value!r}; expected 0, 1, or None where no integer"
                 " value makes sense.  For a second derivative write two states of order 1"

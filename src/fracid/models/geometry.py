@@ -38,11 +38,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.models.base import FloatArray, Model
-from fracid.models.rotary_pendulum import GRAVITY, PARAMETERS
+from fracid.models.base import Model
+from fracid.models.pendulum import GRAVITY, PARAMETERS, hanging, upright
 
-__all__ = ["STANDARD_GRAVITY", "RigGeometry", "is_rotary_pendulum", "rig_geometry"]
+__all__ = ["STANDARD_GRAVITY", "RigGeometry", "is_pendulum", "is_rotary_pendulum", "rig_geometry"]
 
 STANDARD_GRAVITY = 9.81
 """[m/s²], as in the rigs' constants."""
@@ -127,3 +128,8 @@ def is_rotary_pendulum(model: Model) -> bool:
     """Whether it is ours, not a user's own by that name."""
     ours = {parameter.name for parameter in PARAMETERS}
     return ours <= set(model.parameter_names) and model.order_names == ("lambda", "mu") and model.zero in GRAVITY
+
+
+def is_pendulum(model: Model) -> bool:
+    """Tell whether the right-hand side is the rotary pendulum's, which can be written out in other languages."""
+    return getattr(model.rhs, "py_func", model.rhs) in (hanging, upright)

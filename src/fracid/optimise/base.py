@@ -29,26 +29,13 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.errors import InputError
-from fracid.journal import append_whole, whole_lines
-from fracid.shape import json_of, must_be
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.safety.schema import json_of, must_be
+from fracid.tasks.journal import append_whole, whole_lines
 
-__all__ = [
-    "Ask",
-    "Evaluation",
-    "EvaluationLog",
-    "Optimiser",
-    "Outcome",
-    "Result",
-    "Space",
-    "as_generator",
-    "at_least",
-    "minimise",
-]
-
-FloatArray = NDArray[np.float64]
+__all__ = ["Ask", "Evaluation", "EvaluationLog", "Optimiser", "Outcome", "Result", "Space", "as_generator", "minimise"]
 
 
 class Outcome(Enum):
@@ -313,24 +300,6 @@ def _result(best: Evaluation | None, outcome: Outcome | None, count: int, batch:
     if best.cost == math.inf:
         return Result(batch[-1] if batch else best, Outcome.ALL_FAILED, count)
     return Result(best, outcome, count)
-
-
-def at_least(name: str, value: int, least: int) -> int:
-    """Give a count back if it is one.
-
-    Raises
-    ------
-    InputError
-        If it is below `least` or no whole number.
-
-    Examples
-    --------
-    >>> at_least("jobs", 4, 1)
-    4
-    """
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
-        raise InputError(f"{name} = {value!r}; expected a whole number, {least} or more.")
-    return int(value)
 
 
 def as_generator(run: Callable[[Ask], Outcome]) -> Optimiser:

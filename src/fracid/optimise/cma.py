@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError
-from fracid.optimise.base import Optimiser, Outcome, Space, at_least
+from fracid.errors import InputError, at_least
+from fracid.optimise.base import Optimiser, Outcome, Space
 
 __all__ = ["cma"]
 

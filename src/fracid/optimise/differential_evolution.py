@@ -11,13 +11,12 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator, at_least
+from fracid.arrays import FloatArray
+from fracid.errors import at_least
+from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator
 
 __all__ = ["differential_evolution"]
-
-FloatArray = NDArray[np.float64]
 
 
 def differential_evolution(

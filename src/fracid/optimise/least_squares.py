@@ -5,7 +5,7 @@ whose points are asked for as one batch, so that they run on all threads.  A tri
 infinite rows: the method quarters its trust region and tries again.  An unknown whose difference fails
 stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum.
 
-The method is given the triangle R of :math:`[r\ J] = QR` in place of residuals and Jacobian (:mod:`fracid.triangle`):
+The method is given the triangle R of :math:`[r\ J] = QR` in place of residuals and Jacobian (:mod:`fracid.qr`):
 the same steps, without its copies of what is as tall as the recordings.
 
 The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
@@ -22,15 +22,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.errors import InputError
-from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator, at_least
-from fracid.triangle import BLOCK, triangle
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator
+from fracid.qr import BLOCK, triangle
 
 __all__ = ["least_squares", "sizes"]
-
-FloatArray = NDArray[np.float64]
 
 DIFFERENCE = 1e-6
 """Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""

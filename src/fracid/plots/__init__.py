@@ -18,7 +18,7 @@ figure                        shows
 :func:`linear_response`       a linear model about a posture: Bode's plots and the step response
 ============================  ============================================================================
 
-Every one takes ``style``, of which there are ``screen`` and ``journal`` (:mod:`fracid.style`).  :func:`save` writes
+Every one takes ``style``, of which there are ``screen`` and ``journal`` (:mod:`fracid.figures`).  :func:`save` writes
 SVG, PDF and PNG.
 
 What they keep to: angles in degrees and a unit on every axis, with the zero of the pendulum's angle; measured pale and
@@ -31,23 +31,24 @@ ink, in a file of a few hundred kilobytes.  Clouds of points are rasterised.
 Matplotlib is imported within the functions: it takes longer than everything else of ``fracid check``.
 No function touches pyplot, so they need no display and may run on threads.
 
-A family of figures is one file; what they share is in :mod:`fracid.plots.look`.
+A family of figures is one file; what they share is in :mod:`fracid.plots.appearance`.
 """
 
-from fracid.plots.compare import amplitudes, ladder
-from fracid.plots.cut import cut_shifts
+from fracid.plots.comparison import amplitudes, ladder
+from fracid.plots.cost_profiles import profiles
 from fracid.plots.fitted import fitted_over_time
 from fracid.plots.linear import linear_response
 from fracid.plots.noise import noise_levels
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
-from fracid.plots.profile import profiles
 from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.rig import rig_drawing
 from fracid.plots.starts import waterfall
+from fracid.plots.unknown_past import cut_shifts
 from fracid.plots.writing import save
 
 __all__ = [
+    "FIGURES",
     "amplitudes",
     "cost_plane",
     "cut_shifts",
@@ -63,3 +64,20 @@ __all__ = [
     "save",
     "waterfall",
 ]
+
+FIGURES = {
+    "amplitudes": amplitudes,
+    "cost_plane": cost_plane,
+    "cut_shifts": cut_shifts,
+    "fitted_over_time": fitted_over_time,
+    "ladder": ladder,
+    "linear_response": linear_response,
+    "noise_levels": noise_levels,
+    "profiles": profiles,
+    "recording_overview": recording_overview,
+    "residual_diagnostics": residual_diagnostics,
+    "residual_plots": residual_plots,
+    "rig_drawing": rig_drawing,
+    "waterfall": waterfall,
+}
+"""By name, as :func:`fracid.figures.draw` looks them up."""

@@ -6,21 +6,19 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.plots import look
+from fracid.arrays import FloatArray
+from fracid.plots import appearance
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.identify import RecordingFit
-    from fracid.style import Style
+    from fracid.estimation.records import RecordingFit
+    from fracid.figures import Style
 
 __all__ = ["fitted_over_time"]
-
-FloatArray = NDArray[np.float64]
 
 SWINGS = 6
 """That a close-up shows."""
@@ -44,7 +42,7 @@ def fitted_over_time(
     resolution : mapping, optional
         Output → step of its encoder [rad], None where unknown; drawn as a band one step high.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -54,7 +52,7 @@ def fitted_over_time(
 
     Examples
     --------
-    >>> from fracid.identify import RecordingFit
+    >>> from fracid.estimation.records import RecordingFit
     >>> t = np.arange(0, 20, 1e-3)
     >>> swing = np.exp(-0.2 * t) * np.cos(7 * t)
     >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing}, {"alpha": 0.98 * swing}, 0.01, {}, {})
@@ -62,26 +60,28 @@ def fitted_over_time(
     '$\\\\alpha$: fit 98.0 %, RMSE 0.287°'
     """
     outputs, time = tuple(recording.measured), recording.time
-    steps = {n: look.encoder_step(resolution, n) for n in outputs}
+    steps = {n: appearance.encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
-    figure = look.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
+    figure = appearance.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
     shape = {"height_ratios": [3, 1] * len(outputs), "width_ratios": (2, 1.3)[: len(spans)]}
     grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col", gridspec_kw=shape)
     for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
             _measured_and_fitted(panel, recording, name, span)
             _residual_strip(strip, recording, name, span, steps[name])
-        look.title(panels[0], f"{look.symbol(name)}: {look.goodness(recording, name, steps[name])}", loc="left")
-        shown, _ = look.unit_of(recording, name)
-        panels[0].set_ylabel(look.angle_label(name, shown, recording.zero if zero is None else zero))
+        appearance.title(
+            panels[0], f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}", loc="left"
+        )
+        shown, _ = appearance.unit_of(recording, name)
+        panels[0].set_ylabel(appearance.angle_label(name, shown, recording.zero if zero is None else zero))
         strips[0].set_ylabel(f"residual\n[{shown}]")
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
-            look.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
+            appearance.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    look.finish(figure, f"{look.plain(recording.name)}, {_role(recording)}")
+    appearance.finish(figure, f"{appearance.plain(recording.name)}, {_role(recording)}")
     return figure
 
 
@@ -92,32 +92,32 @@ def _role(recording: RecordingFit) -> str:
 
 
 def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
-    time, (_, factor) = recording.time[span], look.unit_of(recording, name)
+    time, (_, factor) = recording.time[span], appearance.unit_of(recording, name)
     measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
-    look.line(axes, time, measured, label="measured", **look.MEASURED)
-    look.line(axes, time, fitted, label="fitted", **look.FITTED)
+    appearance.line(axes, time, measured, label="measured", **appearance.MEASURED)
+    appearance.line(axes, time, fitted, label="fitted", **appearance.FITTED)
     if not np.isfinite(fitted).any():
-        look.note(axes, "the simulation failed: no fitted values", 0.85)
+        appearance.note(axes, "the simulation failed: no fitted values", 0.85)
         return
     # A simulation that runs away would press the measurement into a straight line.
-    low, high = look.extent(measured)
+    low, high = appearance.extent(measured)
     reach = 1.5 * (high - low)
-    least, greatest = look.extent(fitted)
+    least, greatest = appearance.extent(fitted)
     if reach > 0 and (least < low - 2 * reach or greatest > high + 2 * reach):
         axes.set_ylim(low - reach, high + reach)
         ends = " to ".join(with_unit(x / factor, recording.unit(name)) for x in (least, greatest))
-        look.note(axes, f"fitted leaves the picture: {ends}".replace("-", "−"), 0.93)
+        appearance.note(axes, f"fitted leaves the picture: {ends}".replace("-", "−"), 0.93)
 
 
 def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
-    residual = look.unit_of(recording, name)[1] * recording.residual(name)[span]
+    residual = appearance.unit_of(recording, name)[1] * recording.residual(name)[span]
     if not np.isfinite(residual).any():
-        look.note(axes, "no residual")
+        appearance.note(axes, "no residual")
         axes.set_yticks([])
         return
     axes.axhline(0, color="0.6", lw=0.8)
-    look.encoder_band(axes, step, recording.unit(name))
-    look.line(axes, recording.time[span], residual, label="residual (measured − fitted)", **look.RESIDUAL)
+    appearance.encoder_band(axes, step, recording.unit(name))
+    appearance.line(axes, recording.time[span], residual, label="residual (measured − fitted)", **appearance.RESIDUAL)
 
 
 def _fast_part(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[slice, ...]:

@@ -6,31 +6,61 @@ band that the data can tell is shaded.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from fracid.plots.look import BLUE, FITTED, ORANGE, finish, label, new, note, plain, symbol
+from fracid.plots.appearance import BLUE, FITTED, ORANGE, finish, label, new, note, plain, symbol
 from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.export.state_space import IntegerModel
-    from fracid.style import Style
+    from fracid.figures import Style
 
 __all__ = ["linear_response"]
 
 FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "round"}
+
 INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}
 
 UNITS = {"voltage": "V", "torque": "N m", "current": "A"}
+
+
+class Linearised(Protocol):
+    """What is drawn: an integer-order model beside the fractional one that it stands for."""
+
+    @property
+    def model(self) -> Any:
+        """The fractional model."""
+        ...
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Output → its unit."""
+        ...
+
+    @property
+    def operators(self) -> Sequence[Any]:
+        """What stands for each fractional derivative, with the `band` in which it does."""
+        ...
+
+    @property
+    def linear(self) -> Mapping[str, Any]:
+        """Posture → the linear model about it."""
+        ...
+
+    def step_response(self, linear: Any, end: float) -> tuple[Any, ...]:
+        """Time, and the outputs after a unit step, of integer order and fractional."""
+        ...
+
 
 GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
 
 
-def linear_response(found: IntegerModel, posture: str, *, style: str | Style = "screen") -> Figure:
+def linear_response(found: Linearised, posture: str, *, style: str | Style = "screen") -> Figure:
     """Draw magnitude, phase and step response from the first input to each output, about a posture.
 
     Parameters
@@ -40,7 +70,7 @@ def linear_response(found: IntegerModel, posture: str, *, style: str | Style = "
     posture : str
         A key of its `linear`: ``hanging`` or ``upright``.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -104,7 +134,7 @@ def _titled(axes: Any, title: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
-def _duration(found: IntegerModel, posture: str) -> float:
+def _duration(found: Linearised, posture: str) -> Any:
     """Until an unstable pole has grown, or a swing has died; else half of the longest recording [s]."""
     modes = found.linear[posture].modes
     growing = [m.pole.real for m in modes if m.pole.real > 0]

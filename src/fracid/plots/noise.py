@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
-from fracid.plots import look
-from fracid.units import shown_unit
+from fracid.plots import appearance
+from fracid.units import SHOWN_UNITS, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.studies import Cell, NoiseStudy, SavedStudy, Statistics
-    from fracid.style import Style
+    from fracid.figures import Style
+    from fracid.validation.monte_carlo import Cell, NoiseStudy, SavedStudy, Statistics
 
 __all__ = ["noise_levels"]
 
 MOST = 8
 """Unknowns that are drawn."""
 
-STYLES = ((look.BLUE, "o"), (look.VERMILLION, "s"), (look.GREEN, "D"), (look.ORANGE, "^"))
+STYLES = ((appearance.BLUE, "o"), (appearance.VERMILLION, "s"), (appearance.GREEN, "D"), (appearance.ORANGE, "^"))
 """Of the resolutions: colour and shape."""
 
 ROOM = 0.5
@@ -38,7 +38,7 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
     study : fracid.NoiseStudy
         Of more than 8 unknowns the first are drawn, the orders among them.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -68,41 +68,41 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     shown = names[:MOST]
-    figure = look.new(8.2, 1.1 + 2.1 * len(shown), style)
+    figure = appearance.new(8.2, 1.1 + 2.1 * len(shown), style)
     panels = figure.subplots(len(shown), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for name, (left, right) in zip(shown, panels, strict=True):
         _unknown(left, right, study, name)
     for axes in panels[-1]:
         axes.set_xlabel(f"noise, standard deviation [{shown_unit(study.cells[0].unit)[0] or '–'}]")
     more = f" (the first {len(shown)} of {len(names)} unknowns)" if len(names) > len(shown) else ""
-    cost = look.cost_label(study.cost_name)[0]
-    look.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
+    cost = appearance.cost_label(study.cost_name)[0]
+    appearance.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
     return figure
 
 
 def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
-    shown, factor = look.SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
+    shown, factor = SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
         place = (which + 0.5) / len(resolutions) - 0.5
         _draw(left, right, cell, cell.unknowns[name], levels.index(cell.level) + ROOM * place, which, factor)
-    left.axhline(0.0, color=look.INK, lw=0.8, zorder=1)
-    right.axhspan(*BELIEVED, color=look.GREEN, alpha=0.15, lw=0, label="90 to 99 %")
-    right.axhline(95.0, color=look.INK, lw=0.8, zorder=1)
+    left.axhline(0.0, color=appearance.INK, lw=0.8, zorder=1)
+    right.axhspan(*BELIEVED, color=appearance.GREEN, alpha=0.15, lw=0, label="90 to 99 %")
+    right.axhline(95.0, color=appearance.INK, lw=0.8, zorder=1)
     right.set_ylim(min(78.0, right.get_ylim()[0]), 101.0)
     scale = shown_unit(study.cells[0].unit)[1]
     for axes in (left, right):
         axes.set_xlim(-0.5, len(levels) - 0.5)
         axes.set_xticks(range(len(levels)), [f"{scale * level:.4g}" for level in levels])
     left.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    left.yaxis.get_offset_text().set_fontsize(look.SMALL)
+    left.yaxis.get_offset_text().set_fontsize(appearance.SMALL)
     title, _, recording = name.partition(" [")
-    symbol = look.symbol(title) if title in look.SYMBOLS else look.plain(title)
+    symbol = appearance.symbol(title) if title in appearance.SYMBOLS else appearance.plain(title)
     if recording:
-        look.title(left, look.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {symbol} [{look.plain(shown)}]")
+        appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
+    left.set_ylabel(f"bias of {symbol} [{appearance.plain(shown)}]")
     right.set_ylabel("coverage [%]")
 
 

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.plots import look
+from fracid.plots import appearance
+from fracid.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from fracid.figures import Style
     from fracid.recording import Recording
-    from fracid.style import Style
 
 __all__ = ["recording_overview"]
-
-FloatArray = NDArray[np.float64]
 
 
 def recording_overview(recording: Recording, *, zero: str = "", style: str | Style = "screen") -> Figure:
@@ -30,7 +29,7 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     zero : str
         Where the pendulum's angle is zero, where that is known: "hanging" or "upright".
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -46,25 +45,27 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     4
     """
     count = len(recording.signals)
-    figure = look.new(11, 1.2 + 2.0 * count, style)
+    figure = appearance.new(11, 1.2 + 2.0 * count, style)
     grid = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2, 1))
     near = _about_release(recording)
     inside = (recording.time >= near[0]) & (recording.time <= near[1])
     for (whole, close), name in zip(grid, recording.signals, strict=True):
-        unit = look.SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
+        unit = SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
         _signal(whole, recording, name, np.full(inside.shape, True))
         _signal(close, recording, name, inside)
         raw = " as recorded" if not zero and recording.units[name] == "rad" else ""
         whole.set_ylabel(
-            f"{look.symbol(name)}{raw} [{look.plain(unit)}]" if raw else look.angle_label(name, unit, zero)
+            f"{appearance.symbol(name)}{raw} [{appearance.plain(unit)}]"
+            if raw
+            else appearance.angle_label(name, unit, zero)
         )
     release = recording.report.release
-    look.title(grid[0][0], "whole recording")
-    look.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
+    appearance.title(grid[0][0], "whole recording")
+    appearance.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     grid[0][1].set_xlim(*near)
-    look.finish(figure, f"{look.plain(recording.name)}: {look.plain(recording.report.verdict, 200)}")
+    appearance.finish(figure, f"{appearance.plain(recording.name)}: {appearance.plain(recording.report.verdict, 200)}")
     return figure
 
 
@@ -79,14 +80,14 @@ def _about_release(recording: Recording) -> tuple[float, float]:
 
 
 def _signal(axes: Axes, recording: Recording, name: str, part: NDArray[np.bool_]) -> None:
-    _, factor = look.SHOWN_UNITS.get(recording.units[name], ("", 1.0))
+    _, factor = SHOWN_UNITS.get(recording.units[name], ("", 1.0))
     report = next(s for s in recording.report.signals if s.name == name)
-    look.line(axes, recording.time[part], factor * recording.signals[name][part], **look.FITTED)
+    appearance.line(axes, recording.time[part], factor * recording.signals[name][part], **appearance.FITTED)
     for start, length in recording.report.clock.gaps:
-        axes.axvspan(start, start + length, color=look.VERMILLION, alpha=0.3, lw=0.5, label="gap")
+        axes.axvspan(start, start + length, color=appearance.VERMILLION, alpha=0.3, lw=0.5, label="gap")
     for moment in report.missing[:200]:  # a thousand lines are a block of colour, and slow
-        axes.axvline(moment, color=look.VERMILLION, alpha=0.3, lw=0.5, label="missing")
+        axes.axvline(moment, color=appearance.VERMILLION, alpha=0.3, lw=0.5, label="missing")
     if recording.report.release is not None:
-        axes.axvline(recording.report.release, color=look.GREEN, lw=1.2, label="release")
+        axes.axvline(recording.report.release, color=appearance.GREEN, lw=1.2, label="release")
     if report.at_rest:
         axes.axhline(factor * report.rest, color="0.6", lw=0.8, ls="--", label="rest")

@@ -6,21 +6,19 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.plots import look
+from fracid.plots import appearance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.style import Style
-
+    from fracid.figures import Style
 
 __all__ = ["cost_plane"]
-
-FloatArray = NDArray[np.float64]
 
 ROOM = 0.06
 """A line that is narrower than this part of the plane has no room for its number."""
@@ -58,7 +56,7 @@ def cost_plane(
     names : (str, str)
         Of the two orders.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -78,7 +76,7 @@ def cost_plane(
     ['order $\\\\mu$ [–]', 'ITAE [rad s²]']
     """
     first, second, values = _checked_plane(lambda_values, mu_values, cost)
-    figure = look.new(7, 5.8, style)
+    figure = appearance.new(7, 5.8, style)
     axes = figure.subplots()
     if not np.isfinite(values).all():
         grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}
@@ -86,16 +84,16 @@ def cost_plane(
     if np.isfinite(values).any():
         _filled(figure, axes, (first, second, values), cost_name)
     else:
-        look.note(axes, "every simulation diverges", 0.93)
+        appearance.note(axes, "every simulation diverges", 0.93)
     _search(axes, evaluations, (first[[0, -1]], second[[0, -1]]))
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
     for what, point in marks.items():
-        where = ", ".join(f"{look.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
-        axes.plot(*point, ls="", label=f"{what}: {where}", **look.MARKS[what])
-    axes.set_xlim(look.extent(np.append(first, [point[0] for point in marks.values()])))
-    axes.set_ylim(look.extent(np.append(second, [point[1] for point in marks.values()])))
-    look.label(axes, "", f"order {look.symbol(names[0])} [–]", f"order {look.symbol(names[1])} [–]")
-    look.finish(figure, f"{look.cost_label(cost_name)[0]} over the orders", grid=False)
+        where = ", ".join(f"{appearance.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
+        axes.plot(*point, ls="", label=f"{what}: {where}", **appearance.MARKS[what])
+    axes.set_xlim(appearance.extent(np.append(first, [point[0] for point in marks.values()])))
+    axes.set_ylim(appearance.extent(np.append(second, [point[1] for point in marks.values()])))
+    appearance.label(axes, "", f"order {appearance.symbol(names[0])} [–]", f"order {appearance.symbol(names[1])} [–]")
+    appearance.finish(figure, f"{appearance.cost_label(cost_name)[0]} over the orders", grid=False)
     return figure
 
 
@@ -125,8 +123,8 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
     ticks = {f"{10**v if logarithmic else v:.3g}": v for v in reversed(_ticks(low, high, logarithmic))}
     bar.set_ticks(list(ticks.values()), labels=list(ticks))
-    bar.ax.tick_params(labelsize=look.SMALL)
-    bar.set_label(" ".join(look.cost_label(cost_name)), fontsize=look.MEDIUM)
+    bar.ax.tick_params(labelsize=appearance.SMALL)
+    bar.set_label(" ".join(appearance.cost_label(cost_name)), fontsize=appearance.MEDIUM)
     texts, legend = {v: text for text, v in ticks.items()}, "lines of equal cost"
     if logarithmic and low == least:
         texts, legend = {least + float(np.log10(m)): f"×{m:g}" for m in MULTIPLES}, "multiples of the least cost"
@@ -149,12 +147,12 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
     inside = [v for v in sorted(texts) if plane[2].min() < v < plane[2].max()]
     if inside:
         some = {v: texts[v] for v in inside[:: -(-len(inside) // 7)]}
-        lines = axes.contour(*plane, levels=list(some), colors=look.INK, linewidths=0.7, linestyles="solid")
+        lines = axes.contour(*plane, levels=list(some), colors=appearance.INK, linewidths=0.7, linestyles="solid")
         across = np.array([np.ptp(plane[0]), np.ptp(plane[1])])
         roomy = [level for level, path in zip(lines.levels, lines.get_paths(), strict=True)
                  if (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
         axes.clabel(lines, roomy, fmt=some, fontsize=7, zorder=3.5)
-        axes.plot([], [], color=look.INK, lw=0.7, label=legend)
+        axes.plot([], [], color=appearance.INK, lw=0.7, label=legend)
 
 
 def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
@@ -176,4 +174,10 @@ def _search(axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray,
     inside = ((tried >= corners[0]) & (tried <= corners[1])).all(axis=1)
     if tried.size:
         label = f"evaluations ({np.count_nonzero(inside)} of {len(tried)} in this window)"
-        axes.plot(*tried[inside].T, ls="", rasterized=bool(len(tried) > look.CLOUD), label=label, **look.MARKS["tried"])
+        axes.plot(
+            *tried[inside].T,
+            ls="",
+            rasterized=bool(len(tried) > appearance.CLOUD),
+            label=label,
+            **appearance.MARKS["tried"],
+        )

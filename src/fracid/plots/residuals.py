@@ -1,7 +1,7 @@
 """The paper's Figure 3: the residual over time, over the fitted value, its distribution; and all that is tested of it.
 
 :func:`residual_plots` is the paper's, four panels.  :func:`residual_diagnostics` adds what its tests look at
-(:mod:`fracid.residuals`): the residual against the fitted speed, its autocorrelation, its spectrum.
+(:mod:`fracid.validation.residuals`): the residual against the fitted speed, its autocorrelation, its spectrum.
 
 References
 ----------
@@ -14,30 +14,24 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.plots import look
-from fracid.residuals import (
-    DRIFT,
-    ResidualAnalysis,
-    autocorrelation,
-    longest_stretch,
-    power_spectrum,
-    residual_analysis,
-)
+from fracid.plots import appearance
+from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 from fracid.units import shown_unit, with_unit
+from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_sentences import DRIFT
+from fracid.validation.residuals import residual_analysis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.identify import RecordingFit
-    from fracid.style import Style
+    from fracid.estimation.records import RecordingFit
+    from fracid.figures import Style
 
 __all__ = ["residual_diagnostics", "residual_plots"]
-
-FloatArray = NDArray[np.float64]
 
 
 def residual_plots(
@@ -62,7 +56,7 @@ def residual_plots(
     resolution : mapping, optional
         As in :func:`fitted_over_time`.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -76,7 +70,7 @@ def residual_plots(
 
     Examples
     --------
-    >>> from fracid.identify import RecordingFit
+    >>> from fracid.estimation.records import RecordingFit
     >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
     >>> twin = RecordingFit("twin", "fit", t, {"alpha": 0.01 * rng.normal(size=t.size)}, {"alpha": 0 * t}, 0.01, {}, {})
     >>> [axes.get_title() for axes in residual_plots(twin, "alpha").axes]
@@ -84,26 +78,31 @@ def residual_plots(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    whole, step = recording.residual(output), look.encoder_step(resolution, output)
+    whole, step = recording.residual(output), appearance.encoder_step(resolution, output)
     known = np.isfinite(whole)
-    unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
+    unit, (shown, factor) = recording.unit(output), appearance.unit_of(recording, output)
     residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
-    figure = look.new(9.5, 7, style)
+    figure = appearance.new(9.5, 7, style)
     over_time, over_fitted, distribution, probability = figure.subplots(2, 2).flat
     if residual.size:
         _over_time(over_time, recording.time, factor * whole, step, unit)
         _over_fitted(over_fitted, fitted, residual, step, unit)
         _distribution(distribution, residual, step, unit)
         _normal_probability(probability, residual)
-    label = f"residual of {look.symbol(output)} [{shown}]"
-    look.label(over_time, "over time", "time [s]", label)
-    look.label(
-        over_fitted, "against the fitted value", f"fitted {look.angle_label(output, shown, recording.zero)}", label
+    label = f"residual of {appearance.symbol(output)} [{shown}]"
+    appearance.label(over_time, "over time", "time [s]", label)
+    appearance.label(
+        over_fitted,
+        "against the fitted value",
+        f"fitted {appearance.angle_label(output, shown, recording.zero)}",
+        label,
     )
-    look.label(distribution, "distribution", label, f"density [{_per('1', shown)}]")
-    look.label(probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label)
+    appearance.label(distribution, "distribution", label, f"density [{_per('1', shown)}]")
+    appearance.label(
+        probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label
+    )
     _blank(() if residual.size else figure.axes)
-    look.finish(figure, _headline(recording, output, step))
+    appearance.finish(figure, _headline(recording, output, step))
     return figure
 
 
@@ -132,7 +131,7 @@ def residual_diagnostics(
     analysis : ResidualAnalysis, optional
         Of that output; made if left out.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -145,7 +144,7 @@ def residual_diagnostics(
 
     Examples
     --------
-    >>> from fracid.identify import RecordingFit
+    >>> from fracid.estimation.records import RecordingFit
     >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
     >>> swing, noise = 0.2 * np.cos(6 * t), 0.01 * rng.normal(size=t.size)
     >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + noise}, {"alpha": swing}, 0.01, {}, {})
@@ -153,11 +152,11 @@ def residual_diagnostics(
     ['autocorrelation: all of 20,000 samples count', 'spectrum: no frequency stands out']
     """
     found = residual_analysis(recording, output, resolution) if analysis is None else analysis
-    step = look.encoder_step(resolution, output)
+    step = appearance.encoder_step(resolution, output)
     whole, known = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (shown, factor) = recording.unit(output), look.unit_of(recording, output)
+    unit, (shown, factor) = recording.unit(output), appearance.unit_of(recording, output)
     residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
-    figure = look.new(9.5, 13, style)
+    figure = appearance.new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
     if residual.size:
@@ -167,26 +166,31 @@ def residual_diagnostics(
         _distribution(panels["normal"], residual, step, unit)
         _normal_probability(panels["probability"], residual)
         _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, found)
-    symbol = look.symbol(output)
+    symbol = appearance.symbol(output)
     label = f"residual of {symbol} [{shown}]"
-    look.label(panels["time"], "over time", "time [s]", label)
-    look.label(
-        panels["fitted"], "against the fitted value", f"fitted {look.angle_label(output, shown, recording.zero)}", label
+    appearance.label(panels["time"], "over time", "time [s]", label)
+    appearance.label(
+        panels["fitted"],
+        "against the fitted value",
+        f"fitted {appearance.angle_label(output, shown, recording.zero)}",
+        label,
     )
-    look.label(panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(shown, 's')}]", label)
-    look.label(panels["normal"], "distribution", label, f"density [{_per('1', shown)}]")
+    appearance.label(
+        panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(shown, 's')}]", label
+    )
+    appearance.label(panels["normal"], "distribution", label, f"density [{_per('1', shown)}]")
     heading = panels["probability"].get_title() or "normal probability"
-    look.label(panels["probability"], heading, "standard normal quantile [–]", label)
+    appearance.label(panels["probability"], heading, "standard normal quantile [–]", label)
     _name(panels["lags"], _of_lags(found), "lag [s]", "autocorrelation [–]")
     _name(panels["spectrum"], _of_spectrum(found), "frequency [Hz]", f"density of the power [{_squared(shown)}/Hz]")
     _blank(() if residual.size else figure.axes)
-    look.finish(figure, _headline(recording, output, step))
+    appearance.finish(figure, _headline(recording, output, step))
     return figure
 
 
 def _name(axes: Axes, heading: str, x: str, y: str) -> None:
     """Title a panel whose axes may be logarithmic."""
-    look.title(axes, heading)
+    appearance.title(axes, heading)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
 
@@ -203,13 +207,13 @@ def _squared(unit: str) -> str:
 def _blank(panels: Sequence[Axes]) -> None:
     for axes in panels:
         axes.set(xticks=[], yticks=[])
-        look.note(axes, "no residual: the simulation failed")
+        appearance.note(axes, "no residual: the simulation failed")
 
 
 def _headline(recording: RecordingFit, output: str, step: float | None) -> str:
     use = ", validation" if recording.use == "validate" else ""
-    what = f"{look.plain(recording.name)}{use}: residual of {look.symbol(output)}"
-    return f"{what}; {look.goodness(recording, output, step)}"
+    what = f"{appearance.plain(recording.name)}{use}: residual of {appearance.symbol(output)}"
+    return f"{what}; {appearance.goodness(recording, output, step)}"
 
 
 def _speed(recording: RecordingFit, output: str) -> FloatArray:
@@ -225,7 +229,7 @@ def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, found
     if not np.isfinite(found.whiteness.correlation_time):
         for axes in (lags, spectrum):
             axes.set(xticks=[], yticks=[])
-            look.note(axes, "nothing that can be tested")
+            appearance.note(axes, "nothing that can be tested")
         return
     part = longest_stretch(np.isfinite(whole))
     _autocorrelation(lags, whole[part], found)
@@ -238,11 +242,11 @@ def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) 
     reach = max(50 * step, 3 * w.correlation_time, 4 / found.spectrum.swing if found.spectrum.swing else 0.0)
     n = min(ρ.size, round(reach / step) + 1)
     band = 1.96 / np.sqrt(residual.size)
-    axes.axhspan(-band, band, color=look.BLUE, alpha=0.25, lw=0, label="95 % of white noise")
+    axes.axhspan(-band, band, color=appearance.BLUE, alpha=0.25, lw=0, label="95 % of white noise")
     axes.axhline(0, color="0.6", lw=0.8)
-    look.line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=look.INK, lw=1.0)
+    appearance.line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=appearance.INK, lw=1.0)
     if not w.white and w.correlation_time <= (n - 1) * step:
-        axes.axvline(w.correlation_time, color=look.VERMILLION, lw=1.2, ls=":", label="correlation time")
+        axes.axvline(w.correlation_time, color=appearance.VERMILLION, lw=1.2, ls=":", label="correlation time")
 
 
 def _spectrum(axes: Axes, residual: FloatArray, factor: float, found: ResidualAnalysis) -> None:
@@ -254,15 +258,15 @@ def _spectrum(axes: Axes, residual: FloatArray, factor: float, found: ResidualAn
     count = np.bincount(at)
     full = count > 0
     centre, mean = (np.bincount(at, weights=x)[full] / count[full] for x in (f, S))
-    shown = look.outline(np.log(np.maximum(S, 1e-300)))
+    shown = appearance.outline(np.log(np.maximum(S, 1e-300)))
     axes.plot(f[shown], S[shown], color="0.8", lw=0.5, rasterized=True)
-    axes.plot(centre, mean, color=look.INK, lw=1.2)
+    axes.plot(centre, mean, color=appearance.INK, lw=1.2)
     if found.level.encoder_step:
         floor = (factor * found.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
-        axes.axhline(floor, color=look.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
+        axes.axhline(floor, color=appearance.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
     for m in range(1, 4) if found.spectrum.swing else ():
         label = "the swing and its multiples" if m == 1 else None
-        axes.axvline(m * (found.spectrum.swing or 0.0), color=look.GREEN, lw=1.0, ls=":", label=label)
+        axes.axvline(m * (found.spectrum.swing or 0.0), color=appearance.GREEN, lw=1.0, ls=":", label=label)
     axes.set(xscale="log", yscale="log", ylim=(np.quantile(mean, 0.1) / 30, S.max() * 3))
 
 
@@ -285,59 +289,67 @@ def _of_spectrum(found: ResidualAnalysis) -> str:
 
 def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     axes.plot(time[[0, -1]], [0, 0], color="0.6", lw=0.8)  # as long as the recording, the residual may end before
-    look.encoder_band(axes, step, unit)
-    look.line(axes, time, residual, **look.RESIDUAL)
+    appearance.encoder_band(axes, step, unit)
+    appearance.line(axes, time, residual, **appearance.RESIDUAL)
 
 
 def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     """Every sample, and the mean in each of twenty bins of the fitted value."""
     axes.axhline(0, color="0.6", lw=0.8)
-    look.encoder_band(axes, step, unit)
-    many = fitted.size > look.CLOUD
+    appearance.encoder_band(axes, step, unit)
+    many = fitted.size > appearance.CLOUD
     style: dict[str, Any] = {"ms": 1.5, "alpha": 0.25, "rasterized": True} if many else {"ms": 4}
-    axes.plot(fitted, residual, ls="", marker="o", mew=0, color=look.INK, **style)
-    low, high = look.extent(fitted)
+    axes.plot(fitted, residual, ls="", marker="o", mew=0, color=appearance.INK, **style)
+    low, high = appearance.extent(fitted)
     if not many or high <= low:
         return
     at = np.minimum((20 * (fitted - low) / (high - low)).astype(int), 19)
     count = np.bincount(at, minlength=20)
     full = count >= 20
     means = [np.bincount(at, weights=x, minlength=20)[full] / count[full] for x in (fitted, residual)]
-    axes.plot(*means, color=look.VERMILLION, lw=1.5, marker="o", ms=3, label="mean of each bin")
+    axes.plot(*means, color=appearance.VERMILLION, lw=1.5, marker="o", ms=3, label="mean of each bin")
 
 
 def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: str) -> None:
     factor = shown_unit(unit)[1]
     if _all_equal(residual):
-        axes.axvline(residual[0], **look.FITTED)
-        look.note(axes, f"all {residual.size} residuals are {with_unit(residual[0] / factor, unit)}")
+        axes.axvline(residual[0], **appearance.FITTED)
+        appearance.note(axes, f"all {residual.size} residuals are {with_unit(residual[0] / factor, unit)}")
         return
-    look.encoder_band(axes, step, unit, upright=True)
+    appearance.encoder_band(axes, step, unit, upright=True)
     mean, deviation = residual.mean(), residual.std()
     density, edges = np.histogram(residual, bins=_bins(residual, factor * (step or 0.0)), density=True)
     axes.stairs(density, edges, fill=True, color="0.72")
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
-    axes.plot(x, normal, color=look.VERMILLION, lw=1.5, ls="--", label="normal distribution")
+    axes.plot(x, normal, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution")
     said = f"mean {with_unit(mean / factor, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
-    look.corner(axes, said.replace("-", "−"))
+    appearance.corner(axes, said.replace("-", "−"))
 
 
 def _normal_probability(axes: Axes, residual: FloatArray) -> None:
     """Ordered residuals against the medians of normal order statistics, with their regression line."""
     if residual.size < 3 or _all_equal(residual):
-        look.note(axes, "too few different values")
+        appearance.note(axes, "too few different values")
         return
     quantiles, ordered = _normal_quantiles(residual.size), np.sort(residual)
     # Some hundred points, evenly over the quantiles: the thousands in the middle lie on each other.
     shown = np.unique(np.searchsorted(quantiles, np.linspace(quantiles[0], quantiles[-1], 400)))
     slope = float(quantiles @ ordered / (quantiles @ quantiles))  # the quantiles have mean zero
     axes.plot(
-        quantiles[shown], ordered[shown], ls="", marker="o", ms=2.5 if residual.size > 100 else 4, color=look.INK, mew=0
+        quantiles[shown],
+        ordered[shown],
+        ls="",
+        marker="o",
+        ms=2.5 if residual.size > 100 else 4,
+        color=appearance.INK,
+        mew=0,
     )
     ends = quantiles[[0, -1]]
-    axes.plot(ends, residual.mean() + slope * ends, color=look.VERMILLION, lw=1.5, ls="--", label="normal distribution")
-    look.title(axes, f"normal probability, PPCC = {np.corrcoef(quantiles, ordered)[0, 1]:.3f}")
+    axes.plot(
+        ends, residual.mean() + slope * ends, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution"
+    )
+    appearance.title(axes, f"normal probability, PPCC = {np.corrcoef(quantiles, ordered)[0, 1]:.3f}")
 
 
 def _normal_quantiles(n: int) -> FloatArray:

@@ -19,22 +19,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.models.geometry import RigGeometry, rig_geometry
-from fracid.plots import look
+from fracid.plots import appearance
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from fracid.figures import Style
     from fracid.models import Model
-    from fracid.style import Style
 
 __all__ = ["rig_drawing"]
-
-FloatArray = NDArray[np.float64]
 
 THETA, ALPHA = math.radians(118.0), math.radians(32.0)
 """The angles shown: positive, so that each arrow leads from its zero to the part that it turns."""
@@ -65,7 +63,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     model : Model
         From :func:`fracid.rotary_pendulum`, with any constants.
     style : str or Style
-        ``screen``, ``journal`` or one's own: :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own: :mod:`fracid.figures`.
 
     Returns
     -------
@@ -95,7 +93,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     width, height = high - low
     scale = min((WIDTH - 2 * MARGIN) / width, (HEIGHT - 2 * MARGIN) / height)  # [inch/m]
     paper = np.array([WIDTH, scale * height + 2 * MARGIN])
-    figure = look.new(WIDTH, paper[1] + NOTES, style)
+    figure = appearance.new(WIDTH, paper[1] + NOTES, style)
     axes = figure.subplots()
     _zeros(axes, drawn)
     _base(axes, drawn)
@@ -105,9 +103,11 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     (left, bottom), (right, top) = (low + high - paper / scale) / 2, (low + high + paper / scale) / 2
     axes.set(aspect="equal", xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
-    columns = int(figure.get_figwidth() / (0.062 * look.style_of(figure).text))
-    figure.supxlabel("\n".join(textwrap.wrap(_note(model, shape), columns)), x=0.02, ha="left", fontsize=look.SMALL)
-    look.finish(figure, look.plain(model.source.split(". ")[0], 90), grid=False)
+    columns = int(figure.get_figwidth() / (0.062 * appearance.style_of(figure).text))
+    figure.supxlabel(
+        "\n".join(textwrap.wrap(_note(model, shape), columns)), x=0.02, ha="left", fontsize=appearance.SMALL
+    )
+    appearance.finish(figure, appearance.plain(model.source.split(". ")[0], 90), grid=False)
     return figure
 
 
@@ -184,20 +184,20 @@ def _zeros(axes: Axes, d: _Drawing) -> None:
     """The axes, and the lines from which the angles are counted."""
     shape, origin = d.shape, np.zeros(3)
     x, y = shape.directions(0.0)
-    thin: dict[str, Any] = {"color": look.INK, "lw": 0.9}
+    thin: dict[str, Any] = {"color": appearance.INK, "lw": 0.9}
     _line(axes, d, d.theta_arc(1.15 * THETA, shape.arm), color="0.75", lw=0.7, zorder=0.5)
     for direction, length, name in ((x, 1.1 * shape.arm, "x"), (y, 0.95 * shape.arm, "y"), (UP, 0.4 * d.size, "z")):
         start = 0.05 * d.size * UP if name == "z" else origin
         _arrow(axes, d.on_paper([start, length * direction]), zorder=2.8 if name == "z" else 1.2, scale=9, **thin)
         _text(axes, d.on_paper(1.06 * length * direction), f"${name}$", _beyond(d.on_paper(direction)))
     _line(axes, d, [d.floor * UP, origin], ls=(0, (8, 3, 1.5, 3)), zorder=0.6, **thin)
-    _text(axes, d.on_paper(0.78 * shape.arm * x), f"{look.symbol('theta')} = 0", (0, 10), color=look.BLUE)
+    _text(axes, d.on_paper(0.78 * shape.arm * x), f"{appearance.symbol('theta')} = 0", (0, 10), color=appearance.BLUE)
     far = d.end + 1.06 * shape.pendulum * d.zero_line()
-    _line(axes, d, [d.end, far], color=look.INK, lw=0.9, ls=(0, (4, 3)), zorder=5)
+    _line(axes, d, [d.end, far], color=appearance.INK, lw=0.9, ls=(0, (4, 3)), zorder=5)
     off = f"{with_unit(abs(shape.offset))} off " if shape.offset else ""
     below = d.on_paper(far)[1] < d.on_paper(d.end)[1]
-    said = f"{look.symbol('alpha')} = 0, {off}{shape.zero}"
-    _text(axes, d.on_paper(far), said, (0, -9 if below else 9), color=look.VERMILLION)
+    said = f"{appearance.symbol('alpha')} = 0, {off}{shape.zero}"
+    _text(axes, d.on_paper(far), said, (0, -9 if below else 9), color=appearance.VERMILLION)
 
 
 def _angles(axes: Axes, d: _Drawing) -> None:
@@ -206,7 +206,10 @@ def _angles(axes: Axes, d: _Drawing) -> None:
     short = 2.2 * d.thick  # up to the part, not into it
     theta = d.theta_arc(THETA - short / about_z, about_z)
     alpha = d.alpha_arc(max(ALPHA - 0.55 * short / about_arm, 0.3 * ALPHA), about_arm)
-    arcs = (("theta", theta, np.zeros(3), look.BLUE, 2.2, 0.28), ("alpha", alpha, d.end, look.VERMILLION, 5.5, 0.5))
+    arcs = (
+        ("theta", theta, np.zeros(3), appearance.BLUE, 2.2, 0.28),
+        ("alpha", alpha, d.end, appearance.VERMILLION, 5.5, 0.5),
+    )
     for name, arc, centre, colour, zorder, at in arcs:
         points = d.on_paper(arc)
         sector = np.vstack([d.on_paper(centre), points])
@@ -214,7 +217,7 @@ def _angles(axes: Axes, d: _Drawing) -> None:
         _arrow(axes, points, color=colour, lw=1.6, zorder=zorder, scale=13, gid=f"positive-{name}")
         middle = points[round(at * len(points))]
         away = _beyond(middle - d.on_paper(centre))
-        _text(axes, middle, look.symbol(name), away, color=colour, fontsize=look.LARGE + 1)
+        _text(axes, middle, appearance.symbol(name), away, color=colour, fontsize=appearance.LARGE + 1)
 
 
 def _lengths(axes: Axes, d: _Drawing) -> None:
@@ -238,8 +241,8 @@ def _dimension(axes: Axes, ends: FloatArray, text: str, side: float) -> None:
     along = ends[1] - ends[0]
     normal = side * np.array([-along[1], along[0]]) / math.hypot(*along)
     beside = axes.transData + ScaledTranslation(GAP * normal[0] / 72, GAP * normal[1] / 72, axes.figure.dpi_scale_trans)
-    axes.add_patch(FancyArrowPatch(*map(tuple, ends), arrowstyle="<|-|>", mutation_scale=8, lw=0.8, color=look.INK,
-                                   shrinkA=0, shrinkB=0, transform=beside, zorder=8))  # fmt: skip
+    axes.add_patch(FancyArrowPatch(*map(tuple, ends), arrowstyle="<|-|>", mutation_scale=8, lw=0.8,
+                                   color=appearance.INK, shrinkA=0, shrinkB=0, transform=beside, zorder=8))  # fmt: skip
     for end in ends:
         _text(axes, end, "", (GAP + 4) * normal, zorder=1.5,
               arrowprops={"arrowstyle": "-", "lw": 0.6, "color": "0.5", "shrinkA": 0, "shrinkB": 0})  # fmt: skip
@@ -273,7 +276,7 @@ def _parts(axes: Axes, d: _Drawing) -> None:
     _solid(axes, d, _cylinder(end - 1.2 * thick * rod, tip, 0.7 * thick), ROD, 6.0)
     _solid(axes, d, _cylinder(end + 0.6 * thick * e_r, end + 1.1 * thick * e_r, 0.8 * thick), METAL, 6.2)
     centre = d.on_paper(end + shape.oscillation_centre * rod)
-    axes.plot(*centre, marker="o", ms=5, mfc="white", mec=look.INK, mew=0.9, zorder=6.4, ls="")
+    axes.plot(*centre, marker="o", ms=5, mfc="white", mec=appearance.INK, mew=0.9, zorder=6.4, ls="")
 
 
 def _cylinder(start: FloatArray, stop: FloatArray, radius: float, sides: int = 48) -> list[FloatArray]:
@@ -335,7 +338,13 @@ def _arrow(axes: Axes, points: FloatArray, *, scale: float, color: Any, **style:
 
 def _text(axes: Axes, at: FloatArray, text: str, shift: Sequence[float] | FloatArray, **style: Any) -> None:
     """Write at a point, shifted by so many points of type."""
-    place: dict[str, Any] = {"ha": "center", "va": "center", "color": look.INK, "fontsize": look.MEDIUM, "zorder": 9}
+    place: dict[str, Any] = {
+        "ha": "center",
+        "va": "center",
+        "color": appearance.INK,
+        "fontsize": appearance.MEDIUM,
+        "zorder": 9,
+    }
     across, up = map(float, shift)
     axes.annotate(text, (float(at[0]), float(at[1])), (across, up), textcoords="offset points", **place | style)
 
@@ -354,6 +363,6 @@ def _note(model: Model, shape: RigGeometry) -> str:
     ]
     push = model.parameter("torque_per_volt").value
     if push and model.inputs:
-        said.append(f"A positive {look.plain(model.inputs[0])} drives θ "
+        said.append(f"A positive {appearance.plain(model.inputs[0])} drives θ "
                     f"{'positive' if push > 0 else 'negative'}.")  # fmt: skip
     return " ".join(said)

@@ -6,21 +6,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fracid.errors import InputError
-from fracid.plots import look
+from fracid.plots import appearance
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fracid.search import Start
-    from fracid.style import Style
+    from fracid.estimation.starts import Start
+    from fracid.figures import Style
 
 __all__ = ["waterfall"]
-
-FloatArray = NDArray[np.float64]
 
 
 def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | Style = "screen") -> Figure:
@@ -28,13 +25,13 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
 
     Parameters
     ----------
-    starts : sequence of fracid.search.Start
+    starts : sequence of fracid.estimation.starts.Start
         A start that was left in another's minimum is drawn hollow, at that one's cost; one that was left for its
         cost, or whose runs failed, has no place and is counted only.
     cost_name : str
         For the axis.
     style : str or Style
-        ``screen``, ``journal`` or one's own; see :mod:`fracid.style`.
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
     Returns
     -------
@@ -47,7 +44,7 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
 
     Examples
     --------
-    >>> from fracid.search import Start
+    >>> from fracid.estimation.starts import Start
     >>> at = np.zeros(1)
     >>> figure = waterfall([Start("given", at, 1.0, at, 0.1, "converged", 9),
     ...                     Start("Sobol 1", at, 2.0, at, None, "left", 5, "given")])
@@ -58,13 +55,17 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
         raise InputError("There is no start to draw; expected those of a multistart search, Fit.starts.")
     from matplotlib.ticker import MaxNLocator
 
-    from fracid.search import SAME_COST, final_cost
+    from fracid.estimation.starts import SAME_COST, final_cost
 
     costs = [(final_cost(s, starts), s) for s in starts]
     ended = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
-    figure = look.new(7, 4.6, style)
+    figure = appearance.new(7, 4.6, style)
     axes = figure.subplots()
-    kinds = {"given": ("o", look.BLUE), "regression": ("s", look.VERMILLION), "Sobol": ("D", look.GREEN)}
+    kinds = {
+        "given": ("o", appearance.BLUE),
+        "regression": ("s", appearance.VERMILLION),
+        "Sobol": ("D", appearance.GREEN),
+    }
     for kind, (marker, colour) in kinds.items():
         for joined in (False, True):
             mine = [(i + 1, cost) for i, (cost, s) in enumerate(ended)
@@ -79,12 +80,13 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
         _few_decades(axes)
     best = sum(cost <= SAME_COST * ended[0][0] for cost, _ in ended) if ended else 0
     lost = f"; {len(starts) - len(ended)} left for their cost" if len(ended) < len(starts) else ""
-    name, unit = look.cost_label(cost_name)
-    look.label(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}", "start, sorted by its final cost",
+    name, unit = appearance.cost_label(cost_name)
+    appearance.label(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}",
+               "start, sorted by its final cost",
                f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
-    look.finish(figure, "where the starts ended")
+    appearance.finish(figure, "where the starts ended")
     return figure
 
 

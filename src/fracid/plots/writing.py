@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
-from fracid.plots import look
-from fracid.runs import write_whole
+from fracid.files import write_whole
+from fracid.plots import appearance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
 
 __all__ = ["save"]
 
@@ -87,10 +86,10 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
 
 
 def _rendered(figure: Figure, ending: str) -> bytes:
-    title = {"Title": look.spoken(str(figure.get_label()))} if figure.get_label() else {}
+    title = {"Title": appearance.spoken(str(figure.get_label()))} if figure.get_label() else {}
     metadata = title | NO_DATE[ending] if ending in NO_DATE else None
     with io.BytesIO() as content, _fixed_settings():
-        figure.savefig(content, format=ending, dpi=look.style_of(figure).dpi, metadata=metadata)
+        figure.savefig(content, format=ending, dpi=appearance.style_of(figure).dpi, metadata=metadata)
         figure.set_layout_engine("none")  # laid out once, all formats alike; it takes as long as the drawing
         return content.getvalue()
 

@@ -22,9 +22,13 @@ then says how, and names each gap it bridged.  All that was guessed on reading i
 """
 
 from fracid.recording.channel import UNITS, Channel
-from fracid.recording.record import Recording, inspect_recording, load_recording
-from fracid.recording.report import Clock, Report, SignalReport, measure, release_time, resolution
-from fracid.recording.table import Table, read_table
+from fracid.recording.loading import inspect_recording, load_recording
+from fracid.recording.measures import Clock, SignalReport
+from fracid.recording.readers.table import Table, read_table
+from fracid.recording.recording import Recording
+from fracid.recording.report import Report, measure
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import release_time
 
 __all__ = [
     "UNITS",

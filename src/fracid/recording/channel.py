@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
-from fracid.recording.report import tail
+from fracid.signals.swing import tail
 
-__all__ = ["UNITS", "Channel"]
+__all__ = ["UNITS", "Channel", "measurable"]
 
 UNITS: dict[str, tuple[float, str]] = {
     "rad": (1.0, "rad"),
@@ -225,3 +226,19 @@ def _is_column(value: Any) -> bool:
 def _require(condition: bool, field: str, value: Any, expected: str) -> None:
     if not condition:
         raise InputError(f"{field} = {value!r} is not possible; expected {expected}.")
+
+
+LARGEST = 1e100
+"""No instrument gives more, in whatever unit; squares of more have no number."""
+
+
+def measurable(raw: FloatArray) -> tuple[FloatArray, str]:
+    """Return the samples without those that no instrument gives, and a sentence on them."""
+    beyond = int(np.count_nonzero(np.abs(raw) > LARGEST))  # infinite ones too; NaN is not
+    if not beyond:
+        return raw, ""
+    plural = "s are" if beyond > 1 else " is"
+    return (
+        np.where(np.abs(raw) > LARGEST, np.nan, raw),
+        f"{beyond} sample{plural} infinite or beyond {LARGEST:g}, and taken as missing.",
+    )

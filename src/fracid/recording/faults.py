@@ -46,21 +46,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.findings import Finding
+from fracid.recording.measures import FAMILIAR_COUNTS
 
 if TYPE_CHECKING:
-    from fracid.recording.report import SignalReport
+    from fracid.recording.measures import SignalReport
 
-__all__ = ["FAMILIAR_COUNTS", "signal_faults"]
-
-Array = NDArray[np.float64]
-
-FAMILIAR_COUNTS = tuple(
-    sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
-)
-"""Encoder counts per turn that are sold."""
+__all__ = ["signal_faults"]
 
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""
@@ -111,7 +105,9 @@ LONGEST = 2**20
 """Samples whose spectrum is taken: the part that moves most."""
 
 
-def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[SignalReport]) -> tuple[Finding, ...]:
+def signal_faults(
+    time: FloatArray, signals: Mapping[str, FloatArray], reports: Sequence[SignalReport]
+) -> tuple[Finding, ...]:
     """Look for the faults of the module's first screen.
 
     Parameters
@@ -129,7 +125,7 @@ def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[S
 
     Examples
     --------
-    >>> from fracid.recording.report import measure
+    >>> from fracid.recording import measure
     >>> t = np.arange(0, 10, 0.01)
     >>> degrees = 20 * np.cos(6 * t) * np.exp(-t / 9)      # read as radians
     >>> [f.code for f in measure(t, {"alpha": degrees}, {"alpha": "rad"}).findings]
@@ -155,7 +151,7 @@ def signal_faults(time: Array, signals: Mapping[str, Array], reports: Sequence[S
 # --- units -------------------------------------------------------------------------------------------
 
 
-def _unit(s: SignalReport, x: Array, pendulum: bool) -> Iterator[Finding]:
+def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
     if s.unit != "rad":
         return
     if s.resolution is not None and abs(s.resolution - 1) < EXACT and s.range > FEW_COUNTS:
@@ -200,7 +196,7 @@ def _familiar(counts: float) -> bool:
 # --- time --------------------------------------------------------------------------------------------
 
 
-def _clock(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """How long would a pendulum be that swings so?"""
     if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution):
         return
@@ -220,7 +216,7 @@ def _long(length: float) -> str:
     return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
 
 
-def _period(t: Array, x: Array, around: float) -> float:
+def _period(t: FloatArray, x: FloatArray, around: float) -> float:
     """The median time from side to side and back; infinite for what does not swing twice."""
     side = np.sign(x - around) * (np.abs(x - around) > 0.1 * np.max(np.abs(x - around)))
     there = np.flatnonzero(side)
@@ -231,7 +227,7 @@ def _period(t: Array, x: Array, around: float) -> float:
 # --- jumps -------------------------------------------------------------------------------------------
 
 
-def _jumps(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     if s.unit != "rad" or x.size < 16:
         return
     far = np.diff(x)
@@ -267,7 +263,7 @@ def _degrees(angle: float) -> str:
 # --- repeats -----------------------------------------------------------------------------------------
 
 
-def _repeated(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """Of angles alone: a command is held on purpose."""
     if s.unit != "rad" or x.size < 100:
         return
@@ -280,7 +276,7 @@ def _repeated(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
                       "average, by which orders are bent. Log as fast as it answers, or keep one of each.")  # fmt: skip
 
 
-def _repeats(x: Array, q: float) -> tuple[float, float]:
+def _repeats(x: FloatArray, q: float) -> tuple[float, float]:
     """The share of samples that stand still while the motion goes on, and how many do at a time."""
     equal = np.concatenate([[False], x[1:] == x[:-1], [False]])
     first, last = np.flatnonzero(~equal[:-1] & equal[1:]), np.flatnonzero(equal[:-1] & ~equal[1:])
@@ -299,7 +295,7 @@ def _repeats(x: Array, q: float) -> tuple[float, float]:
 # --- range -------------------------------------------------------------------------------------------
 
 
-def _saturated(s: SignalReport, x: Array) -> Iterator[Finding]:
+def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
     angle = s.unit == "rad"
     q = s.resolution or (0.0 if angle else 1e-3 * s.range)
     cut = {limit: _flat_tops(x, limit, q, None if angle else GRADUAL * s.range) for limit in (s.maximum, s.minimum)}
@@ -321,7 +317,7 @@ def _saturated(s: SignalReport, x: Array) -> Iterator[Finding]:
         yield Finding("saturated", s.name, share, 0.0, "% of the time at one value", says)
 
 
-def _flat_tops(x: Array, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
+def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
     """(start, stop) of the stretches at exactly the limit that begin and end too steeply for a turning point."""
     at = np.concatenate([[False], x == limit, [False]])
     edges = np.flatnonzero(at[1:] != at[:-1])
@@ -340,7 +336,7 @@ def _flat_tops(x: Array, limit: float, q: float, gradual: float | None) -> list[
 # --- sampling ------------------------------------------------------------------------------------------
 
 
-def _sampling(s: SignalReport, t: Array, x: Array) -> Iterator[Finding]:
+def _sampling(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """Of angles alone: a voltage may jump."""
     if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution) or x.size < 16:
         return

@@ -34,99 +34,24 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.findings import Finding
-from fracid.foreign import shortened
-from fracid.recording.faults import FAMILIAR_COUNTS as FAMILIAR_COUNTS
 from fracid.recording.faults import signal_faults
+from fracid.recording.measures import UNIFORM, Clock, SignalReport, measure_clock, measure_signal
+from fracid.safety.text import shortened
+from fracid.signals.swing import release_time
 
-__all__ = [
-    "Clock",
-    "Report",
-    "SignalReport",
-    "measure",
-    "measure_clock",
-    "measure_signal",
-    "release_time",
-    "resolution",
-]
+__all__ = ["Report", "measure"]
 
-Array = NDArray[np.float64]
-
-UNIFORM = 0.01
-"""Largest relative departure from the step on a uniform grid."""
-GAP = 1.5
-"""A difference of time above this many steps is a gap."""
 LONG_GAP = 0.05
 """A gap of more than this part of the duration makes a recording unfit."""
+
 LISTED = 1000
 """Times of each kind that are written out."""
+
 FEW = 50
 """Fewer samples make a recording no better than usable."""
-HELD = 0.6
-"""A plateau at least this long against the way to full speed was held."""
-
-
-@dataclass(frozen=True)
-class Clock:
-    """How regular the time stamps are."""
-
-    samples: int
-    duration: float
-    """[s]"""
-    step: float
-    """Median difference of the time stamps [s]; NaN without two that increase."""
-    jitter: float
-    """Standard deviation of the differences, gaps left out [s]."""
-    worst_jitter: float
-    """Largest departure of a difference from the step, relative, gaps left out."""
-    gaps: tuple[tuple[float, float], ...]
-    """(time of the last sample before it, its length), both [s]."""
-    duplicated: tuple[float, ...]
-    """Stamps that repeat the one before [s]."""
-    backward: tuple[float, ...]
-    """Stamps that lie before the one before [s]."""
-
-    @property
-    def rate(self) -> float:
-        """Samples a second [Hz]."""
-        return 1 / self.step
-
-    @property
-    def uniform(self) -> bool:
-        """Whether every difference lies within 1 % of the step."""
-        faults = self.gaps or self.duplicated or self.backward
-        return not faults and self.worst_jitter <= UNIFORM
-
-
-@dataclass(frozen=True)
-class SignalReport:
-    """What one signal is worth; every value in the signal's unit."""
-
-    name: str
-    unit: str
-    minimum: float
-    maximum: float
-    missing: tuple[float, ...]
-    """Times of the samples that are NaN or infinite [s]."""
-    resolution: float | None
-    """Spacing of the values seen; None where there is no lattice."""
-    counts_per_turn: int | None
-    """2π/resolution, to the nearest number that encoders have (within 2 %)."""
-    noise: float
-    """Standard deviation of what is not motion, quantisation included."""
-    rest: float
-    """Mean of the tail: the last 5 % of the samples."""
-    at_rest: bool
-    """Whether the tail is still."""
-    rest_offset: float | None
-    """Rest value less the nearest multiple of π; None unless an angle at rest."""
-
-    @property
-    def range(self) -> float:
-        """Largest less smallest value."""
-        return self.maximum - self.minimum
 
 
 @dataclass(frozen=True)
@@ -252,8 +177,8 @@ class Report:
 
 
 def measure(
-    time: Array,
-    signals: Mapping[str, Array],
+    time: FloatArray,
+    signals: Mapping[str, FloatArray],
     units: Mapping[str, str],
     reading: tuple[str, ...] = (),
     resampled: str | None = None,
@@ -290,163 +215,12 @@ def measure(
     return Report(clock, measured, release, reason, reading, resampled, findings)
 
 
-def measure_clock(time: Array) -> Clock:
-    """Measure step, jitter, gaps and order of time stamps, shape (n_samples,) [s].
-
-    Examples
-    --------
-    >>> measure_clock(np.array([0.0, 0.1, 0.2, 0.5, 0.6])).gaps
-    ((0.2, 0.3),)
-    """
-    dt = np.diff(time)
-    step = float(np.median(dt[dt > 0])) if np.any(dt > 0) else math.nan
-    gap = dt > GAP * step
-    even = dt[(dt > 0) & ~gap]
-    return Clock(
-        samples=time.size,
-        duration=float(time[-1] - time[0]) if time.size else 0.0,
-        step=step,
-        jitter=float(np.std(even)) if even.size else math.nan,
-        worst_jitter=float(np.max(np.abs(even / step - 1))) if even.size else math.nan,
-        gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
-        duplicated=tuple(map(float, time[1:][dt == 0])),
-        backward=tuple(map(float, time[1:][dt < 0])),
-    )
-
-
-def measure_signal(name: str, unit: str, time: Array, signal: Array) -> SignalReport:
-    """Measure one signal, shape (n_samples,).
-
-    Examples
-    --------
-    >>> t = np.arange(1000) / 100
-    >>> counts = np.round(300 * np.cos(t)) * 2 * np.pi / 4096
-    >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
-    4096
-    """
-    seen = np.isfinite(signal)
-    x = signal[seen]
-    if x.size < 2:
-        lost = tuple(map(float, time[~seen]))
-        return SignalReport(name, unit, math.nan, math.nan, lost, None, None, math.nan, math.nan, False, None)
-    q = resolution(x)
-    rest, _, at_rest = tail(x)
-    return SignalReport(
-        name=name,
-        unit=unit,
-        minimum=float(x.min()),
-        maximum=float(x.max()),
-        missing=tuple(map(float, time[~seen])),
-        resolution=q,
-        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
-        noise=float(np.sqrt(np.mean(np.diff(x, 3) ** 2) / 20)) if x.size > 3 else math.nan,
-        rest=rest,
-        at_rest=at_rest,
-        rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
-    )
-
-
-def resolution(signal: Array) -> float | None:
-    """Return the spacing q of the lattice on which the values lie, None if they lie on none.
-
-    Examples
-    --------
-    >>> resolution(np.array([0.0, 0.3, 0.5, 0.2, 0.1]))
-    0.1
-    >>> resolution(np.sqrt(np.arange(100.0))) is None
-    True
-    """
-    values = np.unique(signal)
-    spacings = np.diff(values)
-    spacings = spacings[spacings > 1e-9 * max(abs(values[0]), abs(values[-1]))]  # one value, written in two ways
-    if not spacings.size:
-        return None
-    q = float(np.mean(spacings[spacings < 1.5 * spacings.min()]))
-    multiples = spacings[spacings < 20 * q] / q
-    if not 1e-12 <= q <= 1e12 or np.mean(np.abs(multiples - np.round(multiples))) >= 0.1:
-        return None
-    return round(q, 12)
-
-
-def _counts_per_turn(q: float) -> int:
-    counts = 2 * math.pi / q
-    nearest = min(FAMILIAR_COUNTS, key=lambda n: abs(math.log(n / counts)))
-    return nearest if abs(nearest / counts - 1) < 0.02 else round(counts)
-
-
-def tail(signal: Array) -> tuple[float, float, bool]:
-    """Return mean and peak-to-peak of the last 5 % of the samples, and whether they are at rest.
-
-    At rest is a motion below 1 % of the whole range, or within three steps of the lattice.
-    """
-    x = signal[np.isfinite(signal)]
-    if not x.size:
-        return math.nan, math.nan, False
-    end = x[-max(2, x.size // 20) :]
-    motion = float(np.ptp(end))
-    return (
-        float(np.mean(end)),
-        motion,
-        motion <= max(0.01 * float(np.ptp(x)), 3 * (resolution(x) or 0.0) * (1 + 1e-9)),
-    )
-
-
-def _swinging(signals: Mapping[str, Array], units: Mapping[str, str]) -> Array:
+def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:
     """Return the pendulum: `alpha` if there is one, else the angle (else the signal) that moves most."""
     if "alpha" in signals:
         return signals["alpha"]
     angles = [x for n, x in signals.items() if units[n] == "rad"] or list(signals.values())
     return max(angles, key=lambda x: float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else 0.0)
-
-
-def release_time(time: Array, signal: Array) -> tuple[float | None, str]:
-    """Find the last sample of the held plateau before the fastest motion.
-
-    Parameters
-    ----------
-    time, signal : ndarray, shape (n_samples,)
-        Increasing time [s] and the pendulum's angle.
-
-    Returns
-    -------
-    release : float or None
-        [s]
-    reason : str
-        How long it was held, or why there is no release.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 4, 401)
-    >>> release_time(t, np.sin(6 * t))
-    (None, 'the pendulum is not held still before its fastest motion')
-    """
-    seen = np.isfinite(signal)
-    t, x = time[seen], signal[seen]
-    if x.size < 10 or np.ptp(x) == 0:
-        return None, "nothing moves"
-    speed = _speed(t, x)
-    fastest = int(np.argmax(speed >= 0.95 * speed.max()))  # the first, should many be alike
-    slow = np.flatnonzero(speed[:fastest] < 0.05 * speed[fastest])
-    mid_swing = "the pendulum is not held still before its fastest motion"
-    if not slow.size:
-        return None, mid_swing
-    last = int(slow[-1])
-    travel, quarter = abs(x[fastest] - x[last]), t[fastest] - t[last]
-    away = np.flatnonzero(np.abs(x[:last] - x[last]) > 0.05 * travel)
-    held = float(t[last] - t[away[-1] + 1 if away.size else 0])
-    if held < HELD * quarter:
-        return None, mid_swing
-    return float(t[last]), f"held for {held:.2f} s before"
-
-
-def _speed(t: Array, x: Array) -> Array:
-    """Return |dx/dt| by central differences, zero at the ends."""
-    # over 20 ms: one encoder step within one sample is no motion
-    w = max(1, round(min(0.01 / float(np.median(np.diff(t))), x.size)))
-    w = min(w, (x.size - 1) // 2)
-    speed = np.zeros_like(x)
-    speed[w:-w] = np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w]))
-    return speed
 
 
 # ----------------------------------------------------------------------- the sentences

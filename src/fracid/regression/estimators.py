@@ -9,13 +9,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.regression.rows import Pair, Rows, System
 
 __all__ = ["Estimator"]
 
-FloatArray = NDArray[np.float64]
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
 
 COLLINEAR = 1e-2

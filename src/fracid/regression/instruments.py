@@ -6,21 +6,22 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.regression.estimators import Gauge, solve
 from fracid.regression.rows import Data, Pair, Rows, Swing, System, only, own_values
-from fracid.simulate import simulate
-
-FloatArray = NDArray[np.float64]
+from fracid.solver.solve import simulate
 
 FIRST_SWINGS = 4.0
 """How many swings the first instruments reach."""
+
 ROUNDS = 15
 """Of instruments, at most."""
+
 ALIKE = 0.7
 """Correlation of simulated and measured columns below which instruments are too weak."""
+
 CLAMPED = 1e3
 """Inertia of an arm that was not recorded [kg m²]."""
 

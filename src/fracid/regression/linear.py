@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fracid.errors import InputError
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
 from fracid.models import Model
-from fracid.models.base import unknown_name
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
-from fracid.recording.report import resolution
-from fracid.regression.belief import belief
+from fracid.regression.credibility import belief
 from fracid.regression.estimators import (
     Estimator,
     Gauge,
@@ -47,21 +45,25 @@ from fracid.regression.rows import (
     pendulum_parameters,
     swing_of,
 )
+from fracid.signals.resolution import resolution
 
 __all__ = ["Constant", "Regression", "regress", "start_of", "start_values"]
 
-FloatArray = NDArray[np.float64]
-
 CUTOFF = (6.0, 9.0)
 """Bounds of the low-pass' cut-off, in swing frequencies: below, products of the motion are lost."""
+
 WINDOW = 0.13
 """Length of the columns' window, in swing periods."""
+
 LOUDEST = 25.0
 """Largest factor by which the residual may raise the noise's variance for the bias."""
+
 WIDE = 0.1
 """An interval of an order wider than this says nothing about it."""
+
 NORMAL_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
+
 POOR = 85.0
 """An equation that fits by less [%] does not fit."""
 
@@ -130,7 +132,7 @@ class Regression:
 
     @property
     def belief(self) -> str:
-        """What came of recordings like these when the truth was known, in words; :mod:`fracid.regression.belief`."""
+        """What came of recordings like these when the truth was known, in words: :mod:`.credibility`."""
         return belief(self.amplitude, self.noise["alpha"], self.noise_ratio)
 
     @property

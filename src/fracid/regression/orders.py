@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fracid.arrays import FloatArray
 from fracid.problem import Free
 from fracid.regression.estimators import Gauge, overlap, total_least_squares
 from fracid.regression.rows import Data, Pair
 
 __all__ = ["OrderSearch"]
 
-FloatArray = NDArray[np.float64]
-
 PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
 """How far from the best order its profile goes."""
+
 CHI_SQUARE_95 = 3.84
 
 

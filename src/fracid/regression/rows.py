@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.fractional import derivative
 from fracid.models import Model
 from fracid.recording import Recording
+from fracid.solver.operators import derivative
 
 __all__ = ["LUMPED", "PENDULUM", "TERMS", "regressor"]
 
-FloatArray = NDArray[np.float64]
 Pair = tuple[FloatArray, FloatArray]
 """Something for the arm's rows and for the pendulum's."""
 
@@ -26,21 +26,28 @@ TERMS = (
     "drag_theta", "drag_alpha", "cable_stiffness", "cable_offset", "torque_per_volt",
 )  # fmt: skip
 """Columns of the regressor.  ``cable_offset`` is −cable_stiffness·theta_rest [N m]."""
+
 LUMPED = TERMS[:9]
-"""What is looked for unless said otherwise: the nine of :mod:`fracid.models.rotary_pendulum`."""
+"""What is looked for unless said otherwise: the nine of :mod:`fracid.models.pendulum`."""
+
 PENDULUM = ("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha")
 """What the pendulum's row alone holds: all that can be found where no arm angle was recorded."""
 
 QUIET = 20.0
 """An angle that moves by less than this many noise levels in a swing is left out."""
+
 STICKS = 1.0
 """Below this many slip speeds a joint may stick, and its friction is anything: left out."""
+
 DRAWS = 4
 """Pairs of noisy repeats for the noise's covariance in W and for the bias."""
+
 LOUD = 30.0
 """So many times its mean power no single frequency of a white noise comes by, but once in e^30."""
+
 OVERSAMPLED = 20.0
 """Samples a period of the cut-off, after the low-pass."""
+
 KAISER = 5.65
 """β of a Kaiser window of 60 dB."""
 

@@ -1,6 +1,6 @@
 r"""The model's equations as MathML, which browsers draw by themselves: with symbols, and with the numbers found.
 
-For the rotary pendulum those of :mod:`fracid.models.rotary_pendulum`,
+For the rotary pendulum those of :mod:`fracid.models.pendulum`,
 
 .. math::
 
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from fracid.report.words import LETTERS, digits
+from fracid.report.sentences import LETTERS, digits
 
 if TYPE_CHECKING:
     from fracid.models import Model

@@ -11,40 +11,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
-from fracid.plots.look import SHOWN_UNITS
 from fracid.recording import Recording, inspect_recording
-from fracid.report.words import number
-from fracid.residuals import residual_analysis
-from fracid.runs import EVALUATIONS
-from fracid.shape import (
-    COMPARISON,
-    ENVIRONMENT,
-    EVALUATION,
-    PROFILES,
-    RESULT,
-    fault_of_comparison,
-    fault_of_profiles,
-    lines_of,
-    read_as,
-)
+from fracid.report.sentences import number
+from fracid.runs.folder import EVALUATIONS
+from fracid.runs.schemas import COMPARISON, ENVIRONMENT, PROFILES, RESULT, fault_of_comparison, fault_of_profiles
+from fracid.safety.schema import EVALUATION, lines_of, read_as
+from fracid.units import SHOWN_UNITS
+from fracid.validation.residuals import residual_analysis
 
 if TYPE_CHECKING:
-    from fracid.diagnostics import CostPlane
-    from fracid.identify import Fit, RecordingFit
-    from fracid.project import Project
-    from fracid.residuals import ResidualAnalysis
-    from fracid.saved import SavedRun
+    from fracid.estimation.cost_plane import CostPlane
+    from fracid.estimation.records import RecordingFit
+    from fracid.fit import Fit
+    from fracid.problem.project import Project
+    from fracid.runs.saved import SavedRun
+    from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["Material", "tried"]
 
-FloatArray = NDArray[np.float64]
-
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
-
 
 BESIDE: dict[str, tuple[Any, str, Callable[[Any], str]]] = {
     "profiles.json": (PROFILES, "fracid profile RUN", fault_of_profiles),

@@ -14,19 +14,20 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError
-from fracid.foreign import printable
+from fracid.files import write_text
 from fracid.report.equations import equations, is_rotary_pendulum
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
+from fracid.report.sentences import digits, half_width, joined, letter, number, unit
 from fracid.report.traces import traces
-from fracid.report.words import digits, half_width, joined, letter, number, unit, verdict
-from fracid.runs import write_text
+from fracid.report.verdict import verdict
+from fracid.safety.text import printable
 
 if TYPE_CHECKING:
-    from fracid.diagnostics import CostPlane
-    from fracid.identify import Fit
-    from fracid.project import Project
-    from fracid.residuals import ResidualAnalysis
+    from fracid.estimation.cost_plane import CostPlane
+    from fracid.fit import Fit
+    from fracid.problem.project import Project
+    from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["REPORT", "report_page", "write_report"]
 
@@ -36,6 +37,7 @@ OPEN = 6
 """Recordings, and residuals, that are shown without being asked for."""
 
 STYLES = ("uPlot.min.css", "page.css")
+
 SCRIPTS = ("uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
 """In this order, into one element each."""
 
@@ -59,7 +61,7 @@ def write_report(
     fit, project : Fit and Project, optional
         As just identified, which saves reading them back.
     plane : CostPlane, optional
-        From :func:`fracid.diagnostics.cost_plane`; evaluated if left out, where two orders are free.
+        From :func:`fracid.estimation.cost_plane.cost_plane`; evaluated if left out, where two orders are free.
     jobs : int
         Threads for that.
     out : str or Path, optional
@@ -99,7 +101,7 @@ def write_report(
 def _material(
     folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool
 ) -> Material:
-    from fracid.saved import load_run
+    from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
         problem, x, cost = fit.problem, fit.x, fit.cost
@@ -111,7 +113,7 @@ def _material(
 
 
 def _plane(problem: Any, x: Any, cost: float, jobs: int) -> CostPlane | None:
-    from fracid.diagnostics import cost_plane
+    from fracid.estimation.cost_plane import cost_plane
 
     return cost_plane(problem, x, jobs=jobs) if len(problem.order_indices) >= 2 and isfinite(cost) else None
 

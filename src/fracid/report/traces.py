@@ -16,18 +16,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.report.material import first_part
-from fracid.report.words import letter
+from fracid.report.sentences import letter
 
 if TYPE_CHECKING:
-    from fracid.identify import RecordingFit
+    from fracid.estimation.records import RecordingFit
     from fracid.recording import Recording
     from fracid.report.material import Material
-    from fracid.residuals import ResidualAnalysis
+    from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["base64_floats", "extremes", "traces"]
-
-FloatArray = NDArray[np.float64]
 
 POINTS = 20_000
 """Of one recording: 35 s at 500 Hz whole."""
@@ -153,7 +152,7 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
     """Autocorrelation, spectrum and normal probability plot of one residual; None where there is too little."""
     from scipy.stats import norm
 
-    from fracid.residuals import autocorrelation, longest_stretch, power_spectrum
+    from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 
     whole = first_part(r).residual(a.output)
     e = whole[longest_stretch(np.isfinite(whole))]

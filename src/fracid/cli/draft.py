@@ -1,0 +1,109 @@
+"""``fracid init FILE``: a commented project file from a recording, which runs as it is."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fracid.cli.app import app, new_console, say_next, typed
+from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
+from fracid.cli.completion import COLUMNS, RIGS, one_of
+from fracid.errors import InputError
+from fracid.safety.text import printable
+
+__all__ = ["init"]
+
+INIT_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid init release.mat  [dim](asks what the columns are; writes release.toml)[/dim]",
+    "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim](takes what it guesses)[/dim]",
+    "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
+)
+
+
+@app.command(epilog="\n\n".join(INIT_EXAMPLE))
+def init(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording.")],
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=COLUMN[,FIELD=VALUE]...",
+            help="As for fracid check; alpha, theta, voltage.",
+            autocompletion=one_of(*COLUMNS),
+        ),
+    ] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
+    variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
+    rig: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whose constants to begin with.", autocompletion=one_of(*RIGS))
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+) -> None:
+    """Write a commented project file for a recording of a rotary pendulum, which runs as it is.
+
+    Asks what the columns are, with what it guesses as the answer; with --column, --yes or without a terminal it takes
+    the guess and says so.
+    """
+    from fracid.files import write_text
+    from fracid.problem.draft import draft_project
+    from fracid.problem.project import load_project
+
+    target = out or Path(f"{file.stem}.toml")
+    if target.exists() and not force:
+        raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
+    clock = time_from_text(time, rate)
+    columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
+    if columns is None and not yes and sys.stdin.isatty():
+        columns, rig = _asked(file, clock, variable, rig)
+    draft = draft_project(file, columns, time=clock, variable=variable, rig=rig, folder=target.parent)
+    try:
+        write_text(target, draft.text)
+    except OSError as error:
+        raise InputError(f"{target} cannot be written: {error.strerror}. Give another: --out FILE.") from None
+    load_project(target)  # it runs as it is, or says what stands against it
+    for note in draft.notes:
+        typer.echo(printable(f"  {note}"))
+    typer.echo(printable(f"project  {target}"))
+    say_next(new_console(), (typed("fit", target), "after a look at every line of it"))
+
+
+def _asked(
+    file: Path, clock: dict[str, Any] | None, variable: str | None, rig: str | None
+) -> tuple[dict[str, dict[str, Any]], str]:
+    """What a person answers."""
+    from fracid.cli.check import print_check
+    from fracid.models import RIGS
+    from fracid.problem.draft import guess_file
+    from fracid.recording import inspect_recording
+
+    recording = inspect_recording(file, time=clock, variable=variable)
+    print_check(recording, None)
+    guess, notes = guess_file(file, time=clock, variable=variable)
+    for note in notes:
+        typer.echo(printable(f"  {note}"))
+    columns: dict[str, dict[str, Any]] = {}
+    for signal, what in SIGNALS.items():
+        proposed = guess.get(signal)
+        answer = typer.prompt(
+            f"Which column is {signal}, {what}? By name or place, fields after commas"
+            + ("" if signal == "alpha" else "; - for none"),
+            default=_as_text(proposed) if proposed else "-",
+        )
+        if answer.strip() not in ("-", ""):
+            columns[signal] = column_from_text(f"{signal}={answer}")[1]
+    rig = rig or typer.prompt(f"Which rig is it most like? {', '.join(RIGS)}", default="srv02-rotpen")
+    return columns, rig
+
+
+SIGNALS = {"alpha": "the pendulum's angle", "theta": "the arm's angle", "voltage": "the motor's voltage"}
+
+
+def _as_text(fields: dict[str, Any]) -> str:
+    """``2,unit=rad``: as :func:`column_from_text` reads it."""
+    return ",".join([str(fields["column"]), *(f"{k}={v}" for k, v in fields.items() if k != "column")])

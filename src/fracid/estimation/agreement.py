@@ -1,0 +1,135 @@
+"""Agreement between recordings: each is fitted alone; do the estimates agree within their intervals?"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.profile_walk import refit
+from fracid.problem import Experiment, Problem
+
+__all__ = ["Spread", "spread"]
+
+
+# --- each recording alone ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What each recording says alone of the unknowns that all share."""
+
+    names: tuple[str, ...]
+    """Of the shared unknowns."""
+    recordings: tuple[str, ...]
+    values: FloatArray
+    """Shape (n_recordings, n_shared); NaN where a recording's run fails."""
+    standard_error: FloatArray
+    """By the sandwich of each recording, shape (n_recordings, n_shared); NaN where it cannot tell."""
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Over the recordings that can tell, shape (n_shared,); NaN below two."""
+        return np.array([np.std(v[t], ddof=1) if t.sum() > 1 else np.nan
+                         for v, t in zip(self.values.T, self._tell, strict=True)])  # fmt: skip
+
+    @property
+    def birge(self) -> FloatArray:
+        """√(χ²/(k − 1)) about the weighted mean, shape (n_shared,): about 1 where the intervals are honest."""
+        ratios = np.full(len(self.names), np.nan)
+        for i, tell in enumerate(self._tell):
+            if tell.sum() > 1:
+                v, w = self.values[tell, i], self.standard_error[tell, i] ** -2.0
+                ratios[i] = math.sqrt(np.sum(w * (v - np.sum(w * v) / np.sum(w)) ** 2) / (len(v) - 1))
+        return ratios
+
+    @property
+    def _tell(self) -> NDArray[np.bool_]:
+        """Which recordings can tell, shape (n_shared, n_recordings)."""
+        return np.asarray((np.isfinite(self.values) & (self.standard_error > 0)).T)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the recordings do not agree on, in words."""
+        return tuple(
+            f"{n} differs from recording to recording by {ratio:.1f} times its standard errors "
+            f"(from {np.nanmin(v):.4g} to {np.nanmax(v):.4g}): its interval is too narrow by about that."
+            for n, ratio, v in zip(self.names, self.birge, self.values.T, strict=True)
+            if ratio > 2
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+
+        def numbers(row: FloatArray) -> list[float | None]:
+            return [v if math.isfinite(v) else None for v in row.tolist()]
+
+        return {
+            "recordings": list(self.recordings),
+            "unknowns": {
+                n: {"values": numbers(self.values[:, i]), "standard_errors": numbers(self.standard_error[:, i]),
+                    "standard_deviation": numbers(self.standard_deviation)[i], "birge": numbers(self.birge)[i]}
+                for i, n in enumerate(self.names)
+            },
+            "sentences": list(self.sentences()),
+        }  # fmt: skip
+
+
+def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
+    """Fit each recording alone, from x.
+
+    Parameters
+    ----------
+    problem : Problem
+        With two recordings or more, and a cost of known loss.
+    x : array, shape (n_unknowns,)
+        The minimum of all together.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    InputError
+        If there is but one recording, or the cost is a user's own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> def swing(seed):
+    ...     run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    ...     noise = 1e-3 * np.random.default_rng(seed).standard_normal((401, 2))
+    ...     return Experiment(f"{seed}", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing(1), swing(2), swing(3)), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> bool(spread(problem, problem.start).birge[0] < 2)
+    True
+    """
+    if len(problem.experiments) < 2:
+        raise InputError("There is one recording to fit; a spread needs two or more.")
+    if problem.cost_function.loss is None:
+        raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no spread of it.")
+    shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
+    at = dict(zip(problem.names, np.asarray(x).tolist(), strict=True))
+
+    def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
+        one = replace(problem, experiments=(e,))
+        found = refit(one, np.array([at[n] for n in one.names]))
+        known = uncertainty(one, found.point) if math.isfinite(found.cost) else found.reason
+        if isinstance(known, str):
+            return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
+        where = [one.names.index(problem.names[i]) for i in shared]
+        return found.point[where], known.standard_error[where]
+
+    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
+        found = list(pool.map(alone, problem.experiments))
+    values, errors = (np.array(rows) for rows in zip(*found, strict=True))
+    names = tuple(problem.names[i] for i in shared)
+    return Spread(names, tuple(e.name for e in problem.experiments), values, errors)

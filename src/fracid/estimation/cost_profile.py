@@ -1,0 +1,428 @@
+r"""Profile likelihood: how far one unknown can go while all the others follow, before the data object.
+
+With the cost as a sum :math:`V(x) = \sum_t w_t\,ρ(e_t(x))`, as in :mod:`fracid.estimation.covariance`, the profile of
+unknown i is :math:`V_i(v) = \min_{x:\,x_i = v} V(x)`, and its *rise*
+
+.. math::  W_i(v) = \frac{2}{κ_i}\,\big(V_i(v) - V(\hat x)\big), \qquad
+           κ_i = \frac{[A^{-1} S A^{-1}]_{ii}}{[A^{-1}]_{ii}} .
+
+κ puts the threshold where the data put it: by Kent [K]_ twice the rise is :math:`κ_i χ^2_1` in the long run, whatever
+the cost and however the residuals hang together in time, since S is their long-run covariance.  So the 95 % interval
+is where W < 3.84.  For white Gaussian residuals κ is σ² in the cost's unit and W the likelihood ratio's statistic; for
+residuals that are correlated κ is larger by n/n_eff.  The same holds for ``iae``, ``itae`` and ``huber``, whose V is
+no likelihood's.  A user's own cost has no S: its profile is drawn until the cost has doubled, without an interval.
+
+Where the cost is a parabola, :math:`W = (v - \hat x_i)^2 / \mathrm{var}\,\hat x_i`: the profile's interval is the
+sandwich's.  What it shows beyond that are the four ways in which data fail to fix a value:
+
+==============  ==================================================================================
+verdict         means
+==============  ==================================================================================
+two-sided       the rise crosses the threshold on both sides
+one-sided       on one side alone: the data bound the value from below only, or from above only
+flat            on neither side: as far as was looked, the data do not object to any value
+hits a bound    the best value lies at a bound of the search; the interval has one side
+==============  ==================================================================================
+
+The walk goes from the minimum to both sides.  Each point starts from its neighbour, moved on along the line through
+the last two (the first along that of A), and its step aims at equal rises of √W, which is linear where the cost is a
+parabola [BW]_; a step that rises too far, or whose runs fail, is taken again shorter.  It ends past the threshold, at
+the bound, or where its budget is spent.  If a point lies lower than the minimum, that was none: all starts again from
+there, and the result says so.
+
+Two unknowns together: W over a grid with the threshold of :math:`χ^2_2`, 5.99, each point scaled by the sandwich in
+its own direction δ, :math:`1/κ = (δ'C_S^{-1}δ)/(δ'C_A^{-1}δ)` with the blocks of the two in place of the diagonal
+entries [CB]_.
+
+References
+----------
+.. [K] J. Kent, Biometrika 69 (1982) 19: the likelihood ratio of a likelihood that is not the data's.
+.. [BW] D. Bates, D. Watts, Nonlinear Regression Analysis and Its Applications, Wiley 1988, section 6.1.
+.. [CB] R. Chandler, S. Bate, Biometrika 94 (2007) 167, section 3: the vertical adjustment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least, unknown_name
+from fracid.estimation.covariance import METHODS, NORMAL_95
+from fracid.estimation.profile_walk import LOWER, THRESHOLD, THRESHOLD_2, Branch, End, Surface, crossing, refit, walk
+from fracid.figures import Style, draw
+from fracid.problem import Problem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.estimation.fit_figures import Fitted
+    from fracid.problem.project import Project
+
+__all__ = ["JointProfile", "Profile", "Profiles", "profile"]
+
+_In = TypeVar("_In")
+
+_Out = TypeVar("_Out")
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The profile of one unknown."""
+
+    name: str
+    unit: str
+    best: float
+    """The value at the minimum."""
+    values: FloatArray
+    """In ascending order, the best among them, shape (n_points,)."""
+    rise: FloatArray
+    """W at each, shape (n_points,)."""
+    cost: FloatArray
+    """The problem's cost at each, shape (n_points,)."""
+    points: FloatArray
+    """All unknowns at each, shape (n_points, n_unknowns)."""
+    ends: tuple[End, End]
+    """Below and above."""
+    interval95: tuple[float | None, float | None]
+    """Where W = 3.84, None on a side where that is not reached."""
+    wald95: tuple[float, float] | None
+    """The sandwich's interval; None where it knows none."""
+    verdict: str
+    """See the module's table; "no threshold" for a user's own cost."""
+
+    @property
+    def two_sided(self) -> tuple[float, float] | None:
+        """The interval, where it has two sides."""
+        low, high = self.interval95
+        return None if low is None or high is None else (low, high)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with the reason on each side that has no end."""
+        sides = [f"{side} {end.value}" for side, end in zip(("below", "above"), self.ends, strict=True)
+                 if end is not End.CROSSED]  # fmt: skip
+        return self.verdict + (f": {', '.join(sides)}" if sides else "")
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values, without the other unknowns along the way."""
+        return {
+            "value": self.best,
+            "unit": self.unit,
+            "interval95": list(self.interval95),
+            "method": METHODS["profile"],
+            "wald95": None if self.wald95 is None else list(self.wald95),
+            "wald_method": METHODS["sandwich"],
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "ends": [end.value for end in self.ends],
+            "values": self.values.tolist(),
+            "rise": self.rise.tolist(),
+            "cost": self.cost.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class JointProfile:
+    """The profile of two unknowns together."""
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    best: tuple[float, float]
+    first: FloatArray
+    """Values of the first, shape (n,)."""
+    second: FloatArray
+    """Values of the second, shape (m,)."""
+    rise: FloatArray
+    """W, shape (n, m); infinite where the runs fail.  The 95 % region is where it is below 5.99."""
+    correlation: float
+    """Of the two by the sandwich."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "names": list(self.names), "units": list(self.units), "best": list(self.best),
+            "first": self.first.tolist(), "second": self.second.tolist(), "threshold": THRESHOLD_2,
+            "rise": [[w if math.isfinite(w) else None for w in row] for row in self.rise.tolist()],
+            "correlation": self.correlation if math.isfinite(self.correlation) else None,
+        }  # fmt: skip
+
+
+def _profile_of(name: str, said: Mapping[str, Any], unknowns: int) -> Profile:
+    values = np.array(said["values"])
+    low, high = said["interval95"]
+    below, above = map(End, said["ends"])
+    wald = None if said["wald95"] is None else (said["wald95"][0], said["wald95"][1])
+    return Profile(name, said["unit"], said["value"], values, np.array(said["rise"]), np.array(said["cost"]),
+                   np.full((values.size, unknowns), math.nan), (below, above), (low, high), wald,
+                   said["verdict"])  # fmt: skip
+
+
+def _joint_of(said: Mapping[str, Any]) -> JointProfile:
+    one, other = said["names"]
+    first_unit, second_unit = said["units"]
+    rise = np.array([[math.inf if w is None else w for w in row] for row in said["rise"]])
+    correlation = math.nan if said["correlation"] is None else said["correlation"]
+    return JointProfile((one, other), (first_unit, second_unit), (said["best"][0], said["best"][1]),
+                        np.array(said["first"]), np.array(said["second"]), rise, correlation)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """What :func:`profile` found."""
+
+    problem: Problem
+    x: FloatArray
+    """The minimum that the profiles start from, shape (n_unknowns,)."""
+    cost: float
+    profiles: dict[str, Profile]
+    joint: JointProfile | None = None
+    notes: tuple[str, ...] = field(default=())
+    """That the minimum given was none; that there is no threshold."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "cost": {"name": self.problem.cost_function.name, "value": self.cost},
+            "minimum": dict(zip(self.problem.names, self.x.tolist(), strict=True)),
+            "threshold": None if self.problem.cost_function.loss is None else THRESHOLD,
+            "profiles": {n: p.to_json() for n, p in self.profiles.items()},
+            "joint": None if self.joint is None else self.joint.to_json(),
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any], problem: Problem) -> Profiles:
+        """The same from :meth:`to_json`, but for the other unknowns along the way.
+
+        Parameters
+        ----------
+        said : mapping
+            The content of profiles.json.
+        problem : Problem
+            That was profiled.
+        """
+        joint = said.get("joint")
+        x = np.array([said["minimum"][n] for n in problem.names])
+        profiles = {n: _profile_of(n, p, len(x)) for n, p in said["profiles"].items()}
+        return cls(problem, x, said["cost"]["value"], profiles, None if joint is None else _joint_of(joint),
+                   tuple(said["notes"]))  # fmt: skip
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """The rise of the cost over each unknown, and its threshold; see :func:`fracid.plots.profiles`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+        """
+        return draw("profiles", self, style=style)
+
+
+def profile(
+    problem: Problem | Project | Fitted,
+    x: FloatArray | None = None,
+    *,
+    parameters: Sequence[str] | None = None,
+    joint: tuple[str, str] | None = None,
+    points: int = 12,
+    jobs: int = 1,
+) -> Profiles:
+    """Profile unknowns of a problem about its minimum.
+
+    Parameters
+    ----------
+    problem : Problem, Project or Fit
+    x : array, shape (n_unknowns,), optional
+        The minimum, which is refined first; a Fit's own, or the problem's start, if left out.
+    parameters : sequence of str, optional
+        Names of unknowns: the free orders if left out, or all that the recordings share where no order is free.
+    joint : two names, optional
+        To be profiled together too, on a grid of `points` by `points`, nine by nine at most.
+    points : int
+        Between the two ends of an interval, about.
+    jobs : int
+        Threads; the result is the same for any number.
+
+    Returns
+    -------
+    Profiles
+
+    Raises
+    ------
+    InputError
+        If a name is no unknown's, nothing is free, or no run from the start reaches its end.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> mu = profile(problem, parameters=["mu"]).profiles["mu"]
+    >>> mu.verdict, mu.interval95[0] < 0.95 < mu.interval95[1]
+    ('two-sided', True)
+    """
+    if not isinstance(problem, Problem):
+        x = getattr(problem, "x", None) if x is None else x
+        problem = problem.problem
+    at = _indices(problem, parameters)
+    pair = None if joint is None else _pair(problem, joint)
+    at_least("points", points, 4)
+    at_least("jobs", jobs, 1)
+    x, notes = problem.start if x is None else np.asarray(x, dtype=np.float64), list[str]()
+    for _ in range(3):
+        surface = _minimum(problem, x, at, jobs)
+        walks, (x, lower) = _walks(surface, at, points, jobs)
+        if lower > -LOWER:
+            break
+        notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
+    pairs = zip(at, walks[::2], walks[1::2], strict=True)
+    found = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
+    if not surface.calibrated:
+        notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
+    grid = None if pair is None else _joint(surface, pair, found, points, jobs)
+    return Profiles(problem, surface.top.point, surface.top.cost, found, grid, tuple(notes))
+
+
+def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> Surface:
+    """V about the minimum next to x: about x itself where that is as good, lest flat directions drift."""
+    there, top = problem.evaluate(np.clip(x, problem.space.lower, problem.space.upper)), refit(problem, x)
+    if not math.isfinite(top.cost):
+        raise InputError(f"There is nothing to profile: no run from the start reached its end: {top.reason}.")
+    surface = Surface(problem, top, jobs)
+    good = surface.value(there) <= surface.value(top) or max(surface.rise(there, i) for i in at) < LOWER
+    return Surface(problem, there, jobs) if good else surface
+
+
+def _walks(
+    surface: Surface, at: Sequence[int], points: int, jobs: int
+) -> tuple[list[Branch], tuple[FloatArray, float]]:
+    """Both sides of each unknown, and of all their points the lowest, with its rise."""
+    tasks = [(i, side) for i in at for side in (-1, 1)]
+    walks = _in_threads(jobs, lambda task: walk(surface, *task, points), tasks)
+    seen = [(e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path]
+    return walks, min(seen, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
+
+
+def _indices(problem: Problem, names: Sequence[str] | None) -> list[int]:
+    if not problem.names:
+        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    if names is None:
+        shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
+        return list(problem.order_indices) or shared or list(range(len(problem.names)))
+    return [_index(problem, name) for name in dict.fromkeys(names)]
+
+
+def _index(problem: Problem, name: str) -> int:
+    if name in problem.names:
+        return problem.names.index(name)
+    if name in problem.orders or name in problem.model.parameter_names:
+        raise InputError(
+            f"{name} is not free, so it has no profile; free it with {name} = {{ start = ..., lower = ..., "
+            f"upper = ... }}. What is free: {', '.join(problem.names)}."
+        )
+    raise unknown_name("name", name, problem.names)
+
+
+def _pair(problem: Problem, names: Sequence[str]) -> tuple[int, int]:
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError(f"joint = {', '.join(names)!r}; expected two different names, such as mu and b_alpha.")
+    return _index(problem, names[0]), _index(problem, names[1])
+
+
+def _in_threads(jobs: int, work: Callable[[_In], _Out], tasks: Iterable[_In]) -> list[_Out]:
+    """All results in order; Ctrl-C waits for what runs and leaves out the rest."""
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            return list(pool.map(work, tasks))
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
+    """Both sides and the minimum between them."""
+    unknown, path = surface.problem.unknowns[i], (*below.path[::-1], surface.top, *above.path)
+    values = np.array([e.point[i] for e in path])
+    rise = np.array([surface.rise(e, i) for e in path])
+    best, k = float(surface.top.point[i]), len(below.path)
+    ends = (crossing(values[k::-1], rise[k::-1]), crossing(values[k:], rise[k:]))
+    if not surface.calibrated:
+        ends = (None, None)
+    se = surface.standard_error(i)
+    return Profile(
+        unknown.name, unknown.unit, best, values, rise, np.array([e.cost for e in path]),
+        np.array([e.point for e in path]), (below.end, above.end), ends,
+        (best - NORMAL_95 * se, best + NORMAL_95 * se) if math.isfinite(se) and i not in surface.at_bound else None,
+        _verdict(surface, i, below, above),
+    )  # fmt: skip
+
+
+def _verdict(surface: Surface, i: int, below: Branch, above: Branch) -> str:
+    if not surface.calibrated:
+        return "no threshold"
+    crossed = [walked.end is End.CROSSED for walked in (below, above)]
+    if not all(crossed) and any(crossed) and i in surface.at_bound:
+        return "hits a bound"
+    return "two-sided" if all(crossed) else "one-sided" if any(crossed) else "flat"
+
+
+# --- two together --------------------------------------------------------------------------------------
+
+GRID = 9
+"""Points along each side of a joint profile at most: each of the grid's is a refit."""
+
+REACH = 3.2
+"""Standard errors to each side of a joint profile; its 95 % region reaches 2.45."""
+
+
+def _joint(surface: Surface, pair: tuple[int, int], found: dict[str, Profile], points: int, jobs: int) -> JointProfile:
+    """W over a grid; each point starts from where the parabola would have it."""
+    if not surface.calibrated:
+        raise InputError(f"The cost {surface.problem.cost_function.name} is a user's own: no joint profile of it.")
+    axes = [_axis(surface, i, found.get(surface.problem.names[i]), min(points, GRID)) for i in pair]
+    shape, slope, top = surface.sandwich(*pair), surface.slope(pair), surface.top.point
+    at, tolerance = np.searchsorted(shape.free, pair), surface.tolerance(*pair)
+    bread, filled = (np.linalg.pinv(c[np.ix_(at, at)]) for c in (shape.inverse, shape.covariance))
+
+    def rise(point: FloatArray) -> float:
+        delta = point - top[list(pair)]
+        if not np.any(delta):
+            return 0.0
+        ahead = top + slope @ delta
+        ahead[list(pair)] = point
+        value = surface.value(refit(surface.problem, ahead, pair, tolerance=tolerance)) - surface.value(surface.top)
+        return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
+
+    grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]
+    rises = np.array(_in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
+    c = shape.covariance[np.ix_(at, at)]
+    correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
+    first, second = (surface.problem.unknowns[i] for i in pair)
+    best = (float(top[pair[0]]), float(top[pair[1]]))
+    return JointProfile(
+        (first.name, second.name), (first.unit, second.unit), best, axes[0], axes[1], rises, float(correlation)
+    )
+
+
+def _axis(surface: Surface, i: int, found: Profile | None, points: int) -> FloatArray:
+    """Values about the best, which is one of them, as far as the profile's interval says, within the bounds."""
+    best, low, high = float(surface.top.point[i]), float(surface.space.lower[i]), float(surface.space.upper[i])
+    se = surface.standard_error(i)
+    reach = REACH * se if math.isfinite(se) else 0.25 * (high - low if math.isfinite(high - low) else abs(best) + 1)
+    ends = (None, None) if found is None else found.interval95
+    below, above = (reach if end is None else max(0.3 * reach, REACH / NORMAL_95 * abs(end - best)) for end in ends)
+    low, high = max(low, best - below), min(high, best + above)
+    count = min(points - 1, max(0, round((points - 1) * (best - low) / (high - low))))
+    left = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
+    return np.concatenate([left, np.linspace(best, high, points - len(left))]) if high > best else np.append(left, best)

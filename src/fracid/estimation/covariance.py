@@ -1,0 +1,561 @@
+r"""How sure an estimate is: the covariance of the unknowns of a problem, and which of them cannot be told.
+
+At the minimum of :math:`\sum_t w_t\,ρ(e_t(x))` over samples t, with :math:`J_t = \partial e_t/\partial x` and
+scores :math:`s_t = w_t\,ρ'(e_t)\,J_t`,
+
+.. math::  \mathrm{cov}\,\hat x = A^{-1} S A^{-1}, \quad A = \overline{ρ''}\sum w_t J_t J_t', \quad
+           S = \Gamma_0 + \sum_{k=1}^{B}\Big(1 - \frac{k}{B+1}\Big)(\Gamma_k + \Gamma_k'), \;
+           \Gamma_k = \sum_t s_t s_{t+k}' .
+
+This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey and West [NW]_: it holds for
+residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
+:math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B is five correlation
+times of the scores, found from them by Sokal's window [S]_; the scores are whitened by their lag-one correlation
+before, and S is coloured again after [AM]_.
+
+**Few samples.**  Of some unknowns but a few samples tell: of an initial angle the first swing, of whatever is slow a
+handful of correlation times.  Their S is too small, since the fit has bent towards their errors, and it is itself
+uncertain.  With :math:`v_i` the i-th column of :math:`A^{-1}`, :math:`M_t = R_t'R_t` the share of sample t in A, the
+influence :math:`q_t = v_i' M_t v_i` and :math:`K_{ts} = 1 - |t - s|/(B + 1)` within the bandwidth, else 0,
+
+.. math::  f_i = \frac{\sum_{ts} K_{ts}\, v_i' M_t A^{-1} M_s v_i}{\sum_t q_t}, \qquad
+           ν_i = \frac{(\sum_t q_t)^2}{\sum_{ts} K_{ts}^2\, q_t q_s} :
+
+the fit takes the part f of the variance out of the residuals [BM]_, and what is left is known as a variance of ν
+degrees of freedom is [Sa]_.  So standard errors are widened by :math:`t_{0.975}(ν)/1.96/\sqrt{1 - f}` [IK]_: 1.96 of
+them to each side hold the truth in 95 %.  For white noise f is 0.02 to 0.2 and ν 10 to 200.
+
+How often a 95 % interval of λ and of μ holds the truth, on twins of 4 s at 500 Hz, 150 seeds
+(``benchmarks/evidence.py`` prints it again; ``make coverage`` for all rigs, docs/uncertainty.md):
+
+====================================== ============== ==========================
+noise                                  this           :math:`\sigma^2 (J'J)^{-1}`
+====================================== ============== ==========================
+white                                  94 %, 95 %     94 %, 95 %
+AR(1), ρ = 0.9                         98 %, 95 %     28 %, 38 %
+AR(1), ρ = 0.98, and as much white     91 %, 95 %     19 %, 31 %
+====================================== ============== ==========================
+
+Where errors are slow beside the record and few unknowns are free, as in the last row, it still promises a little
+too much; with many it is up to twice as wide as it need be.  A bandwidth of the whitened scores comes closer for
+AR(1), and holds the truth in but 83 to 93 % for the last row, so it is that of the scores themselves.
+
+It does not know of model error: an interval says where the best value *of this model* lies.
+
+Both are found, by name in :data:`METHODS`.  Their ratio says how many of the n samples count: as many independent
+ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)`, before it is widened, would tell
+:math:`x_i` as well.
+For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
+:math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
+
+An unknown at one of its bounds is held there; directions that J does not see (singular values of the
+column-scaled J below 10⁻⁶ of the largest) are reported by the names that take part in them.
+
+References
+----------
+.. [BM] R. Bell, D. McCaffrey, Survey Methodology 28 (2002) 169: what the fit takes out of the residuals.
+.. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
+.. [IK] G. Imbens, M. Kolesár, Review of Economics and Statistics 98 (2016) 701: widened standard errors.
+.. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
+.. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
+.. [Sa] F. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of a sum of squares.
+.. [K] J. Kent, Biometrika 69 (1982) 19: likelihood ratios of wrong likelihoods.
+.. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.problem import Problem
+from fracid.problem.costs import Loss
+from fracid.qr import triangle
+from fracid.signals.correlation import bartlett_long_run, neighbour_sums, products_by_lag, sokal_bandwidth
+
+__all__ = [
+    "METHODS",
+    "Sandwich",
+    "Uncertainty",
+    "at_bound",
+    "claimed_half_width",
+    "half_width",
+    "jacobian",
+    "residual_bandwidth",
+    "rows_and_scores",
+    "sandwich",
+    "uncertainty",
+    "widening",
+]
+
+_Seen = tuple[list[FloatArray], list[FloatArray]]
+"""Errors and Jacobian of each recording, shapes (n_samples, n_outputs) and (n_samples, n_outputs, n_free)."""
+
+NORMAL_95 = 1.959963984540054
+"""Half the width of a 95 % interval, in standard errors."""
+
+METHODS = {
+    "sandwich": "sandwich with the prewhitened Newey-West long-run covariance",
+    "white": "sigma² (J'J)⁻¹, right only where the residuals are white",
+    "profile": "profile likelihood, its threshold scaled by the sandwich",
+    "bootstrap": "moving-block bootstrap of the residuals",
+}
+"""What an interval's method is called, and what it is."""
+
+UNSEEN = 1e-6
+"""Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
+
+TAKEN = 0.75
+"""More than this part of a variance the fit is never thought to have taken out of the residuals."""
+
+PART = 1e-2
+"""Who has less than this of the largest share in an unseen direction takes no part in it."""
+
+WHITENED = 0.97
+"""Limit of the correlation that is taken out before S is estimated [AM]_."""
+
+BOUND = 1e-3
+"""An unknown further from its bounds than this part of its range lies at none."""
+
+TOUCHING = 1.0
+"""Nor does one that is further than this many of the standard errors that it has when it is free."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard errors of the unknowns, and what the data say nothing about."""
+
+    standard_error: FloatArray
+    """1.96 of them to each side hold 95 %; NaN where it cannot be known or the unknown lies at a bound,
+    shape (n_unknowns,)."""
+    at_bound: NDArray[np.bool_]
+    """Shape (n_unknowns,)."""
+    confounded: tuple[tuple[str, ...], ...]
+    """Names that can only be known together, one tuple for each direction that the data do not see."""
+    bandwidth: float
+    """B of the sandwich [samples]."""
+    condition: float
+    """Of the column-scaled Jacobian."""
+    white: FloatArray = field(default_factory=lambda: np.empty(0))
+    """Standard errors by σ²(J'J)⁻¹, as if the residuals were white, shape (n_unknowns,); NaN where the others are."""
+    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    """Of the sandwich, shape (n_unknowns, n_unknowns); NaN in the rows of what has no standard error."""
+    unseen: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    """Relative changes of the unknowns that the data do not see, shape (len(confounded), n_unknowns); the
+    greatest in a row is 1."""
+    samples: int = 0
+    """Of all recordings."""
+    widening: FloatArray = field(default_factory=lambda: np.ones(1))
+    """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
+
+    def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
+        """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
+        se = float((self.standard_error if method == "sandwich" else self.white)[i])
+        return (float(x[i]) - NORMAL_95 * se, float(x[i]) + NORMAL_95 * se) if math.isfinite(se) else None
+
+    @property
+    def effective_samples(self) -> FloatArray:
+        """How many independent samples would tell each unknown as well, shape (n_unknowns,)."""
+        return np.asarray(self.samples * (self.white * self.widening / self.standard_error) ** 2)
+
+
+@dataclass(frozen=True)
+class Sandwich:
+    """The curvature of the cost and the scatter of its minimum, over some of the unknowns."""
+
+    free: NDArray[np.intp]
+    """Which, shape (n_free,)."""
+    inverse: FloatArray
+    """A⁻¹ of the cost's rows, the inverse of its curvature, shape (n_free, n_free); pseudo-inverse where J is blind."""
+    covariance: FloatArray
+    """A⁻¹SA⁻¹, widened for few samples, shape (n_free, n_free)."""
+    white: FloatArray
+    """A⁻¹S₀A⁻¹, shape (n_free, n_free)."""
+    directions: FloatArray
+    """Changes of the unknowns, in their own units, that J does not see, shape (n_unseen, n_free)."""
+    bandwidth: float
+    """B [samples]."""
+    condition: float
+    """Of the column-scaled Jacobian."""
+    widening: FloatArray
+    """By what the standard errors were widened for few samples, shape (n_free,)."""
+
+    def inflation(self, which: NDArray[np.intp]) -> FloatArray:
+        """By how much twice the rise of the cost, profiled over `which`, exceeds a χ²: C_A⁻¹C_S, shape (k, k) [K]_."""
+        at = np.searchsorted(self.free, which)
+        return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
+
+
+def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | str:
+    """Find the covariance at the minimum x, or say why there is none.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum; elsewhere the result means nothing.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Uncertainty or str
+        The sentence says why there is none: nothing is free, a user's own cost, a run that fails.
+
+    Examples
+    --------
+    >>> import fracid, numpy as np
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=4.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((2001, 2))
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> found = uncertainty(problem, problem.start)  # here the start is the minimum
+    >>> bool(np.all((found.standard_error > 1e-6) & (found.standard_error < 1e-3))), found.confounded
+    (True, ())
+    """
+    if not problem.names:
+        return "nothing is free"
+    if problem.cost_function.loss is None:
+        return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+    held, found = _held(problem, x, jobs)
+    error = np.full(len(x), np.nan)
+    if held.all():
+        return Uncertainty(error, held, (), 0.0, 1.0, error)
+    if isinstance(found, str):
+        return found
+    free = found.free
+    directions = _unseen(problem, x, found)
+    known = ~np.any(directions != 0, axis=0)
+    white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
+    error[free[known]] = np.sqrt(np.diag(found.covariance))[known]
+    white[free[known]] = np.sqrt(np.diag(found.white))[known]
+    covariance[np.ix_(free[known], free[known])] = found.covariance[np.ix_(known, known)]
+    unseen = np.zeros((len(directions), len(x)))
+    unseen[:, free] = directions
+    confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in unseen)
+    samples, wider = sum(len(e.measured) for e in problem.experiments), np.ones(len(x))
+    wider[free] = found.widening
+    return Uncertainty(
+        error, held, confounded, found.bandwidth, found.condition, white, covariance, unseen, samples, wider
+    )
+
+
+def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | str:
+    """A⁻¹, A⁻¹SA⁻¹ and A⁻¹S₀A⁻¹ of the unknowns `free`, all others held; or why there are none.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a cost of known loss.
+    x : array, shape (n_unknowns,)
+    free : array of int, shape (n_free,)
+        In ascending order.
+    jobs : int
+        Threads.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((1001, 2))
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
+    (1, 1)
+    """
+    seen = _seen(problem, x, free, jobs)
+    return seen if isinstance(seen, str) else _sandwich(problem, *seen, free)
+
+
+def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | str:
+    """Errors of each recording at x and their derivatives by the unknowns `free`."""
+    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
+    return errors if isinstance(errors, str) else J if isinstance(J, str) else (errors, J)
+
+
+def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
+    rows, scores = rows_and_scores(problem, errors, J)
+    prior, level = _prior_curvature(problem, errors, free)
+    norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
+    norm[norm == 0] = 1.0
+    for tall in (rows, *scores):  # in place: each is as long as the recordings
+        tall /= norm
+    _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
+    seen = singular > UNSEEN * max(singular[0], 1e-300)
+    S, bandwidth = _long_run(scores)
+    scale = np.outer(norm, norm)
+    S, S0 = (
+        S + np.diag(2 * level * prior) / scale,
+        (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
+    )
+    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
+    samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
+    wider = widening(samples, inverse, bandwidth)
+    covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
+    return Sandwich(
+        free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~seen] / norm,
+        bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
+    )  # fmt: skip
+
+
+def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
+    """Which unknowns their bounds hold, shape (n_unknowns,).
+
+    A search stops a little before a bound.  How little is told by what the data know: 1e-3 of a wide range can be
+    many standard errors, and a value that far from zero is not zero.
+
+    Examples
+    --------
+    >>> import fracid, numpy as np
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.3}, step=1e-2, end=4.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> wide = Free(start=rig.parameter("b_alpha").value, lower=0.0, upper=10.0)
+    >>> dry = Free(start=0.0, lower=0.0, upper=10.0)
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, {"b_alpha": wide, "coulomb_alpha": dry},
+    ...                   initial_state="held")
+    >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
+    {'b_alpha': False, 'coulomb_alpha': True}
+    """
+    near, away = _near(problem, x)
+    doubtful = np.any(near & (away > 0)) and problem.cost_function.loss is not None
+    return _held(problem, x, jobs)[0] if doubtful else near
+
+
+def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Which unknowns are near a bound for their range, and how far off it each is, shapes (n_unknowns,)."""
+    space = problem.space
+    width, away = space.upper - space.lower, np.minimum(x - space.lower, space.upper - x)
+    return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
+
+
+def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | str]:
+    """Which unknowns their bounds hold, shape (n_unknowns,), and the sandwich of all others, or why there is none."""
+    near, away = _near(problem, x)
+    some = np.flatnonzero(~near | (away > 0))
+    if not len(some):
+        return near, "all unknowns lie at a bound"
+    seen = _seen(problem, x, some, jobs)
+    if isinstance(seen, str):
+        return near, seen
+    errors, J = seen
+    found = _sandwich(problem, errors, J, some)
+    blind = np.any(_unseen(problem, x, found) != 0, axis=0)
+    held = near.copy()
+    held[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(found.covariance)))
+    kept = ~held[some]
+    if kept.all() or not kept.any():
+        return held, found
+    return held, _sandwich(problem, errors, [j[..., kept] for j in J], some[kept])
+
+
+def rows_and_scores(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
+    loss, weights = _loss_and_weights(problem, errors)
+    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
+    scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
+    return _joined(rows), scores
+
+
+def _joined(parts: list[FloatArray]) -> FloatArray:
+    """All below each other; one alone is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _loss_and_weights(problem: Problem, errors: list[FloatArray]) -> tuple[Loss, list[FloatArray]]:
+    """ρ, and w of each recording, shape (n_samples, n_outputs)."""
+    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+    assert loss is not None
+    assert weight is not None
+    balance = problem.balance(errors)
+    shares = zip(problem.experiments, problem.shares(), strict=True)
+    return loss, [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+
+
+def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
+    """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
+    loss, weights = _loss_and_weights(problem, errors)
+    balance = problem.balance(errors)
+    power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
+    squares = [
+        (j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o]
+        for w, j in zip(weights, J, strict=True) for o in range(j.shape[1])
+    ]  # fmt: skip
+    return np.asarray(power * np.sum(squares, axis=0))
+
+
+def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
+    """What the priors add to A, on its diagonal, and the level D/n that turns a curvature into a variance.
+
+    A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
+    """
+    priors = [problem.unknowns[i].range.prior for i in free]
+    if not any(priors):
+        return np.zeros(len(free)), 0.0
+    loss, weights = _loss_and_weights(problem, errors)
+    total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
+    level = total / problem.prior_samples
+    return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
+
+
+def _unseen(problem: Problem, x: FloatArray, found: Sandwich) -> FloatArray:
+    """Directions of relative changes that the data do not see, shape (n_unseen, n_free)."""
+    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
+    return _sparse(found.directions / size[found.free])
+
+
+def _sparse(unseen: FloatArray) -> FloatArray:
+    """Unseen directions, of relative changes, with the fewest entries that are not 0, shape (n_unseen, n_free).
+
+    A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
+    """
+    rows, lead = unseen / np.max(np.abs(unseen), axis=1, keepdims=True, initial=1e-300), 0
+    for column in np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable"):
+        if lead == len(rows):
+            break
+        best = lead + int(np.argmax(np.abs(rows[lead:, column])))
+        if abs(rows[best, column]) < PART:
+            continue
+        rows[[lead, best]] = rows[[best, lead]]
+        rows[lead] /= rows[lead, column]
+        others = np.arange(len(rows)) != lead
+        rows[others] -= np.outer(rows[others, column], rows[lead])
+        lead += 1
+    rows = rows / np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
+    return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
+
+
+def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
+    """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
+
+    Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
+    """
+    steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
+    room = np.minimum(problem.space.upper - x, x - problem.space.lower)
+    steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
+    here = problem.errors(x)
+    if isinstance(here, str):
+        return here
+    J = [np.empty((*e.shape, len(free))) for e in here]
+
+    def differentiate(column: int) -> str | None:
+        step = steps * (np.arange(len(x)) == free[column])
+        plus, minus = problem.errors(x + step), problem.errors(x - step)
+        if isinstance(plus, str) and isinstance(minus, str):
+            return f"the runs on both sides of the minimum fail: {plus}"
+        one_sided = isinstance(plus, str) or isinstance(minus, str)
+        high, low = (here if isinstance(side, str) else side for side in (plus, minus))
+        for j, p, m in zip(J, high, low, strict=True):
+            j[..., column] = (p - m) / (np.sum(step) if one_sided else 2 * np.sum(step))
+        return None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        failed = [why for why in pool.map(differentiate, range(len(free))) if why]
+    return failed[0] if failed else J
+
+
+def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
+    """S over all recordings, column by column whitened before and coloured after [AM]_, and the bandwidth."""
+    after = sum(np.einsum("ti,ti->i", s[:-1], s[1:]) for s in scores)
+    rho = np.clip(after / np.maximum(sum(np.einsum("ti,ti->i", s[:-1], s[:-1]) for s in scores), 1e-300),
+                  -WHITENED, WHITENED)  # fmt: skip
+    bandwidth = sokal_bandwidth(_joined(scores))
+    S = sum((bartlett_long_run(_whitened(s, rho), bandwidth) for s in scores), np.zeros((len(rho), len(rho))))
+    return S / np.outer(1 - rho, 1 - rho), bandwidth
+
+
+def _whitened(scores: FloatArray, rho: FloatArray) -> FloatArray:
+    """s_t − ρ s_{t−1}, column by column."""
+    white = scores.copy()
+    white[1:] -= rho * scores[:-1]
+    return white
+
+
+def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> FloatArray:
+    """By what standard errors from few samples must be widened, t(ν)/1.96/√(1 − f), shape (n_free,).
+
+    Parameters
+    ----------
+    rows : list of array, shape (n_samples, n_outputs, n_free)
+        R of each recording, A = Σ R'R.
+    inverse : array, shape (n_free, n_free)
+        A⁻¹.
+    bandwidth : float
+        B [samples].
+
+    Examples
+    --------
+    A mean of 10 samples, of 1000, and of 1000 that hang together over 100:
+
+    >>> few, many = np.ones((10, 1, 1)), np.ones((1000, 1, 1))
+    >>> [widening([r], np.array([[1 / len(r)]]), B).round(3).item() for r, B in ((few, 0), (many, 0), (many, 99))]
+    [1.198, 1.002, 1.142]
+    """
+    from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
+
+    share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
+    values, vectors = np.linalg.eigh(inverse)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # A⁻¹ is root root'
+    whole, taken, scatter = np.zeros((3, len(inverse)))
+    for r in rows:
+        n, m = len(r), len(share)
+        flat = r.reshape(-1, len(inverse))
+        moved = (flat @ root).reshape(r.shape)
+        for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
+            influence = (flat @ v).reshape(n, -1)
+            q = np.einsum("to,to->t", influence, influence)
+            pairs = products_by_lag(q)[:m]
+            whole[i] += q.sum()
+            scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
+            taken[i] += np.sum(neighbour_sums(np.einsum("to,toj->tj", influence, moved), m) ** 2) / m  # root' M_t v_i
+    left = 1 - np.minimum(taken / np.maximum(whole, 1e-300), TAKEN)
+    degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
+    return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(left))
+
+
+def residual_bandwidth(errors: list[FloatArray]) -> float:
+    """Five correlation times of the residuals, all recordings and outputs together, at most n/4 of the shortest.
+
+    Parameters
+    ----------
+    errors : list of array, shape (n_samples, n_outputs)
+        Each output counts by its own scatter, so that the quieter one is heard too.
+
+    Examples
+    --------
+    >>> residual_bandwidth([np.random.default_rng(0).standard_normal((5000, 2))]) < 10
+    True
+    """
+    scatter = np.std(np.concatenate(errors), axis=0)
+    pieces = [(e - e.mean(axis=0)) / np.where(scatter > 0, scatter, 1.0) for e in errors]
+    longest = max(sokal_bandwidth(piece) for piece in pieces)
+    return float(min(longest, min(map(len, errors)) // 4))
+
+
+def claimed_half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+    """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
+    if isinstance(known, str) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
+        return half_width(known, x, i)
+    return np.inf
+
+
+def half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+    """Half of the 95 % interval of free parameter i; 0 where there is none."""
+    interval = None if isinstance(known, str) else known.interval(x, i)
+    return 0.0 if interval is None else (interval[1] - interval[0]) / 2

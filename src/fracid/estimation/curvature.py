@@ -1,0 +1,234 @@
+r"""How far something small pulls the unknowns of a minimum: projected on them by the Jacobian.
+
+Near the minimum of :math:`\sum_t w_t\,ρ(e_t(x))` the rows :math:`R_t = \sqrt{w_t ρ''}\,\partial e_t/\partial x` give
+its curvature :math:`A = R'R` (priors add theirs), and what changes the errors by :math:`δe` moves the minimum by
+
+.. math::  δx = -A^{-1} R'\,\sqrt{wρ''}\,δe .
+
+**A start that is taken from a sample** has its noise.  With ``initial_state = "held"`` the run starts where the first
+sample says, :math:`x_0 = y_0 + ε`, and all that it simulates is off by :math:`(\partial y/\partial x_0)\,ε`.  That is
+no noise of samples but one error over the whole record, so no interval knows of it.  With :math:`R_0` the rows of
+:math:`x_0`, and S the covariance of its noise,
+
+.. math::  \mathrm{cov}\,δx = G\,S\,G', \qquad G = A^{-1} R' R_0 .
+
+For white noise the interval shrinks as :math:`1/\sqrt n` with n samples, and δx does not.  ``measured`` takes the speed
+from the samples as well: the slope of a parabola through the first of them, :math:`v'y`, whose noise goes with that of
+:math:`y_0`: :math:`S = σ^2 \begin{pmatrix} 1 & v_0 \\ v_0 & v'v \end{pmatrix}`.
+
+**A search that stops in a valley** has come to where its steps gain next to nothing, and that may be far from where the
+valley is lowest.  With the gradient g of the cost, central differences in place of the search's forward ones, the
+minimum of the parabola is a Newton step away,
+
+.. math::  p = -A^{-1} g ,
+
+zero at a minimum whatever A is.  How long it is in half intervals is the Newton decrement, unknown by unknown [BV]_.
+The parabola need not hold that far, so the cost is asked: of :math:`x + fp` with f = 1, ½, ¼, ⅛ the lowest counts.
+
+References
+----------
+.. [BV] S. Boyd, L. Vandenberghe, Convex Optimization (2004), 9.5.1: the Newton decrement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.estimation.covariance import UNSEEN, jacobian, rows_and_scores
+from fracid.problem import Problem
+from fracid.problem.unknowns import InitialState
+from fracid.qr import triangle
+
+__all__ = ["LOOSER", "Curvature", "curvature", "newton_step", "start_shift"]
+
+LOOSER: dict[str, InitialState] = {"held": "rest", "measured": "estimate"}
+"""What takes the start from samples, and what finds it instead."""
+
+FRACTIONS = (1.0, 0.5, 0.25, 0.125)
+"""Of the Newton step, of which the cost is asked."""
+
+LOWER = 1e-9
+"""A cost that is lower by less than this part is lower by rounding."""
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The cost next to its minimum: a parabola over the unknowns that no bound holds."""
+
+    free: NDArray[np.intp]
+    """Which, shape (n_free,)."""
+    inverse: FloatArray
+    """A⁻¹, the pseudo-inverse where J is blind, shape (n_free, n_free)."""
+    gradient: FloatArray
+    """g, of the priors too, shape (n_free,)."""
+
+
+def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | str:
+    """Find A⁻¹ and g of the unknowns `free`, or say why a run fails.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.951, 0.5, 1.2)}, initial_state="held")
+    >>> found = curvature(problem, problem.start, np.array([0]))
+    >>> (0.951 - found.inverse @ found.gradient).round(4)               # back to 0.95
+    array([0.95])
+    """
+    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
+    if isinstance(errors, str) or isinstance(J, str):
+        return errors if isinstance(errors, str) else str(J)
+    rows, scores = rows_and_scores(problem, errors, J)
+    prior, pull = _priors(problem, x)
+    gradient = np.sum([s.sum(axis=0) for s in scores], axis=0) + pull[free]
+    R = triangle([rows, np.diag(np.sqrt(prior[free]))])
+    norm = np.linalg.norm(R, axis=0)
+    norm[norm == 0] = 1.0  # 1e-300 would have a square of 0
+    _, singular, V = np.linalg.svd(R / norm)
+    seen = singular > UNSEEN * max(float(singular[0]), 1e-300)
+    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]
+    return Curvature(free, inverse / np.outer(norm, norm), gradient)
+
+
+def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What the priors add to A, on its diagonal, and to g: 2(D/n)/sd² and 2(D/n) z/sd, D/n the level of the data."""
+    curved, pull = np.zeros(len(x)), np.zeros(len(x))
+    own = {i: u.range.prior for i, u in enumerate(problem.unknowns) if u.range.prior is not None}
+    rows = problem.evaluate(x).residuals if own else None
+    if rows is None:
+        return curved, pull
+    level = float(np.sum(rows[: -len(own)] ** 2)) / problem.prior_samples
+    for i, p in own.items():
+        curved[i], pull[i] = 2 * level / p.sd**2, 2 * level * (x[i] - p.mean) / p.sd**2
+    return curved, pull / (1 + float(np.sum(problem.prior_residuals(x) ** 2)) / problem.prior_samples)
+
+
+def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[FloatArray, float]:
+    """Find how far the minimum is, by a Newton step of which the cost is asked.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Where a search ended.
+    found : Curvature
+        There.
+
+    Returns
+    -------
+    step : array, shape (n_unknowns,)
+        To the lowest of the points that were asked, within the bounds; 0 where none is lower.
+    cost : float
+        There.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.951, 0.5, 1.2)}, initial_state="held")
+    >>> step, cost = newton_step(problem, problem.start, curvature(problem, problem.start, np.array([0])))
+    >>> step.round(4), cost < 0.1 * problem.cost(problem.start)
+    (array([-0.001]), True)
+    """
+    whole = np.zeros(len(x))
+    whole[found.free] = -found.inverse @ found.gradient
+    here = problem.cost(x)
+    ends = [np.clip(x + f * whole, problem.space.lower, problem.space.upper) for f in FRACTIONS]
+    cost, end = min(((problem.cost(y), y) for y in ends), key=lambda pair: pair[0])
+    return (end - x, cost) if cost < (1 - LOWER) * here else (np.zeros(len(x)), here)
+
+
+def start_shift(
+    problem: Problem, x: FloatArray, found: Curvature, noise: dict[str, FloatArray], *, jobs: int = 1
+) -> FloatArray | None:
+    """Find how far the noise of the samples that the start is taken from moves the unknowns.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    found : Curvature
+        There.
+    noise : dict
+        Recording → standard deviation of its outputs' noise [rad], shape (n_outputs,).
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    array, shape (n_unknowns,), or None
+        One standard deviation, 0 where a bound holds; None where every start is found, named or has a past.
+
+    Examples
+    --------
+    A pendulum that was released at 0.3 rad, or was it 0.301?
+
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
+    >>> def shift(**options):
+    ...     swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)), **options)
+    ...     problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    ...     found = curvature(problem, problem.start, np.array([0]))
+    ...     return start_shift(problem, problem.start, found, {"twin": np.array([0.0, 1e-3])})
+    >>> bool(3e-5 < shift()[0] < 3e-3), shift(initial={"theta": 0.0, "alpha": 0.3})
+    (True, None)
+    """
+    if problem.initial_state not in LOOSER:
+        return None
+    errors = problem.errors(x)
+    if isinstance(errors, str):
+        return None
+    weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
+    values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(found.free)), False
+    for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
+        alone = replace(
+            problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)
+        )  # its start moves no other
+        started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and e.past is None]
+        if not started:
+            continue
+        point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
+        own = {
+            k: alone.names.index(name) for k, i in enumerate(found.free) if (name := problem.names[i]) in alone.names
+        }
+        J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
+        if isinstance(J, str):
+            return None
+        rows = weight * J[0].reshape(-1, len(own) + len(started))
+        G = found.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
+        variance += np.einsum("ij,jk,ik->i", G, _covariance(alone, started, noise), G)
+        any_taken = True
+    if not any_taken:
+        return None
+    shift = np.zeros(len(x))
+    shift[found.free] = np.sqrt(variance)
+    return shift
+
+
+def _covariance(problem: Problem, started: list[int], noise: dict[str, FloatArray]) -> FloatArray:
+    """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
+    model, experiments = problem.model, {e.name: e for e in problem.experiments}
+    outputs = {model.states[model.outputs[o]]: k for k, o in enumerate(problem.outputs)}
+    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.rates.items()}
+    sources, functionals = [], []
+    for u in (problem.unknowns[i] for i in started):
+        assert u.experiment is not None
+        e, k = experiments[u.experiment], (outputs | rates)[u.target]
+        v = e.slope_weights if u.target in rates else np.eye(1, len(e.slope_weights))[0]
+        sources.append((e.name, k))
+        functionals.append(noise[e.name][k] * v)
+    return np.array([[float(f @ g) if a == b else 0.0 for b, g in zip(sources, functionals, strict=True)]
+                     for a, f in zip(sources, functionals, strict=True)])  # fmt: skip

@@ -1,0 +1,189 @@
+"""The pictures of a fit, one call each; every one returns the matplotlib Figure.
+
+==========================================  ===================================================================
+call                                        draws
+==========================================  ===================================================================
+``fit.plot()``                              measured and fitted over time: the paper's Figure 2
+``fit.plot_residuals()``                    what the fit leaves over: Figure 3; with ``tests=True`` all that is tested
+``fit.plot_cost()``                         the cost over the two orders
+``fit.plot_rig()``                          the rig to scale: Figure 1
+``fit.plot_starts()``                       where each start of the search ended
+==========================================  ===================================================================
+
+A :class:`fracid.SavedRun`, which :func:`fracid.load_run` reads from a run folder, has the same ones, and a recording of
+either, ``fit.recordings["release"]``, has the first two.  All take ``style="journal"``.
+
+The figures themselves are in :mod:`fracid.plots`, which stands above what is drawn: it is imported when it is called.
+
+>>> import numpy as np, fracid
+>>> rig = fracid.rotary_pendulum("srv02-rotpen")
+>>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+>>> swing = fracid.Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"theta": 0, "alpha": 0.3})
+>>> free = fracid.Free(1.0, 0.5, 1.2)
+>>> fit = fracid.identify(fracid.Problem(rig, (swing,), {"lambda": free, "mu": free}, initial_state="held"))
+>>> [round(25.4 * draw(style="journal").get_figwidth()) for draw in (fit.plot, fit.plot_residuals, fit.plot_rig)]
+[88, 180, 88]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Protocol
+
+from fracid.errors import InputError
+from fracid.figures import Style, draw
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from fracid.estimation.records import Estimate, RecordingFit
+    from fracid.estimation.starts import Start
+    from fracid.problem import Problem
+
+__all__ = ["FitPictures", "Fitted"]
+
+
+class Fitted(Protocol):
+    """What a fit has, of this session or of a folder."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+        ...
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """The free parameters, shape (n_unknowns,)."""
+        ...
+
+    @property
+    def recordings(self) -> Mapping[str, RecordingFit]:
+        """By name."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """By name."""
+        ...
+
+    @property
+    def starts(self) -> tuple[Start, ...]:
+        """Of the search, if it had several."""
+        ...
+
+
+class FitPictures:
+    """What a fit can draw."""
+
+    def plot(self: Fitted, recording: str | None = None, *, style: str | Style = "screen") -> Figure:
+        """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
+
+        Parameters
+        ----------
+        recording : str, optional
+            Its name; the first if left out.
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+        Raises
+        ------
+        InputError
+            If there is no such recording.
+        """
+        return _one(self, recording).plot(style=style)
+
+    def plot_residuals(
+        self: Fitted,
+        recording: str | None = None,
+        output: str | None = None,
+        *,
+        tests: bool = False,
+        style: str | Style = "screen",
+    ) -> Figure:
+        """What the fit leaves over; see :func:`fracid.plots.residual_plots`.
+
+        Parameters
+        ----------
+        recording : str, optional
+            Its name; the first if left out.
+        output : str, optional
+            ``alpha`` if left out, or the first output of a model that has none.
+        tests : bool
+            Also what :func:`fracid.residual_analysis` looks at; see :func:`fracid.plots.residual_diagnostics`.
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If there is no such recording, or it has no such output.
+        """
+        return _one(self, recording).plot_residuals(output, tests=tests, style=style)
+
+    def plot_cost(self: Fitted, *, points: int = 21, jobs: int = 1, style: str | Style = "screen") -> Figure:
+        """The cost over the two free orders about what was found; see :func:`fracid.plots.cost_plane`.
+
+        Parameters
+        ----------
+        points : int
+            Along each order: so many simulations squared.
+        jobs : int
+            Threads.
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If fewer than two orders are free.
+        """
+        from fracid.estimation.cost_plane import cost_plane
+
+        plane = cost_plane(self.problem, self.x, points=points, jobs=jobs)
+        found = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
+        best = (found[plane.names[0]], found[plane.names[1]])
+        return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)
+
+    def plot_rig(self: Fitted, *, style: str | Style = "screen") -> Figure:
+        """The rig to scale, its pendulum as found; see :func:`fracid.plots.rig_drawing`.
+
+        Parameters
+        ----------
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If the model is no rotary pendulum.
+        """
+        C1 = self.parameters.get("C1")
+        known = C1 is not None and C1.identifiable == "identifiable"
+        model = self.problem.model
+        return (model.with_parameters(C1=C1.value) if C1 is not None and known else model).plot(style=style)
+
+    def plot_starts(self: Fitted, *, style: str | Style = "screen") -> Figure:
+        """Where each start of the search ended, sorted; see :func:`fracid.plots.waterfall`.
+
+        Parameters
+        ----------
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If the search was another than ``multistart``.
+        """
+        return draw("waterfall", self.starts, cost_name=self.problem.cost_function.name, style=style)
+
+
+def _one(fit: Fitted, name: str | None) -> RecordingFit:
+    """A recording by its name, the first without one."""
+    if name is None:
+        return next(iter(fit.recordings.values()))
+    if name not in fit.recordings:
+        raise InputError(f"There is no recording {name!r}; the fit has {', '.join(fit.recordings)}.")
+    return fit.recordings[name]

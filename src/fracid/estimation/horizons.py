@@ -1,0 +1,181 @@
+"""Least squares on a horizon that grows from the first swing to the whole record.
+
+Until the first swing is matched, the phase after thirty swings carries no information; so a search begins with a
+short part of the record, and lengthens it as long as the fit holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.estimation.starts import Start
+from fracid.optimise import (
+    Evaluation,
+    EvaluationLog,
+    Optimiser,
+    Outcome,
+    Path,
+    Result,
+    least_squares,
+    lockstep,
+    minimise,
+)
+from fracid.problem import Experiment, Problem
+
+__all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
+
+
+def uninterrupted(result: Result) -> Result:
+    """Pass an interruption on: half a refinement says nothing."""
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
+
+
+HOPELESS = 5.0
+"""A start that costs this many times the best of its horizon is left."""
+
+PATIENCE = 2
+"""Horizons before a start may be called hopeless."""
+
+
+@dataclass
+class Watch:
+    """The log and the callback of a whole identification, over all its searches."""
+
+    log: EvaluationLog | None = None
+    callback: Callable[[Evaluation, int], None] | None = None
+    count: int = 0
+
+
+def growing(problem: Problem, x: FloatArray, jobs: int, watch: Watch, also: Sequence[FloatArray] = ()) -> Result:
+    """Least squares from x, and from others, on the first swing, then on ever more, up to the whole record."""
+    return grown_horizon(problem, [("given", x), *(("other", other) for other in also)], jobs, watch)[0]
+
+
+def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Result:
+    """Least squares from x."""
+    return minimised(problem, _descent(problem, x, **options), jobs, watch)
+
+
+def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch) -> Result:
+    """Run an optimiser on a problem, watched."""
+    before = watch.count
+
+    def callback(best: Evaluation, evaluations: int) -> None:
+        if watch.callback is not None:
+            watch.callback(best, before + evaluations)
+
+    result = minimise(
+        problem.evaluate, optimiser, jobs=jobs,
+        log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
+    )  # fmt: skip
+    watch.count += result.evaluations
+    return result
+
+
+# --- from the first swing to the whole record ----------------------------------------------------------
+
+
+@dataclass
+class _Way:
+    """A start on its way."""
+
+    origin: str
+    start: FloatArray
+    x: FloatArray
+    first_cost: float = np.inf
+    cost: float | None = None
+    ended: str = "left when the search was interrupted"
+    evaluations: int = 0
+    joined: str | None = None
+
+    def record(self) -> Start:
+        return Start(self.origin, self.start, self.first_cost, self.x, self.cost, self.ended, self.evaluations,
+                     self.joined)  # fmt: skip
+
+
+def grown_horizon(
+    problem: Problem, points: list[tuple[str, FloatArray]], jobs: int, watch: Watch
+) -> tuple[Result, tuple[Start, ...]]:
+    """Fit from several points on horizons that grow, and keep those that promise most at each."""
+    ways = [_Way(origin, x, x) for origin, x in points]
+    live, whole, began = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
+    for number, horizon in enumerate([*horizons(problem), whole]):
+        last = horizon == whole
+        at = problem if last else problem.until(horizon)
+        options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
+        paths = [Path() for _ in live]
+        descents = [_descent(at, w.x, **options) for w in live]
+        result = minimised(at, lockstep(descents, paths), jobs, watch)
+        for way, path in zip(live, paths, strict=True):
+            _advance(way, path, live, number == 0, last, f"{horizon:.3g} s")
+        if result.interrupted and not last:
+            nearest = live[int(np.argmin([np.inf if p.best is None else p.best.cost for p in paths]))]
+            result = replace(result, best=problem.evaluate(nearest.x))
+        if result.interrupted or last:
+            break
+        live = _promising(live, paths, number, f"{horizon:.3g} s")
+    return replace(result, evaluations=watch.count - began), tuple(w.record() for w in ways)
+
+
+def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
+    """Take over what a search has come to on one horizon."""
+    way.evaluations += path.evaluations
+    if path.best is None:
+        return
+    way.first_cost = path.first_cost if first else way.first_cost
+    way.x = path.best.point if np.isfinite(path.best.cost) else way.x
+    if path.joined is not None:
+        way.joined = live[path.joined].origin
+        way.ended = f"left at {until}: the fit has become that of the start {way.joined}"
+    elif last:
+        way.cost = path.best.cost
+        way.ended = Outcome.INTERRUPTED.value if path.outcome is None else path.outcome.value
+
+
+def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> list[_Way]:
+    """Those that go on to the next horizon: the first, and who has neither joined another nor fallen far behind."""
+    costs = [p.best.cost if p.best is not None else np.inf for p in paths]
+    limit = np.inf if number < PATIENCE else HOPELESS * min(costs)
+    kept = []
+    for i, (way, cost) in enumerate(zip(live, costs, strict=True)):
+        if i > 0 and way.joined is None and not cost < max(limit, 1e-300):
+            far = "its run fails" if not np.isfinite(cost) else f"its cost is {cost / min(costs):.2g} times the best"
+            way.ended = f"left at {until}: {far}"
+        elif way.joined is None:
+            kept.append(way)
+    return kept
+
+
+def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
+    space = problem.space
+    return least_squares(replace(space, start=np.clip(x, space.lower, space.upper)), None, **options)
+
+
+def horizons(problem: Problem) -> Iterator[float]:
+    """Seconds: one swing of the slowest recording, then each half as long again, below the whole record.
+
+    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.
+    """
+    whole = max(e.time[-1] for e in problem.experiments)
+    horizon = max(_period(e) for e in problem.experiments)
+    while horizon < 0.75 * whole:
+        yield horizon
+        horizon *= 1.5
+
+
+def _period(e: Experiment) -> float:
+    """The period at the peak of the spectrum of the output that varies most [s].
+
+    A peak below three periods a record is drift, not swinging: then a sixteenth of the record.
+    """
+    swings = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
+    spectrum = np.abs(np.fft.rfft(swings - np.mean(swings)))
+    peak = int(np.argmax(spectrum))
+    return float(e.time[-1]) / (peak if peak >= 3 else 16)

@@ -1,0 +1,339 @@
+"""What to look at beside the best value: what the data can tell of each unknown, and the cost over the orders.
+
+:func:`identifiability` says of each unknown, in words, one of
+
+==================  ==========================================================================================
+verdict             means
+==================  ==========================================================================================
+identifiable        its interval is narrow enough to use: an order to 0.1, an angle to 3°, a constant to its own size,
+                    the start of a state to its travel
+only in a ratio     the data see it through a product or quotient with another, which is named: a free response
+                    knows C1/C4, not C1; so in a null direction of the scaled sensitivities, or nearly so
+practically not     the sensitivities see it, and not enough: its profile is flat or one-sided, or the interval is
+                    too wide; with the reason where there is one: the part of the rig whose order it is hardly moves
+                    (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles)
+not at all          nothing that was measured depends on it
+at its bound        the search would have gone on, had it been allowed to
+==================  ==========================================================================================
+
+How a sensitivity grows with the swing is found by halving all angles: a term that is linear in the motion falls
+by 2, one of its third power by 8.
+
+:func:`cost_plane`: the valley of the cost in (λ, μ) shows what a table of intervals cannot: whether the orders can be
+told apart, and whether the minimum is a point or a gorge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.estimation.cost_profile import Profile
+from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
+from fracid.problem import Problem
+from fracid.units import with_unit
+
+__all__ = ["Verdict", "identifiability"]
+
+Kind = Literal["identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "unknown"]
+
+WIDE_ORDER = 0.1
+"""Half an interval of an order that is too wide to use: it matters by its distance from 1."""
+
+WIDE_ANGLE = 0.05
+"""The same for an angle of rest [rad], which may well be 0."""
+
+STILL = 1e-2
+"""A coordinate that moves by less than this part of the one that moves most hardly moves."""
+
+NONLINEAR = 1.5
+"""Sensitivities that grow with the swing to more than this power belong to a term of large swings."""
+
+TIGHT = 0.2
+"""A ratio whose interval is below this part of its parts' is what the data know."""
+
+KNOWN = 0.5
+"""Half the interval of a ratio that is worth naming, relative."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the data can tell of one unknown."""
+
+    name: str
+    kind: Kind
+    reason: str = ""
+    """Why, or with what; in words."""
+    partners: tuple[str, ...] = ()
+    """The unknowns that it can only be known together with."""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict and its reason."""
+        return f"{self.kind}: {self.reason}" if self.reason else self.kind
+
+
+def identifiability(
+    problem: Problem,
+    x: FloatArray,
+    known: Uncertainty | str | None = None,
+    profiles: Mapping[str, Profile] | None = None,
+    *,
+    jobs: int = 1,
+) -> dict[str, Verdict]:
+    """Say of each unknown what the data can tell of it.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or str, optional
+        What :func:`fracid.estimation.covariance.uncertainty` gave there; asked for if left out.
+    profiles : mapping from names to Profile, optional
+        From :func:`fracid.profile`; where there is one its word goes before the sandwich's.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    dict
+        Name of each unknown → its verdict.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=0.0)
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)},
+    ...                   {"slip_speed": Free(0.02, 0.01, 0.1)}, initial_state="held")
+    >>> {name: verdict.sentence for name, verdict in identifiability(problem, problem.start).items()}
+    {'mu': 'identifiable', 'slip_speed': 'not at all: nothing that was measured depends on it'}
+    """
+    known = uncertainty(problem, x, jobs=jobs) if known is None else known
+    if isinstance(known, str):
+        return {n: Verdict(n, "unknown", known) for n in problem.names}
+    view = _View(problem, x, known, profiles or {}, jobs)
+    return {n: next(found for rule in RULES for found in rule(view, i)) for i, n in enumerate(problem.names)}
+
+
+class _View:
+    """What the rules look at; the costly parts once, and only where a rule asks."""
+
+    def __init__(
+        self, problem: Problem, x: FloatArray, known: Uncertainty, profiles: Mapping[str, Profile], jobs: int
+    ) -> None:
+        self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, known, profiles, jobs
+        self.names = problem.names
+        self._powers: FloatArray | None = None
+        self._travels: dict[str, float] = {}
+
+    def half(self, i: int) -> float:
+        """Half the sandwich's interval."""
+        return NORMAL_95 * float(self.known.standard_error[i])
+
+    def too_wide(self, i: int, half: float | None = None) -> bool:
+        u, half = self.problem.unknowns[i], self.half(i) if half is None else half
+        if u.kind == "parameter":
+            return half > (WIDE_ANGLE if u.unit == "rad" else abs(float(self.x[i])))
+        if u.kind == "initial":
+            return half > max(self.travels()[u.target], WIDE_ANGLE)
+        return u.kind == "order" and half > WIDE_ORDER
+
+    def bound(self, i: int) -> float:
+        """The nearer one."""
+        reach = self.problem.unknowns[i].range
+        return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
+
+    def travels(self) -> dict[str, float]:
+        """How far each state moves, the most over the recordings [rad, rad/s^order]."""
+        if not self._travels:
+            runs = [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
+            states = enumerate(self.problem.model.states)
+            self._travels = {n: max(float(np.ptp(run[:, i])) for run in runs) for i, n in states}
+        return self._travels
+
+    def swings(self) -> dict[str, float]:
+        """The same of the model's outputs."""
+        travels = [*self.travels().values()]
+        return {n: travels[i] for n, i in self.problem.model.outputs.items()}
+
+    def size(self, output: str) -> str:
+        """How far an output moves, in words."""
+        return with_unit(self.swings()[output], self.problem.experiments[0].units.get(output, "rad"))
+
+    def moved_by(self, order: str) -> tuple[str, ...]:
+        """The outputs whose states have this order."""
+        model = self.problem.model
+        return tuple(n for n, i in model.outputs.items() if model.orders[i] == order)
+
+    def power(self, i: int) -> float:
+        """With which power of the swing an unknown's sensitivity grows; NaN where angles cannot be halved."""
+        if self._powers is None:
+            self._powers = _powers(self.problem, self.x, self.jobs)
+        return float(self._powers[i])
+
+
+def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
+    """log₂ of how much each column of J falls when all angles are halved, shape (n_unknowns,)."""
+    if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
+        return np.full(len(x), np.nan)
+    smaller = replace(problem, experiments=tuple(
+        replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
+                initial={n: 0.5 * v for n, v in e.initial.items()}) for e in problem.experiments
+    ))  # fmt: skip
+    angles = np.array([u.kind == "initial" or u.unit == "rad" for u in problem.unknowns])
+    everything = np.arange(len(x))
+    J, J_half = jacobian(problem, x, everything, jobs=jobs), jacobian(smaller, np.where(angles, 0.5 * x, x), everything)
+    if isinstance(J, str) or isinstance(J_half, str):
+        return np.full(len(x), np.nan)
+    norms = [np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in found]), axis=0) for found in (J, J_half)]
+    return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))
+
+
+# --- the rules, in order; each gives a verdict or nothing --------------------------------------------
+
+
+def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
+    name, found = view.names[i], view.profiles.get(view.names[i])
+    if found is None or found.verdict == "no threshold":
+        return
+    low, high = found.interval95
+    if found.two_sided is not None:
+        narrow = not view.too_wide(i, (found.two_sided[1] - found.two_sided[0]) / 2)
+        if narrow and view.known.at_bound[i]:  # the walk found it off the bound
+            yield from _identifiable(view, i)
+        elif view.known.at_bound[i]:
+            yield Verdict(name, "practically not", f"the data say {low:.4g} … {high:.4g}{_because(view, i)}")
+        return
+    side = f"above {low:.4g}" if low is not None else f"below {high:.4g}" if high is not None else ""
+    if found.verdict == "flat":
+        said = f"its profile is flat from {found.values[0]:.4g} to {found.values[-1]:.4g}"
+        yield Verdict(name, "practically not", f"{said}{_because(view, i)}")
+    elif found.verdict == "one-sided":
+        yield Verdict(name, "practically not", f"its profile is one-sided, the data say {side}{_because(view, i)}")
+    else:
+        yield Verdict(name, "at its bound", f"{view.bound(i):.4g}; the data say {side}")
+
+
+def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
+    if not view.known.at_bound[i]:
+        return
+    still = _because(view, i) if view.problem.unknowns[i].kind == "order" else ""
+    if still:  # nothing holds it: the bound is where the search happened to stop
+        yield Verdict(view.names[i], "practically not", still.removeprefix("; "))
+    else:
+        yield Verdict(view.names[i], "at its bound", f"{view.bound(i):.4g}; widen it, or the model lacks something")
+
+
+def _unseen(view: _View, i: int) -> Iterator[Verdict]:
+    directions = view.known.unseen[view.known.unseen[:, i] != 0]
+    if not len(directions):
+        return
+    name, direction = view.names[i], directions[0]
+    others = [int(k) for k in np.flatnonzero(direction) if k != i]
+    if not others:
+        reason = _because(view, i).removeprefix("; ") or "nothing that was measured depends on it"
+        yield Verdict(name, "not at all", reason)
+        return
+    partners = tuple(view.names[k] for k in others)
+    if len(directions) > 1 or not all(_has_a_size(view, k) for k in (i, others[0])):
+        yield Verdict(name, "only in a ratio", f"seen only together with {', '.join(partners)}", partners)
+        return
+    known = _combination(name, partners[0], direction[i] / direction[others[0]])
+    also = f", and so with {', '.join(partners[1:])}" if len(partners) > 1 else ""
+    reason = f"with {partners[0]}: the data know {known}{also}; fix one of them"
+    yield Verdict(name, "only in a ratio", reason, partners)
+
+
+def _has_a_size(view: _View, i: int) -> bool:
+    """Whether a relative change of it means something: a constant that is not next to zero."""
+    u = view.problem.unknowns[i]
+    return u.kind == "parameter" and abs(view.x[i]) > 1e-2 * min(u.range.upper - u.range.lower, 1.0)
+
+
+def _combination(name: str, partner: str, power: float) -> str:
+    """What stays the same along a direction in which `name` grows as `partner` to a power."""
+    size = abs(power)
+    part = partner if abs(size - 1) < 0.02 else f"{partner}^{size:.2g}"
+    return f"{name}/{part}" if power > 0 else f"{name}·{part}"
+
+
+def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
+    if not view.too_wide(i):
+        return
+    name = view.names[i]
+    reach = view.problem.unknowns[i].range
+    said = f"its interval is {view.x[i]:.3g} ± {view.half(i):.2g}"
+    if view.half(i) > reach.upper - reach.lower:
+        said = f"its interval is wider than all that it may be, {reach.lower:.3g} … {reach.upper:.3g}"
+    because = _because(view, i)
+    ratio = None if because else _near_ratio(view, i)
+    if ratio is None:
+        yield Verdict(name, "practically not", said + because)
+    else:
+        partner, known, percent = ratio
+        yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {known} is known to {percent:.2g} %, "
+                      f"while {said}", (partner,))  # fmt: skip
+
+
+def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
+    """The partner with which a ratio or product is known far better, what it is, and to how many percent."""
+    C, x, best = view.known.covariance, view.x, None
+    for k in range(len(x)):
+        if k == i or not (_has_a_size(view, k) and _has_a_size(view, i) and math.isfinite(C[k, k])):
+            continue
+        own, other, both = C[i, i] / x[i] ** 2, C[k, k] / x[k] ** 2, C[i, k] / (x[i] * x[k])
+        variance = max(own + other - 2 * abs(both), 1e-6 * own)  # rounding, where both are all but the same
+        if variance < TIGHT**2 * own and (best is None or variance < best[0]):
+            best = (
+                variance,
+                view.names[k],
+                _combination(view.names[i], view.names[k], math.copysign(1.0, both)),
+            )
+    if best is None or NORMAL_95 * math.sqrt(best[0]) > KNOWN:
+        return None
+    return best[1], best[2], 100 * NORMAL_95 * math.sqrt(best[0])
+
+
+def _because(view: _View, i: int) -> str:
+    """A reason in the motion, where there is one: what hardly moves, or does not move far enough."""
+    u, swings = view.problem.unknowns[i], view.swings()
+    most = max(swings, key=lambda n: swings[n])
+    if u.kind == "order":
+        own = view.moved_by(u.target)
+        if own and max(swings[n] for n in own) < STILL * swings[most]:
+            return (
+                f"; {' and '.join(own)} hardly moves ({view.size(max(own, key=swings.__getitem__))} beside "
+                f"{view.size(most)} of {most}), and an order shows in motion alone: fix it"
+            )
+        if own and not set(own) & set(view.problem.outputs):
+            return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
+    if u.kind == "parameter" and view.power(i) > NONLINEAR:
+        return (
+            f"; it shows with the power {view.power(i):.1f} of the swing, and {most} swings by "
+            f"{view.size(most)} in all: release it from further out, or fix it"
+        )
+    return ""
+
+
+def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
+    u = view.problem.unknowns[i]
+    own = view.moved_by(u.target) if u.kind == "order" else ()
+    unscored = own and not set(own) & set(view.problem.outputs)
+    note = f"through {', '.join(view.problem.outputs)} alone; score {' or '.join(own)} too" if unscored else ""
+    yield Verdict(view.names[i], "identifiable", note)
+
+
+RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
+    _by_its_profile, _at_a_bound, _unseen, _too_wide, _identifiable,
+)  # fmt: skip
+"""The first that gives a verdict has the word."""

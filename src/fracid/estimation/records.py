@@ -1,0 +1,139 @@
+"""What an estimation returns: an Estimate for each value, a RecordingFit for each recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.figures import Style, draw
+from fracid.signals.resolution import resolution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Estimate", "RecordingFit"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with what is known of it."""
+
+    value: float
+    unit: str = ""
+    free: bool = False
+    standard_error: float | None = None
+    """None for a fixed value, and where it cannot be known."""
+    interval95: tuple[float, float] | None = None
+    """By the sandwich of :mod:`fracid.estimation.covariance`; of this model, without model error."""
+    at_bound: bool = False
+    bound: float | None = None
+    """The bound that it lies at, which is what the value means: a search stops a little before it.  None: at none."""
+    identifiable: str = "fixed"
+    """The verdict in words: the kinds of :class:`fracid.Verdict`, or what the integer-order rival makes of an order."""
+    reason: str = ""
+    """Why, and what to do."""
+    white95: tuple[float, float] | None = None
+    """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
+
+
+@dataclass(frozen=True)
+class RecordingFit:
+    """One recording beside its simulation."""
+
+    name: str
+    use: str
+    """``fit`` or ``validate``."""
+    time: FloatArray
+    """On the recording's own clock [s], shape (n_samples,)."""
+    measured: Mapping[str, FloatArray]
+    """Output → [rad], shape (n_samples,)."""
+    fitted: Mapping[str, FloatArray]
+    """The same, simulated."""
+    cost: float
+    initial: Mapping[str, Estimate]
+    """State → its value at the start."""
+    parameters: Mapping[str, Estimate]
+    """The parameters that this recording has for itself."""
+    sha256: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit; rad where it says nothing."""
+    zero: str = ""
+    """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
+
+    def unit(self, output: str) -> str:
+        """The unit of an output, rad for an angle."""
+        return self.units.get(output, "rad")
+
+    @property
+    def resolutions(self) -> dict[str, float | None]:
+        """Output → the step of its encoder [rad], as its samples show it; None where they show none."""
+        return {n: resolution(y) for n, y in self.measured.items()}
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """Root mean square of the residual, per output [rad]."""
+        return {n: float(np.sqrt(np.mean((self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
+
+    @property
+    def fit_percent(self) -> dict[str, float]:
+        """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output; −inf for a constant output that is missed."""
+        return {n: _fit_percent(self.measured[n], self.fitted[n]) for n in self.measured}
+
+    def residual(self, output: str) -> FloatArray:
+        """Measured minus simulated [rad]."""
+        return np.asarray(self.measured[output] - self.fitted[output])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+        Examples
+        --------
+        >>> t = np.arange(0, 20, 1e-2)
+        >>> swing = {"alpha": np.exp(-0.2 * t) * np.cos(7 * t)}
+        >>> release = RecordingFit("release", "fit", t, swing, swing, 0.0, {}, {}, zero="hanging")
+        >>> release.plot().axes[0].get_ylabel()
+        '$\\\\alpha$, 0 = hanging [°]'
+        """
+        return draw("fitted_over_time", self, resolution=self.resolutions, style=style)
+
+    def plot_residuals(
+        self,
+        output: str | None = None,
+        *,
+        tests: bool = False,
+        style: str | Style = "screen",
+    ) -> Figure:
+        """What the fit leaves over; see :func:`fracid.plots.residual_plots`.
+
+        Parameters
+        ----------
+        output : str, optional
+            ``alpha`` if left out, or the first output of a model that has none.
+        tests : bool
+            Also what :func:`fracid.residual_analysis` looks at; see :func:`fracid.plots.residual_diagnostics`.
+        style : str or Style
+            As for :meth:`plot`.
+
+        Raises
+        ------
+        InputError
+            If there is no such output.
+        """
+        name = output or ("alpha" if "alpha" in self.measured else next(iter(self.measured)))
+        kind = "residual_diagnostics" if tests else "residual_plots"
+        return draw(kind, self, name, resolution=self.resolutions, style=style)
+
+
+def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:
+    spread = float(np.linalg.norm(measured - measured.mean())) if np.ptp(measured) > 0 else 0.0  # else rounding
+    error = float(np.linalg.norm(measured - fitted))
+    return 100.0 * (1.0 - error / spread) if spread > 0 else (100.0 if error == 0 else -np.inf)

@@ -1,0 +1,182 @@
+"""The search for the minimum of a problem: one start on a growing horizon, or many, scored short first.
+
+A pendulum's cost over a whole record is full of minima, each a swing off the next: the phase after thirty swings
+says nothing to who has the first one wrong.  So every start is fitted to the first swing, from there to half as
+much again, and so on to the whole record.  Dry friction makes minima of another kind, flat corners where a friction
+or a drag has run into a bound or a sign; they show only late, and only another start leaves them.  With ``starts``
+above 1:
+
+1. **Starts** are the given one; that of the linear regression (:func:`fracid.regression.start_values`), where it
+   applies; and scrambled Sobol points, drawn eight times as many as asked for.  Initial states stay as measured.
+2. All are **scored on the first swing**; of the Sobol points the best go on.
+3. The **horizon grows** for all together.  A start whose residuals have become those of a better one is left, and
+   so is one that costs many times as much as the best; the given start is not, so many starts never end above one.
+4. Those left are **polished** on the whole record.
+
+Step 3 pays: on a release of a real SRV02 with 18 unknowns, 16 starts take 10 times as long as one, and six of them
+come to the one minimum; with none left for its cost all 16 come to it, in three times the time.
+
+What became of each start is kept (:class:`Start`), for the figure of all final costs, the *waterfall* [1]_: equal
+final costs from different starts are what speaks for a global minimum.
+
+References
+----------
+.. [1] A. Raue et al., *Lessons learned from quantitative dynamical modeling in systems biology*, PLoS ONE 8 (2013).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
+from fracid.estimation.starts import Start
+from fracid.optimise import Evaluation, Optimiser, Outcome, Result, optimiser_from_name, sobol_points
+from fracid.problem import Problem
+from fracid.problem.portable import Portable, portable_memory
+from fracid.tasks.job import Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import run_tasks
+
+__all__ = ["search"]
+
+CANDIDATES = 8
+"""Sobol points that are scored on the first swing, for each that goes on."""
+
+POLISHED = ("differential-evolution", "cma", "nelder-mead")
+"""Optimisers whose best point least squares goes on from.  The paper's genetic algorithm keeps its own, and the
+examination of a fit says what it missed."""
+
+
+def search(
+    problem: Problem, name: str, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
+    watch: Watch | None = None, options: dict[str, Any] | None = None, executor: str = "threads",
+    journal: Journal | None = None,
+) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    """Minimise the cost of a problem by the optimiser of that name.
+
+    With an `executor` other than threads, the starts of ``multistart`` are tasks of
+    :func:`fracid.tasks.tasks.run_tasks`, which know nothing of each other: none is left for another's sake, and each
+    goes to its end.
+
+    Returns
+    -------
+    Result
+        On the whole record.
+    tuple of Start
+        Of ``multistart``, in the order in which they were made; empty for the others.
+
+    Raises
+    ------
+    InputError
+        If nothing is free, or as the optimiser does.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> result, made = search(problem, "multistart", np.random.default_rng(1), starts=3)
+    >>> result.best.point.round(4), [s.origin for s in made][0], len(made)
+    (array([0.9 , 0.95]), 'given', 3)
+    """
+    if not problem.names:
+        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    watch, options = watch or Watch(), options or {}
+    if name != "multistart":
+        found = minimised(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch)
+        return (_polished(problem, found, jobs, watch) if name in POLISHED else found), ()
+    points = [("given", problem.start)]
+    if at_least("starts", starts, 1) > 1:
+        points += _regression_start(problem)
+        points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
+    if executor != "threads" and starts > 1:
+        return _scattered(problem, points[:starts], executor, jobs, watch, journal)
+    return grown_horizon(problem, points[:starts], jobs, watch)
+
+
+def _polished(problem: Problem, found: Result, jobs: int, watch: Watch) -> Result:
+    """Go on by least squares from where a search without derivatives came to, where the cost has residuals."""
+    if found.interrupted or problem.cost_function.loss is None or not np.isfinite(found.best.cost):
+        return found
+    after = refined(problem, found.best.point, jobs, watch)
+    best = min(found.best, after.best, key=lambda e: e.cost)
+    ended = after if after.interrupted else found
+    return replace(ended, best=best, evaluations=found.evaluations + after.evaluations)
+
+
+# --- where to start ----------------------------------------------------------------------------------
+
+
+def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
+    """The regression's start, where the model is a rotary pendulum and the regression finds anything."""
+    from fracid.regression import start_values  # here: its packages take a second to import
+
+    if problem.ties:  # it knows none
+        return []
+    try:
+        x, _ = start_values(problem)
+    except (InputError, np.linalg.LinAlgError):  # another model, no α, too short, nothing that it looks for
+        return []
+    return [] if np.array_equal(x, problem.start) or not np.all(np.isfinite(x)) else [("regression", x)]
+
+
+def _sobol_starts(
+    problem: Problem, count: int, rng: np.random.Generator, jobs: int, watch: Watch, candidates: int = CANDIDATES
+) -> list[tuple[str, FloatArray]]:
+    """Sobol points that come nearest on the first swing; initial states stay as measured."""
+    if count < 1:
+        return []
+    measured = np.array([u.kind in ("initial", "time") for u in problem.unknowns])
+    points = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
+    scored: list[Evaluation] = []
+
+    def score() -> Optimiser:
+        scored.extend((yield points))
+        return Outcome.GENERATIONS_DONE
+
+    minimised(problem.until(next(horizons(problem))), score(), jobs, watch)
+    order = sorted(range(len(scored)), key=lambda i: scored[i].cost)  # an interrupted one has scored nothing
+    return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
+
+
+# --- each start for itself, wherever there is a processor -----------------------------------------------
+
+
+def _scattered(
+    problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
+    journal: Journal | None,
+) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
+    problem = replace(problem, memory=portable_memory(problem.memory.name))
+    tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
+    ended = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
+    starts = tuple(
+        Start(origin, x, _infinite(e["first_cost"]), np.array(e["end"]), _infinite(e["cost"]), e["ended"],
+              e["evaluations"])
+        for (origin, x), e in zip(points, ended, strict=True)
+    )  # fmt: skip
+    watch.count += sum(s.evaluations for s in starts)
+    best = min(ended, key=lambda e: _infinite(e["cost"]))
+    return Result(problem.evaluate(np.array(best["end"])), Outcome(best["outcome"]), watch.count), starts
+
+
+def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
+    """A start to its end, as plain JSON values."""
+    found, (start,) = grown_horizon(portable.problem, [(origin, x)], 1, Watch())
+    first, last = (c if c is not None and np.isfinite(c) else None for c in (start.first_cost, start.cost))
+    return {"first_cost": first, "end": start.end.tolist(), "cost": last, "ended": start.ended,
+            "outcome": found.outcome.value, "evaluations": start.evaluations}  # fmt: skip
+
+
+def _infinite(cost: float | None) -> float:
+    """A cost from JSON, which knows no infinity."""
+    return np.inf if cost is None else cost

@@ -1,0 +1,407 @@
+"""Find the free orders, constants and initial states of a problem: strategies, and their result, a Fit.
+
+====================== ==========================================================================
+optimiser              strategy
+====================== ==========================================================================
+multistart (default)   least squares from the start, on a horizon that grows to the whole record
+                       (against local minima that are a whole swing off); with ``starts`` > 1 from the
+                       regression's start and from Sobol points too (:mod:`fracid.estimation.search`)
+least-squares          the same with one start and no growing horizon
+genetic                the paper's GA: 20 points, crossover 0.5, mutation 0.01, 25 generations
+differential-evolution SciPy's, then least squares
+cma                    CMA-ES, then least squares
+nelder-mead            the simplex, then least squares
+====================== ==========================================================================
+
+Before the search it looks for faults of the data and of the project that would make it find nothing that means
+anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, :func:`identify` then
+
+1. measures the uncertainty of every unknown (:mod:`fracid.estimation.covariance`) and says in words what the data can
+   tell of it (:func:`fracid.identifiability`),
+2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
+3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
+   far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
+4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
+5. goes on by least squares from the best of the genetic algorithm, and says so where that finds better (the result
+   of the others without derivatives is polished already),
+6. fits the integer-order rival with free friction where orders were found off 1
+   (:mod:`fracid.selection.integer_rival`),
+7. where it is asked to, finds how far the orders move with where the record begins
+   (:mod:`fracid.validation.unknown_past`).
+
+Ctrl-C keeps the best so far: in the search it skips the seven, in one of them what is left of them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.estimation.agreement import Spread, spread
+from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
+from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
+from fracid.estimation.parameter_verdicts import Verdict, identifiability
+from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.search import search
+from fracid.estimation.starts import Start
+from fracid.findings import Finding
+from fracid.fit import Fit
+from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
+from fracid.problem import Experiment, Free, Problem, Unknown
+from fracid.problem.checks import refuse_twins
+from fracid.recording import Report
+from fracid.selection.integer_rival import Alternative, integer_alternative
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import executor_from_name
+from fracid.validation.after_search import after, failed
+from fracid.validation.before_search import before
+from fracid.validation.discretisation import COARSE_STEP, Discretisation, coarse_step, discretisation_check
+from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
+
+if TYPE_CHECKING:
+    from fracid.problem.project import Project
+
+__all__ = ["identify"]
+
+
+def identify(
+    problem: Problem | Project,
+    *,
+    optimiser: str | None = None,
+    validation: tuple[Experiment, ...] = (),
+    seed: int | None = None,
+    jobs: int = 1,
+    starts: int | None = None,
+    log: EvaluationLog | None = None,
+    callback: Callable[[Evaluation, int], None] | None = None,
+    cut: bool = False,
+    executor: str = "threads",
+    journal: Journal | None = None,
+    seen: tuple[Finding, ...] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Fit:
+    """Identify the unknowns of a problem.
+
+    Parameters
+    ----------
+    problem : Problem or Project
+        A project brings its own validation recordings, optimiser and seed.
+    optimiser : str, optional
+        See the module's table; the default is ``multistart``.
+    validation : tuple of Experiment
+        Recordings that are not fitted: their own unknowns are found again, the rest is fixed.
+    seed : int, optional
+        Of every random choice; 1 by default.
+    jobs : int
+        Threads; the result is the same for any number.
+    starts : int, optional
+        Starts of ``multistart``, 1 by default or as the project says: the given one, the
+        regression's where it applies, Sobol points.
+    log : EvaluationLog, optional
+        Gets each evaluation as it ends.
+    callback : function (best evaluation so far, number of evaluations) -> None
+        Called after each batch.
+    cut : bool
+        Also find how far the orders move with where the record begins: about as many more searches as there are
+        treatments of its past (:func:`fracid.cut_check`).
+    executor, journal
+        Where many starts run, and what keeps each as it ends; see :func:`fracid.tasks.tasks.run_tasks`.
+    seen : tuple of Finding, optional
+        What :func:`fracid.validation.before_search.before` found; asked for if left out.
+    options : mapping
+        Passed on to the optimiser.
+
+    Returns
+    -------
+    Fit
+        Also where the search was interrupted (Ctrl-C): the best so far.
+
+    Raises
+    ------
+    InputError
+        For an unknown optimiser, or bounds that it cannot do with.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=4.0)
+    >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> fit = identify(Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}))
+    >>> round(fit.orders["lambda"].value, 4), round(fit.orders["mu"].value, 4)
+    (0.9, 0.95)
+    """
+    whole: Mapping[str, Experiment] = {}
+    reports: Mapping[str, Report] | None = None
+    if not isinstance(problem, Problem):
+        if not hasattr(problem, "problem"):
+            raise InputError(f"identify takes a project or a problem, and {problem!r} is none. For a project file type "
+                             'fracid.identify(fracid.load_project("rig.toml")).')  # fmt: skip
+        if validation:
+            raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
+        project = problem
+        reports = {r.name: r.report for r in project.recordings}
+        whole = whole_records(project) if cut else {}
+        problem, validation = project.problem, project.validation
+        optimiser = optimiser or project.optimiser
+        seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
+    name, seed = optimiser or "multistart", 1 if seed is None else seed
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more, and less than 2^63.")
+    executor_from_name(executor)
+    refuse_twins([*problem.experiments, *validation])
+    clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
+    seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
+    clock.lap("look")
+    result, made = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
+                          options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
+    clock.lap("search")
+    found = _Findings(problem, result, made, seen=[*seen])
+    if not np.isfinite(result.best.cost):
+        found.known = "every run failed"
+        found.warnings.append(f"No run reached its end: {result.best.reason}.")
+        found.seen += failed(problem, result.best.point)
+    elif not result.interrupted:
+        _examine(found, name, validation, whole if cut else None, jobs, clock)
+    return _fit(found, name, seed, watch.count, clock.laps)
+
+
+@dataclass
+class _Findings:
+    """What is known of a minimum so far; Ctrl-C may end the examination at any point."""
+
+    problem: Problem
+    result: Result
+    starts: tuple[Start, ...] = ()
+    known: Uncertainty | str = "the search was interrupted"
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    validated: dict[str, RecordingFit] = field(default_factory=dict)
+    check: Discretisation | None = None
+    spread: Spread | None = None
+    alternative: Alternative | None = None
+    cut: CutCheck | str | None = None
+    warnings: list[str] = field(default_factory=list)
+    seen: list[Finding] = field(default_factory=list)
+    interrupted: bool = False
+
+
+def _examine(
+    found: _Findings, name: str, validation: tuple[Experiment, ...], whole: Mapping[str, Experiment] | None, jobs: int,
+    clock: _Clock,
+) -> None:  # fmt: skip
+    """The steps after the search; `whole` is None where the cut is not to be checked."""
+    problem, x = found.problem, found.result.best.point
+    try:
+        found.known = uncertainty(problem, x, jobs=jobs)
+        found.verdicts = identifiability(problem, x, found.known, jobs=jobs)
+        clock.lap("uncertainty")
+        found.seen += [
+            f for f in after(problem, x, found.known, jobs=jobs) if name != "genetic" or f.code != "stopped-short"
+        ]  # whose polishing says more, below
+        clock.lap("honesty")
+        for e in validation:
+            found.validated[e.name], reason = _validate(problem, x, e, jobs)
+            found.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+        clock.lap("validation")
+        found.check = discretisation_check(problem, x, found.known, jobs)
+        found.warnings.append(found.check.warning)
+        found.seen += coarse_step(problem, found.check)
+        clock.lap("discretisation")
+        if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
+            found.spread = spread(problem, x, jobs=jobs)
+            found.warnings += found.spread.sentences()
+        clock.lap("spread")
+        if name == "genetic" and problem.cost_function.loss is not None:
+            polished = uninterrupted(refined(problem, x, jobs, Watch())).best
+            found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
+        clock.lap("polish")
+        widths = {problem.unknowns[i].target: claimed_half_width(found.known, x, i) for i in problem.order_indices}
+        found.alternative = integer_alternative(problem, found.result.best, widths, jobs=jobs)
+        found.warnings.append(found.alternative.warning if found.alternative else "")
+        clock.lap("alternative")
+        if whole is not None:
+            found.cut = cut_check(problem, x, found.known, whole=whole, jobs=jobs)
+            found.warnings += (
+                [f"The cut was not checked: {found.cut}."] if isinstance(found.cut, str) else found.cut.warnings
+            )
+            clock.lap("cut")
+    except KeyboardInterrupt:
+        found.interrupted = True
+
+
+IMITATION = "may stand in for friction that the model lacks"
+"""The verdict on orders whose integer-order rival, with more friction free, is as good."""
+
+CHANCE = "no different from {:g} as far as the recordings can tell"
+"""The verdict on orders at whose integer value the same model is as good."""
+
+
+def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
+    problem, best, known = found.problem, found.result.best, found.known
+    estimates = _estimates(problem, best.point, known, found.verdicts)
+    if found.alternative is not None and found.alternative.warning:
+        for n in found.alternative.orders:
+            verdict = IMITATION if found.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
+            estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
+    outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
+    fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
+    seen = (*found.seen, *_misfits(fitted, len(found.starts)))
+    said = (*(str(f) for f in seen if f.code != COARSE_STEP), *_warnings(problem, known, found.verdicts),
+            *found.warnings)  # fmt: skip
+    return Fit(
+        problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
+        outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
+        orders={n: estimates[n] for n in problem.orders},
+        parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
+        recordings=fitted | found.validated, starts=found.starts,
+        alternative=found.alternative, spread=found.spread, cut=found.cut if isinstance(found.cut, CutCheck) else None,
+        discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
+        timing=dict(timing),
+        warnings=tuple(w for w in said if w), findings=tuple(seen),
+    )  # fmt: skip
+
+
+# --- search ----------------------------------------------------------------------------------------
+
+
+class _Clock:
+    """Seconds per stage."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.laps[stage], self._last = now - self._last, now
+
+
+# --- what the minimum says -------------------------------------------------------------------------
+
+
+def _recording(
+    problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], e: Experiment, use: str
+) -> RecordingFit:
+    """One recording beside its simulation, which is NaN where the run fails."""
+    simulated = problem.fitted(x, e)
+    failed = isinstance(simulated, str)
+    values = np.full(e.measured.shape, np.nan) if isinstance(simulated, str) else simulated
+    cost = np.inf if failed else problem.cost_function.value(e.time, e.measured - values)
+    initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
+    return RecordingFit(
+        e.name, use, e.start + e.time,
+        dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
+        {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256, e.units,
+        problem.model.zero,
+    )  # fmt: skip
+
+
+def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:
+    """The time of the release after the first sample, found or given; nothing where it is that sample itself."""
+    if isinstance(e.release_time, Free):
+        return {"release_time": estimates[f"release_time [{e.name}]"]}
+    return {"release_time": Estimate(e.release_time, "s")} if e.release_time else {}
+
+
+def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
+    """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
+    alone = problem.with_shared(x, (e,))
+    quiet = Watch()
+    if not alone.names:
+        best = alone.evaluate(alone.start)
+    elif problem.cost_function.loss is None:
+        best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), jobs, quiet)).best
+    else:
+        best = uninterrupted(growing(alone, alone.start, jobs, quiet)).best
+    known = uncertainty(alone, best.point, jobs=jobs)
+    estimates = _estimates(alone, best.point, known, identifiability(alone, best.point, known, jobs=jobs))
+    return _recording(alone, best.point, estimates, e, "validate"), best.reason
+
+
+def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | str) -> str:
+    """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
+    at, before, after = problem.order_indices, best.point, polished.point
+    moved = [abs(after[i] - before[i]) > max(1e-3, 0.5 * half_width(known, before, i)) for i in at]
+    if polished.cost > 0.999 * best.cost and not any(moved):
+        return ""
+    changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
+    return (
+        f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
+        f"{polished.cost:.6g} from {best.cost:.6g}{f' ({changes})' if changes else ''}."
+    )
+
+
+def _estimates(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, verdicts: Mapping[str, Verdict]
+) -> dict[str, Estimate]:
+    """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
+    units = {p.name: p.unit for p in problem.model.parameters}
+    starts = problem.order_starts | {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
+    given = {**problem.orders, **problem.parameters}
+    fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
+             if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
+    free = {u.name: _estimate(u, x, i, known, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
+    return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
+
+
+def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str, verdict: Verdict | None) -> Estimate:
+    value, kind = float(x[i]), verdict.kind if verdict else "unknown"
+    if isinstance(known, str):
+        return Estimate(value, u.unit, True, identifiable=kind)
+    se = float(known.standard_error[i])
+    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if known.at_bound[i] else None
+    return Estimate(
+        value, u.unit, True, se if np.isfinite(se) else None, known.interval(x, i), bool(known.at_bound[i]), nearer,
+        kind, verdict.reason if verdict else "", known.interval(x, i, "white"),
+    )  # fmt: skip
+
+
+SAID = {
+    "practically not": "can practically not be told",
+    "not at all": "cannot be told at all",
+    "at its bound": "lies at its bound",
+    "only in a ratio": "is known only in a ratio",
+}
+"""How a warning says a verdict."""
+
+
+def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
+    if problem.method == "gl-paper":
+        yield (
+            "gl-paper sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is forward "
+            'Euler: its own growth biases the orders. Use method = "pi2" for a result.'
+        )
+    if "theta" in problem.model.outputs and problem.outputs == ("alpha",) and "lambda" in problem.names:
+        yield "Only alpha is scored, and lambda can hardly be seen in it: score theta too."
+    if isinstance(known, str):
+        yield f"There are no intervals: {known}."
+        return
+    together = [names for names in known.confounded if len(names) > 1]
+    for names in together:
+        yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
+    for v in verdicts.values():
+        if v.kind in SAID and not any(v.name in names for names in together):
+            yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
+
+
+POOR = 20.0
+"""A fit of less than this [%] is called poor."""
+
+
+def _misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Finding]:
+    again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
+    for r in recordings.values():
+        for output, percent in r.fit_percent.items():
+            if percent < POOR:
+                worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
+                means = f"fit {percent:.1f} %; no value of it means much{again}."
+                yield Finding("cannot-explain", r.name, percent, POOR, "% fit",
+                              f"the model is {worse} for {output}, {means}")  # fmt: skip

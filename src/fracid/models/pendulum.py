@@ -1,0 +1,302 @@
+"""The rotary inverted pendulum (RIP): equations (1)-(13) of the paper, corrected, with real friction.
+
+An arm turns by θ in the horizontal plane; at its end a pendulum turns by α about the arm's axis.
+With M(α) the mass matrix, the right-hand side solves
+
+.. math::
+
+    \\begin{bmatrix} M_{11} & M_{12} \\\\ M_{12} & M_{22} \\end{bmatrix}
+    \\begin{bmatrix} D^{2\\lambda}\\theta \\\\ D^{2\\mu}\\alpha \\end{bmatrix}
+    = \\begin{bmatrix} f_\\theta \\\\ f_\\alpha \\end{bmatrix}, \\qquad
+    M_{11} = J_\\theta + C_6 \\sin^2 α, \\quad M_{12} = C_3 \\cos α, \\quad M_{22} = C_1,
+
+.. math::
+
+    f_\\theta &= τ_m - (b_θ + C_6 \\sin 2α\\, \\dot α)\\,\\dot θ + C_3 \\sin α\\, \\dot α^2 + τ_{Cθ}
+                - d_θ \\dot θ|\\dot θ| - k\\,(θ - θ_0) \\\\
+    f_\\alpha &= \\tfrac12 C_6 \\sin 2α\\, \\dot θ^2 - b_α \\dot α \\pm C_4 \\sin α + τ_{Cα} - d_α \\dot α|\\dot α|
+
+with a dot for :math:`D^λ` (θ) and :math:`D^μ` (α), and ``J_theta`` = C5 + I2xx.  The states are
+x = (θ, D^λ θ, α, D^μ α) as in (15).
+
+Corrections of the printed equations
+    (1) and (13) print the bracket inside det(M)(…); it is (…)/det(M).  (6) counts I2xx twice and has
+    no arm inertia but J_r (:func:`fracid.models.rigs.lumped_constants`).  The friction τ_C, printed with
+    a plus and never defined, is :math:`τ_C = -f \\tanh(v / v_s)`.
+
+``zero``: what α = 0 means
+    ``"upright"``: as printed, gravity is +C4 sin α.  ``"hanging"``: the angle a = π − α from hanging,
+    gravity is −C4 sin a.  No other sign changes: sin α = sin a, cos α = −cos a, sin 2α = −sin 2a and
+    α̇ = −ȧ, so in the first row the coupling C3 cos α α̈ = C3 cos a ä, the term C6 sin 2α α̇ = C6 sin 2a ȧ
+    and C3 sin α α̇² keep their form, and the second row, times −1, keeps all but gravity's sign.
+    (With a = α − π instead, C3 would change its sign, which is the same as counting θ backwards.
+    If θ and α of a recording swing against the model, give one of them ``sign = -1``.)
+    ``alpha_rest`` is the offset of the encoder's zero, so it is taken off α wherever α appears.
+
+Dry friction takes its sign from the states D^λ θ and D^μ α
+    A right-hand side sees the states, and these are the fractional rates.  The price: D^μ α turns later
+    than the true rate, so that after each reversal, for a fraction (1 − μ)/2 of the time (4 % at μ = 0.91),
+    dry friction feeds a little energy in; more often in the slow tail of a decay.  It is accepted because
+    the integer rate is a derivative of order 1 − μ of that state, with a history sum of its own; because
+    tanh makes the friction small just there, where the speed is small; and because at order 1 the two
+    are the same.
+
+At orders other than 1 the numbers keep their SI values, and a natural frequency ω moves to ω^{1/μ}: a
+matter of units.  ``time_scale`` τ₀ is the remedy: the solver takes τ₀^{order−1} D^order, so that frequencies
+of 1/τ₀ stay.  It does not appear in the right-hand side; 1 s is the paper's.
+
+What can be told from data: the nine of C5 + I2xx, C6, C3, C1, C4, b_θ, b_α, τ_Cθ, τ_Cα, and from a free
+response only their ratios.
+
+>>> model = rotary_pendulum("srv02-rotpen", zero="hanging", b_alpha=2e-4)
+>>> out = np.empty(4)
+>>> model.rhs(0.0, np.array([0.0, 0.0, 0.1, 0.0]), np.zeros(1), model.parameter_vector(), out)
+>>> out.round(3)                                  # released at 0.1 rad: alpha falls, the arm reacts
+array([ 0.   ,  3.304,  0.   , -7.801])
+
+References
+----------
+.. [CP2011] B. S. Cazzolato, Z. Prime, *On the dynamics of the Furuta pendulum*, J. Control Science and
+   Engineering 2011, 528341: the derivation with full inertia tensors; hanging, same signs as here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.models.base import Model, Parameter, RightHandSide
+from fracid.models.rigs import RIGS
+
+__all__ = ["energy", "mass_matrix", "rotary_pendulum"]
+
+POSITIVE = 1e-12
+"""Lower bound of what the equations divide by."""
+
+PARAMETERS = (
+    Parameter("C1", "kg m^2", 1.0, "pendulum inertia about its pivot (2)", lower=POSITIVE),
+    Parameter("C3", "kg m^2", 0.0, "coupling of arm and pendulum (4)"),
+    Parameter("C4", "N m", 0.0, "gravity: m2 g l2c (5)", lower=0.0),
+    Parameter("C6", "kg m^2", 0.0, "C2 - I2xx, what the pendulum adds to the arm at 90 degrees (7)"),
+    Parameter("J_theta", "kg m^2", 1.0, "arm inertia with the pendulum upright, C5 + I2xx (6)", lower=POSITIVE),
+    Parameter("b_theta", "N m s/rad", 0.0, "viscous friction of the arm"),
+    Parameter("b_alpha", "N m s/rad", 0.0, "viscous friction of the pendulum"),
+    Parameter("coulomb_theta", "N m", 0.0, "dry friction of the arm: tau_C = -f tanh(rate / slip_speed)"),
+    Parameter("coulomb_alpha", "N m", 0.0, "dry friction of the pendulum: as coulomb_theta"),
+    Parameter("slip_speed", "rad/s", 0.02, "rate above which dry friction is full (76 % at it)", lower=POSITIVE),
+    Parameter("drag_theta", "N m s^2/rad^2", 0.0, "quadratic drag of the arm"),
+    Parameter("drag_alpha", "N m s^2/rad^2", 0.0, "quadratic drag of the pendulum"),
+    Parameter("cable_stiffness", "N m/rad", 0.0, "spring of the cable on the arm"),
+    Parameter("theta_rest", "rad", 0.0, "arm angle at which the cable pulls nothing"),
+    Parameter("alpha_rest", "rad", 0.0, "offset of the pendulum encoder: true angle = alpha - alpha_rest"),
+    Parameter("torque_per_volt", "N m/V", 0.0, "motor torque on the arm at standstill"),
+    Parameter(
+        "time_scale",
+        "s",
+        1.0,
+        "tau_0 in tau_0^(order-1) D^order; used by the solver, not by the right-hand side; 1 s is the paper's",
+        lower=POSITIVE,
+    ),
+)
+
+# Gravity's sign is the only difference between the zeros (see the module's docstring).
+GRAVITY = {"upright": 1.0, "hanging": -1.0}
+
+
+def rotary_pendulum(
+    rig: str = "srv02-rotpen",
+    zero: str = "hanging",
+    actuation: Literal["voltage", "torque"] = "voltage",
+    **overrides: float,
+) -> Model:
+    """Return the rotary pendulum model of a rig.
+
+    Parameters
+    ----------
+    rig
+        A name in :data:`fracid.models.RIGS`.
+    zero
+        "hanging" or "upright": where α = 0.  A pendulum that is released and settles hangs.
+    actuation
+        What the input u is: the "voltage" at the motor [V], or the "torque" on the arm [N m].
+    **overrides
+        Parameters that replace the rig's [SI].  The paper's ``C2``, ``C5`` and ``I2xx`` may be given
+        together [kg m²] in the place of ``C6`` = C2 − I2xx and ``J_theta`` = C5 + I2xx.
+
+    Returns
+    -------
+    Model
+        States (θ, D^λ θ, α, D^μ α) in rad and rad/s^order, measured are θ and α, one input.
+
+    Raises
+    ------
+    InputError
+        For an unknown rig, zero, actuation or parameter, or an impossible value.
+
+    Notes
+    -----
+    The paper's (1)-(13).  Drag, cable, offset and dry friction are zero in every rig; what was found on
+    recordings stands in ``RIGS[rig].fitted_friction``, ready to be given as overrides.
+
+    Examples
+    --------
+    >>> model = rotary_pendulum("qube-servo2", zero="upright")
+    >>> model.zero, model.inputs, dict(model.outputs)
+    ('upright', ('voltage',), {'theta': 0, 'alpha': 2})
+    >>> paper = rotary_pendulum(C2=2.2e-3, C5=4e-3, I2xx=2e-5)
+    >>> f"{paper.parameter('J_theta').value:.5f}"
+    '0.00402'
+    >>> from fracid.models import RIGS
+    >>> real = rotary_pendulum("srv02-rotpen", **RIGS["srv02-rotpen"].fitted_friction)
+    """
+    if rig not in RIGS:
+        raise unknown_name("rig", rig, tuple(RIGS))
+    if zero not in GRAVITY:
+        raise InputError(f"zero = {zero!r}: expected 'hanging' or 'upright', the posture where alpha = 0")
+    if actuation not in ("voltage", "torque"):
+        raise InputError(f"actuation = {actuation!r}: expected 'voltage' (input in V) or 'torque' (input in N m)")
+    torque: dict[str, float] = {"torque_per_volt": 1.0} if actuation == "torque" else {}
+    return Model(
+        name="rotary-pendulum",
+        rhs={"hanging": hanging, "upright": upright}[zero],
+        states=("theta", "D^lambda theta", "alpha", "D^mu alpha"),
+        orders=("lambda", "lambda", "mu", "mu"),
+        outputs={"theta": 0, "alpha": 2},
+        inputs=(actuation,),
+        parameters=PARAMETERS,
+        zero=zero,
+        source=f"{RIGS[rig].title}. {RIGS[rig].source}",
+    ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
+
+
+def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: float) -> FloatArray:
+    """Return M(α) of (8); the same for both zeros of α.
+
+    Parameters
+    ----------
+    alpha
+        Pendulum angle [rad], any shape.
+    C1, C3, C6, J_theta
+        Lumped constants [kg m²].
+
+    Returns
+    -------
+    ndarray, shape (*alpha.shape, 2, 2)
+
+    Examples
+    --------
+    >>> mass_matrix(0.0, C1=2.0, C3=1.0, C6=0.5, J_theta=3.0)
+    array([[3., 1.],
+           [1., 2.]])
+    """
+    alpha = np.asarray(alpha, dtype=np.float64)
+    M11 = J_theta + C6 * np.sin(alpha) ** 2
+    M12 = C3 * np.cos(alpha)
+    return np.stack([np.stack([M11, M12], -1), np.stack([M12, np.full_like(M12, C1)], -1)], -2)
+
+
+def energy(model: Model, states: ArrayLike, overrides: Mapping[str, float] | None = None) -> FloatArray:
+    """Return kinetic and potential energy of a rotary pendulum, zero at rest and hanging.
+
+    Mechanical energy only at order 1: at other orders the states are not the rates.
+
+    Parameters
+    ----------
+    model
+        From :func:`rotary_pendulum`.
+    states
+        θ, its rate, α, its rate [rad, rad/s], shape (..., 4).
+    overrides
+        Parameters that replace the model's own [SI].
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Energy [J], of masses, gravity and the cable's spring.
+
+    Examples
+    --------
+    >>> model = rotary_pendulum("srv02-rotpen", zero="upright")
+    >>> energy(model, [0.0, 0.0, 0.0, 0.0]).round(4)           # upright: 2 C4 above hanging
+    np.float64(0.3887)
+    """
+    p = dict(zip(model.parameter_names, model.parameter_vector(overrides), strict=True))
+    theta, theta_rate, alpha, alpha_rate = np.moveaxis(np.asarray(states, dtype=np.float64), -1, 0)
+    alpha = alpha - p["alpha_rest"]
+    M = mass_matrix(alpha, p["C1"], p["C3"], p["C6"], p["J_theta"])
+    rates = np.stack([theta_rate, alpha_rate], -1)
+    kinetic = 0.5 * np.einsum("...i,...ij,...j", rates, M, rates)
+    height = p["C4"] * (1.0 + GRAVITY[model.zero] * np.cos(alpha))
+    total: FloatArray = kinetic + height + 0.5 * p["cable_stiffness"] * (theta - p["theta_rest"]) ** 2
+    return total
+
+
+def _right_hand_side(gravity: float) -> RightHandSide:
+    """Return f of (15) with +1 (upright) or -1 (hanging) as gravity's sign, a constant when compiled."""
+
+    def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
+        C1, C3, C4, C6, J_theta = p[0], p[1], p[2], p[3], p[4]
+        b_theta, b_alpha, coulomb_theta, coulomb_alpha, slip_speed = p[5], p[6], p[7], p[8], p[9]
+        drag_theta, drag_alpha, cable_stiffness, theta_rest = p[10], p[11], p[12], p[13]
+        alpha_rest, torque_per_volt = p[14], p[15]
+
+        theta, theta_rate, alpha, alpha_rate = x[0], x[1], x[2] - alpha_rest, x[3]
+        sin, cos = math.sin(alpha), math.cos(alpha)
+        sin2 = 2.0 * sin * cos
+
+        f_theta = torque_per_volt * u[0] - cable_stiffness * (theta - theta_rest)
+        f_theta -= (b_theta + drag_theta * abs(theta_rate) + C6 * sin2 * alpha_rate) * theta_rate  # (9)
+        f_theta += C3 * sin * alpha_rate * alpha_rate
+        f_alpha = gravity * C4 * sin + 0.5 * C6 * sin2 * theta_rate * theta_rate  # (10)
+        f_alpha -= (b_alpha + drag_alpha * abs(alpha_rate)) * alpha_rate
+        if coulomb_theta != 0.0:  # tanh costs as much as all the rest
+            f_theta -= coulomb_theta * math.tanh(theta_rate / slip_speed)
+        if coulomb_alpha != 0.0:
+            f_alpha -= coulomb_alpha * math.tanh(alpha_rate / slip_speed)
+
+        M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
+        det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
+        out[0], out[2] = theta_rate, alpha_rate
+        out[1] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
+        out[3] = (M11 * f_alpha - M12 * f_theta) / det
+
+    return rhs
+
+
+hanging = _right_hand_side(GRAVITY["hanging"])
+
+upright = _right_hand_side(GRAVITY["upright"])
+
+# Named after the module's attributes, so that they can be pickled and their compiled code has its own
+# file in Numba's cache.
+hanging.__qualname__ = hanging.__name__ = "hanging"
+
+upright.__qualname__ = upright.__name__ = "upright"
+
+
+def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
+    """Turn the paper's C2, C5 and I2xx into C6 and J_theta."""
+    values = dict(overrides)
+    printed = {name: _number(name, values.pop(name)) for name in ("C2", "C5", "I2xx") if name in values}
+    if not printed:
+        return values
+    if len(printed) < 3:
+        raise InputError(
+            f"got {' and '.join(printed)} alone: C2, C5 and I2xx go together, for C6 = C2 - I2xx and"
+            " J_theta = C5 + I2xx; give all three (I2xx = 0 for a thin rod), or C6 and J_theta instead"
+        )
+    made = {"C6": printed["C2"] - printed["I2xx"], "J_theta": printed["C5"] + printed["I2xx"]}
+    for name, value in made.items():
+        if not math.isclose(values.get(name, value), value, rel_tol=1e-9):
+            raise InputError(f"{name} = {values[name]!r}, but C2, C5 and I2xx make it {value:g}: leave {name} out")
+    return {**values, **made}
+
+
+def _number(name: str, value: float) -> float:
+    return Parameter(name, "kg m^2", value, "").value

@@ -1,0 +1,162 @@
+r"""Least squares from many starts: the given one, and Sobol points over the bounds.
+
+For a smooth cost with several minima.  Sobol points fill the box more evenly than random ones [1]_.  A box is
+often as wide as somebody's ignorance, a friction of 0.002 in −1 … 1: so each unknown is drawn evenly in
+:math:`\operatorname{asinh}(x/s)`, s the size of its start; that is x itself near zero and its decades further out.
+
+All searches advance together (:func:`lockstep`): in each round every one hands in its batch, and the batches run
+as one.  So all threads have work, and the result knows nothing of their number.  A search whose fit is the same
+as a better one's, residual for residual, has fallen into a minimum already found and is left.
+
+References
+----------
+.. [1] I. Sobol', USSR Comput. Math. Math. Phys. 7 (1967) 86; scrambled: A. Owen, J. Complexity 14 (1998) 466.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import at_least
+from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space
+from fracid.optimise.least_squares import least_squares, sizes
+
+__all__ = ["Path", "lockstep", "multistart", "sobol_points"]
+
+SAME = 0.02
+"""Two fits whose residuals differ by less than this part of the better one's residual are the same minimum."""
+
+
+def multistart(space: Space, rng: np.random.Generator, *, starts: int = 8, tolerance: float = 1e-8) -> Optimiser:
+    """Run least squares from the start of the space and from `starts` − 1 scrambled Sobol points.
+
+    Unbounded unknowns keep their start.
+
+    Raises
+    ------
+    InputError
+        When it runs, if `starts` is below 1, or the cost has no residuals.
+
+    Examples
+    --------
+    >>> from fracid.optimise import Evaluation, minimise
+    >>> space = Space(("a",), np.array([-3.0]), np.array([3.0]), np.array([-1.0]))
+    >>> def evaluate(x):  # two minima, the higher one nearer
+    ...     r = np.array([x[0] ** 2 - 1, 0.5 * (x[0] - 1)])
+    ...     return Evaluation(x, float(r @ r), r)
+    >>> minimise(evaluate, multistart(space, np.random.default_rng(1))).best.point.round(4)
+    array([1.])
+    """
+    points = [space.start, *sobol_points(space, at_least("starts", starts, 1) - 1, rng)]
+    paths = [Path() for _ in points]
+    yield from lockstep([least_squares(replace(space, start=x), None, tolerance=tolerance) for x in points], paths)
+    outcomes = [p.outcome for p in paths]
+    return next((o for o in (Outcome.CONVERGED, Outcome.BUDGET_SPENT) if o in outcomes), Outcome.ALL_FAILED)
+
+
+def sobol_points(space: Space, count: int, rng: np.random.Generator) -> FloatArray:
+    """Scrambled Sobol points over the bounds, each unknown evenly in asinh(x/size), shape (count, n).
+
+    Examples
+    --------
+    >>> space = Space(("b",), np.array([-1.0]), np.array([1.0]), np.array([0.002]))
+    >>> points = sobol_points(space, 64, np.random.default_rng(1))
+    >>> points.shape, bool(0.2 < np.mean(np.abs(points) < 0.05) < 0.6)  # the size is 0.02 here
+    ((64, 1), True)
+    """
+    from scipy.stats.qmc import Sobol
+
+    if count == 0:
+        return np.empty((0, len(space.names)))
+    size = sizes(space)
+    bounded = np.isfinite(space.upper - space.lower)
+    low, high = (np.arcsinh(np.where(bounded, side, space.start) / size) for side in (space.lower, space.upper))
+    cube = Sobol(len(space.names), rng=rng).random_base2((count - 1).bit_length())[:count]
+    points = size * np.sinh(low + cube * (high - low))
+    return np.asarray(np.where(bounded, np.clip(points, space.lower, space.upper), space.start))
+
+
+@dataclass
+class Path:
+    """What one of several searches has come to; :func:`lockstep` keeps it."""
+
+    best: Evaluation | None = None
+    """None before its first round."""
+    outcome: Outcome | None = None
+    """None while it runs, and where it was left."""
+    first_cost: float = np.inf
+    """Of its very first point."""
+    evaluations: int = 0
+    joined: int | None = None
+    """The search in whose minimum it was left."""
+
+    def add(self, batch: list[Evaluation]) -> None:
+        """Count a batch and keep the best."""
+        self.first_cost = batch[0].cost if not self.evaluations else self.first_cost
+        self.evaluations += len(batch)
+        self.best = min([*([self.best] if self.best else []), *batch], key=lambda e: e.cost)
+
+
+def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence[int] = (0,)) -> Optimiser:
+    """Advance several searches together, one batch of each a round, and record in `paths` where they get.
+
+    Parameters
+    ----------
+    searches : sequence of generators
+        Of the same unknowns and the same cost.
+    paths : list of Path
+        One for each; filled while they run.
+    keep : sequence of int
+        Which are never left, whatever the others have found.
+
+    Examples
+    --------
+    >>> from fracid.optimise import minimise
+    >>> space = Space(("a",), np.array([-9.0]), np.array([9.0]), np.array([1.0]))
+    >>> starts = [least_squares(replace(space, start=np.array([a])), None) for a in (1.0, 2.0)]
+    >>> paths = [Path(), Path()]
+    >>> result = minimise(lambda x: Evaluation(x, float((x[0] - 3) ** 2 + 1), np.array([x[0] - 3, 1.0])),
+    ...                   lockstep(starts, paths))
+    >>> [round(float(p.best.point[0]), 4) for p in paths], result.evaluations == sum(p.evaluations for p in paths)
+    ([3.0, 3.0], True)
+    """
+    try:
+        live = {i: np.atleast_2d(next(search)) for i, search in enumerate(searches)}
+        while live:
+            evaluations = yield np.concatenate(list(live.values()))
+            for i, points in list(live.items()):
+                batch, evaluations = evaluations[: len(points)], evaluations[len(points) :]
+                paths[i].add(batch)
+                try:
+                    live[i] = np.atleast_2d(searches[i].send(batch))
+                except StopIteration as end:
+                    paths[i].outcome = end.value
+                    del live[i]
+            for i in [i for i in live if i not in keep]:
+                paths[i].joined = _same_minimum(paths, i)
+                if paths[i].joined is not None:
+                    searches[i].close()
+                    del live[i]
+    finally:
+        for search in searches:
+            search.close()
+    return Outcome.CONVERGED
+
+
+def _same_minimum(paths: list[Path], i: int) -> int | None:
+    """The first better search, itself not left, whose residuals are those of search i."""
+    mine = paths[i].best
+    for j, other in enumerate(paths):
+        if j != i and other.joined is None and mine is not None and other.best is not None:
+            better = (other.best.cost, j) < (mine.cost, i)
+            if better and _same_residuals(mine.residuals, other.best.residuals):
+                return j
+    return None
+
+
+def _same_residuals(r: FloatArray | None, best: FloatArray | None) -> bool:
+    return r is not None and best is not None and bool(np.linalg.norm(r - best) <= SAME * np.linalg.norm(best))

@@ -1,0 +1,332 @@
+"""What all figures share: colours, sizes, axes, units, zeros, the band of an encoder's step.
+
+A figure is drawn once, in sizes for the screen.  :func:`new` makes it as wide as its style wants it
+(:mod:`fracid.figures`), and :func:`finish` brings its text and lines to that style.  Nothing is taken from or put into
+matplotlib's global settings, which are the caller's, and which threads share.
+
+References
+----------
+.. [Okabe2008] Color Universal Design, https://jfly.uni-koeln.de/color/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.figures import STYLES, Style, style_named
+from fracid.units import shown_unit, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.estimation.records import RecordingFit
+
+BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
+
+INK = "0.25"
+
+MEASURED: dict[str, Any] = {"color": "0.68", "lw": 2.6, "solid_capstyle": "round"}
+
+FITTED: dict[str, Any] = {"color": BLUE, "lw": 0.9}
+
+RESIDUAL: dict[str, Any] = {"color": "0.4", "lw": 0.6}
+
+SMALL, MEDIUM, LARGE = 8, 9.5, 11
+"""Sizes of text [pt]: ticks and legends, labels and titles, the figure's title."""
+
+BINS = 900
+"""Bins of a line; each shows two samples."""
+
+CLOUD = 1500
+"""Points from which on a scatter is rasterised."""
+
+COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
+"""Of :data:`fracid.problem.costs.COSTS`; a user's own cost has none that we know."""
+
+MARKS: dict[str, dict[str, Any]] = {
+    "best": {
+        "marker": "*",
+        "ms": 15,
+        "mfc": VERMILLION,
+        "mec": "black",
+        "mew": 0.8,
+        "zorder": 5,
+        "clip_on": False,
+    },
+    "true": {"marker": "+", "ms": 20, "mec": "black", "mew": 1.5, "zorder": 6, "clip_on": False},
+    "tried": {"marker": "o", "ms": 2.5, "mfc": "white", "mec": "black", "mew": 0.4, "zorder": 3},
+}
+"""Told apart by shape as well as by colour."""
+
+SYMBOLS = {"theta": r"$\theta$", "alpha": r"$\alpha$", "lambda": r"$\lambda$", "mu": r"$\mu$"}
+
+LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
+
+NARROW = 8.0
+"""What is drawn no wider than this [inch] fits a journal's column."""
+
+TALLEST = 230 / 25.4
+"""Of a figure on a journal's page [inch]."""
+
+
+def new(width: float, height: float, style: str | Style = "screen") -> Figure:
+    """An empty figure of that size [inch], or of its style's width and about the same shape."""
+    from matplotlib.figure import Figure
+
+    chosen = style_named(style)
+    wanted = chosen.column if width <= NARROW else chosen.page
+    if wanted is not None:
+        shrunk = wanted / 25.4 / width
+        width, height = shrunk * width, min(shrunk**0.8 * height, TALLEST)  # text does not shrink as much as panels
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    vars(figure)[_STYLE] = chosen  # with the figure, wherever it goes
+    return figure
+
+
+_STYLE = "_fracid_style"
+
+
+def style_of(figure: Figure) -> Style:
+    """The style that a figure was made with; the screen's for one that is not ours."""
+    found: Style = vars(figure).get(_STYLE, STYLES["screen"])
+    return found
+
+
+def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
+    """Give all panels one look, the figure its heading and one legend for all, and everything its style."""
+    style = style_of(figure)
+    legend: dict[str, Any] = {}
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    for axes in panels:
+        _dress(axes, grid)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            legend.setdefault(label, handle)
+    if legend:
+        widths = [0.6 + 0.07 * style.text * len(label.replace("$", "")) for label in legend]  # [inch], about
+        row = figure.get_figwidth()
+        columns = len(legend) if sum(widths) < row else max(1, int(row / max(widths)))
+        figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns,
+                      fontsize=SMALL, frameon=False)  # fmt: skip
+    if style.heading:
+        figure.suptitle(heading, fontsize=LARGE, wrap=True)
+    figure.set_label(heading)  # the title in its file's metadata
+    if style.letters:
+        _letter(panels)
+    _no_latex(figure)
+    _bring_to(style, figure)
+
+
+def _no_latex(figure: Figure) -> None:
+    """Whatever the user's matplotlibrc says: names of recordings must not become commands."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if isinstance(text, Text):
+            text.set_usetex(False)
+
+
+def _letter(panels: list[Axes]) -> None:
+    """Put (a), (b), … before the headings of panels, where there is more than one."""
+    headed = [axes for axes in panels if axes.get_title() or axes.get_title(loc="left")]
+    for letter, axes in zip("abcdefghijklmnopqrstuvwxyz", headed if len(headed) > 1 else (), strict=False):
+        loc: Literal["left", "center"] = "left" if axes.get_title(loc="left") else "center"
+        axes.set_title(f"({letter}) {axes.get_title(loc=loc)}", fontsize=MEDIUM, loc=loc)
+
+
+def _bring_to(style: Style, figure: Figure) -> None:
+    """Scale all text, lines and marks of a figure that was drawn in the sizes of the screen."""
+    if style.text == style.lines == style.marks == 1.0 and not style.least_text and not style.least_line:
+        return
+    from matplotlib.collections import Collection
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
+    size, width = max(style.text * SMALL, style.least_text), _thin(style, 0.8)
+    for axes in figure.axes:  # ticks are made when they are drawn, and would not know
+        axes.tick_params(labelsize=size, width=width, size=2.5)
+    for part in _parts(figure):
+        if isinstance(part, Text):
+            part.set_fontsize(max(style.text * float(part.get_fontsize()), style.least_text))
+        elif isinstance(part, Line2D):
+            part.set_linewidth(_thin(style, part.get_linewidth()))
+            part.set_markersize(style.marks * part.get_markersize())
+            part.set_markeredgewidth(_thin(style, part.get_markeredgewidth()))
+        elif isinstance(part, Patch):
+            part.set_linewidth(_thin(style, part.get_linewidth()))
+        elif isinstance(part, Collection):
+            part.set_linewidth([_thin(style, width) for width in np.atleast_1d(part.get_linewidth())])
+
+
+def _thin(style: Style, width: float) -> float:
+    """A line's width in a style; none stays none."""
+    return max(style.lines * width, style.least_line) if width > 0 else 0.0
+
+
+def _parts(artist: Artist) -> Iterator[Artist]:
+    """All that a figure is made of, but for the ticks of its axes."""
+    from matplotlib.axis import Axis, Tick
+
+    for child in artist.get_children():
+        if isinstance(child, Tick):
+            continue
+        yield child
+        yield from (child.label, child.offsetText) if isinstance(child, Axis) else _parts(child)
+
+
+def _dress(axes: Axes, grid: bool) -> None:
+    axes.spines[["top", "right"]].set_visible(not grid)
+    axes.tick_params(labelsize=SMALL)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set_fontsize(MEDIUM)
+    if grid:
+        axes.grid(alpha=0.25, lw=0.6)
+        axes.set_axisbelow(True)
+        if axes.get_autoscalex_on():
+            axes.margins(x=0.02)
+
+
+def title(axes: Axes, text: str, loc: Literal["left", "center"] = "center") -> None:
+    """Write above a panel."""
+    axes.set_title(text, fontsize=MEDIUM, loc=loc)
+
+
+def label(axes: Axes, heading: str, x: str, y: str) -> None:
+    """Title a panel and its two axes."""
+    title(axes, heading)
+    axes.locator_params(axis="x", nbins=6)
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
+    """Draw samples as a line; few as dots too."""
+    dots: dict[str, Any] = {"marker": "o", "ms": 3} if y.size <= 100 else {}
+    shown = outline(y)
+    axes.plot(time[shown], y[shown], **dots, **style)
+
+
+def outline(y: FloatArray) -> NDArray[np.intp]:
+    """Return indices of the samples that draw the same line: least and greatest of each bin, first and last."""
+    size = -(-y.size // BINS)
+    if size <= 2:
+        return np.arange(y.size)
+    padded = np.append(y, np.full(-y.size % size, np.nan)).reshape(-1, size)
+    known = np.isfinite(padded)  # a bin without any keeps its first: a gap in the line
+    extremes = (np.where(known, padded, np.inf).argmin(axis=1), np.where(known, padded, -np.inf).argmax(axis=1))
+    offset = size * np.arange(len(padded))
+    return np.unique(np.concatenate([[0, y.size - 1], *(offset + at for at in extremes)]))
+
+
+def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:
+    """Shade where an error of the encoder alone would lie; its edges lie over the residual, which would hide them."""
+    if step:
+        half = shown_unit(unit)[1] * step / 2
+        span, line = (axes.axvspan, axes.axvline) if upright else (axes.axhspan, axes.axhline)
+        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=f"one encoder step, {with_unit(step, unit)}")
+        for edge in (-half, half):
+            line(edge, color=ORANGE, lw=0.8, zorder=3)
+
+
+def unit_of(recording: RecordingFit, name: str) -> tuple[str, float]:
+    """How an output is shown: its unit, "–" for a pure number, and the factor to it."""
+    shown, factor = shown_unit(recording.unit(name))
+    return shown or "–", factor
+
+
+def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
+    """The step of a signal's encoder, None where it has none or none is known."""
+    step = (resolution or {}).get(name)
+    return step if step is not None and 0 < step < np.inf else None
+
+
+def note(axes: Axes, text: str, height: float = 0.5) -> None:
+    """Write across a panel."""
+    axes.text(0.5, height, text, transform=axes.transAxes, ha="center", va="center", fontsize=MEDIUM,
+              bbox={"fc": "white", "ec": "0.7", "boxstyle": "round"})  # fmt: skip
+
+
+def corner(axes: Axes, text: str) -> None:
+    """Write small into the upper right corner."""
+    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
+
+
+def extent(x: FloatArray) -> tuple[float, float]:
+    """Least and greatest of the finite values; two zeros where there are none."""
+    known = x[np.isfinite(x)]
+    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+
+
+def angle_label(name: str, shown: str, zero: str) -> str:
+    """What stands at the axis of a signal: its letter, where zero is if it is the pendulum's angle, and its unit.
+
+    Examples
+    --------
+    >>> angle_label("alpha", "°", "hanging"), angle_label("theta", "°", "hanging")
+    ('$\\\\alpha$, 0 = hanging [°]', '$\\\\theta$ [°]')
+    """
+    where = f", 0 = {plain(zero)}" if name == "alpha" and zero else ""
+    return f"{symbol(name)}{where} [{plain(shown)}]"
+
+
+def spoken(text: str) -> str:
+    r"""A text without the marks of formulas, for a file's metadata.
+
+    Examples
+    --------
+    >>> spoken(r"a\$b, residual of $\alpha$")
+    'a$b, residual of α'
+    """
+    for name, letter in LETTERS.items():
+        text = text.replace(SYMBOLS[name], letter)
+    return text.replace(r"\$", "$")
+
+
+def number(value: float, digits: int) -> str:
+    """A number with a true minus."""
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def symbol(name: str) -> str:
+    """The letter of a signal or an order; of a start value, ``alpha(0) [release]``, with what follows it."""
+    head, bracket, rest = name.partition("(")
+    if bracket and head in SYMBOLS:
+        return SYMBOLS[head] + plain(bracket + rest)
+    return SYMBOLS.get(name, plain(name))
+
+
+def plain(text: str, length: int = 60) -> str:
+    """Return a user's words as matplotlib can show them: on one line, no formulas, only glyphs of the font."""
+    from matplotlib.font_manager import findfont, get_font
+
+    glyphs = get_font(findfont("DejaVu Sans")).get_charmap()
+    line = "".join(c if ord(c) in glyphs else "□" for c in " ".join(str(text).split()))
+    return (line if len(line) <= length else line[: length - 1] + "…").replace("$", r"\$")
+
+
+def cost_label(name: str) -> tuple[str, str]:
+    """Name and unit of a cost, as shown; no unit for one that is not ours."""
+    return (name.upper(), f"[{COST_UNITS[name]}]") if name in COST_UNITS else (plain(name), "")
+
+
+def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
+    """Fit and RMSE in words, or why there are none."""
+    missing = np.count_nonzero(~np.isfinite(recording.residual(name)))
+    if missing:
+        return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
+    rmse, percent = recording.rmse[name], recording.fit_percent[name]
+    if np.ptp(recording.measured[name]) == 0:
+        fit = "fit undefined (constant signal)"
+    else:
+        fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
+    counts = rmse / step if step else np.inf
+    return f"{fit}, RMSE {with_unit(rmse, recording.unit(name))}" + (
+        f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
+    )

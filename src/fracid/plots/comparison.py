@@ -1,0 +1,190 @@
+"""The ladder of structures: errors in and out of sample, orders 1 against orders free; and orders over amplitude."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.errors import InputError
+from fracid.plots import appearance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.figures import Style
+    from fracid.selection.amplitude import AmplitudeTest, Drift
+    from fracid.selection.comparison import Comparison, Row, Score
+
+__all__ = ["amplitudes", "ladder"]
+
+MOST = 3
+"""Held-out recordings with a column each; of more the mean is drawn, with each recording pale."""
+
+KINDS: dict[bool, dict[str, Any]] = {
+    False: {"color": appearance.BLUE, "marker": "o", "label": "orders 1"},
+    True: {"color": appearance.VERMILLION, "marker": "s", "ls": (0, (5, 2)), "label": "orders free"},
+}
+"""Of rows, by whether their orders are free."""
+
+PAPER: dict[str, Any] = {"ls": "", "marker": "o", "ms": 13, "mfc": "none", "mec": "black", "mew": 1.0}
+"""The ring about the paper's structure."""
+
+
+def ladder(found: Comparison, *, style: str | Style = "screen") -> Figure:
+    """Draw the RMSE of each rung in sample and held out, with orders 1 and with orders free.
+
+    Parameters
+    ----------
+    found : fracid.Comparison
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row for each output, a column for the fitted recordings and for each that was held out (for their mean, where
+        there are more than three).  Where the two lines part, orders matter; where they meet as friction is added,
+        orders stood in for it.  A run that fails has no point, and is named.
+
+    Examples
+    --------
+    >>> from fracid.selection.comparison import Comparison, Row, Score
+    >>> score = {"release": Score({"alpha": 0.01}, {"alpha": 95.0}, {"alpha": 0.1})}
+    >>> rows = tuple(Row("viscous", free, "", free, 1.0, 3, 0.0, {}, {}, (), score, {}, "") for free in (False, True))
+    >>> figure = ladder(Comparison(rows, "", (), ("alpha",), 9.0, False, "rmse", 1, 1))
+    >>> [axes.get_title() for axes in figure.axes]
+    ['fitted: release']
+    """
+    columns = _columns(found)
+    figure = appearance.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(found.outputs), style)
+    grid = figure.subplots(len(found.outputs), len(columns), squeeze=False, sharex=True)
+    for output, panels in zip(found.outputs, grid, strict=True):
+        for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
+            _rungs(axes, found, output, recordings, use)
+            appearance.title(axes, title if output == found.outputs[0] else "")
+        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)} [°]")
+    appearance.finish(figure, "what each rung leaves unexplained")
+    return figure
+
+
+def _columns(found: Comparison) -> Mapping[str, tuple[str, Sequence[str], str]]:
+    """Title, recordings and which scores of each column."""
+    fitted, out = [*found.rows[0].in_sample], [*found.held_out]
+    columns = {"fit": (f"fitted: {_names(fitted)}", fitted, "in_sample")}
+    if len(out) > MOST:
+        return columns | {"out": (f"held out: mean of {len(out)}", out, "held_out")}
+    return columns | {name: (f"held out: {appearance.plain(name, 28)}", [name], "held_out") for name in out}
+
+
+def _names(recordings: Sequence[str]) -> str:
+    return appearance.plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
+
+
+def _rungs(axes: Axes, found: Comparison, output: str, recordings: Sequence[str], use: str) -> None:
+    frictions = list(dict.fromkeys(row.friction for row in found.rows))
+    for fractional, style in KINDS.items():
+        rows = [row for row in found.rows if row.fractional == fractional]
+        at = np.array([frictions.index(row.friction) for row in rows])
+        errors = np.array([[_degrees(_scores(row, use).get(n), output) for row in rows] for n in recordings])
+        if len(recordings) > 1:
+            axes.plot(at, errors.T, color=style["color"], lw=0.6, alpha=0.4)
+        mean = errors.mean(axis=0)
+        axes.plot(at, mean, **style, ms=6, lw=1.6, zorder=3)
+        for x in at[~np.isfinite(mean)]:
+            axes.annotate("fails", (x, 0.94 if fractional else 0.86), xycoords=("data", "axes fraction"), ha="center",
+                          color=style["color"], fontsize=appearance.SMALL)  # fmt: skip
+        for row, x, y in zip(rows, at, mean, strict=True):
+            if row.paper:
+                axes.plot(
+                    x, y, ls="", marker="o", ms=13, mfc="none", mec="black", mew=1.0, label="the paper's structure"
+                )
+    _log(axes)
+    short = [frictions[0], *(f"+ {f.split(' + ')[-1]}" for f in frictions[1:])]
+    axes.set_xticks(range(len(frictions)), [appearance.plain(name) for name in short])
+    axes.set_xlim(-0.4, len(frictions) - 0.6)
+
+
+def _scores(row: Row, use: str) -> Mapping[str, Score]:
+    return row.in_sample if use == "in_sample" else row.held_out
+
+
+def _degrees(score: Score | None, output: str) -> float:
+    """NaN, which is drawn as missing, where the run fails."""
+    value = math.inf if score is None else score.rmse[output]
+    return math.degrees(value) if math.isfinite(value) and value > 0 else math.nan
+
+
+def _log(axes: Axes) -> None:
+    """A logarithmic axis with plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low / 1.15, 1.35 * high)  # room for a run that fails
+    subs = (1, 1.5, 2, 3, 5, 7) if high < 8 * low else (1, 2, 5) if high < 100 * low else (1,)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
+    """Draw each order over the amplitude of the swing: level where it is real, drifting where it imitates friction.
+
+    Parameters
+    ----------
+    test : fracid.AmplitudeTest
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each order, a line for the windows of each recording, diamonds for whole recordings; bars are 95 %
+        intervals.
+
+    Raises
+    ------
+    InputError
+        If nothing was found in any window.
+
+    Examples
+    --------
+    >>> from fracid.selection.amplitude import AmplitudeTest, Drift
+    >>> drift = Drift("mu", "release", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)
+    >>> [axes.get_title() for axes in amplitudes(AmplitudeTest((), (drift,))).axes]
+    ['drifts: friction in disguise']
+    """
+    if not test.drifts:
+        raise InputError(f"There is nothing to draw: no order was found in two windows. {' '.join(test.notes)}".strip())
+    orders = list(dict.fromkeys(d.order for d in test.drifts))
+    figure = appearance.new(max(5.0, 4.2 * len(orders)), 3.9, style)
+    for axes, order in zip(figure.subplots(1, len(orders), squeeze=False)[0], orders, strict=True):
+        _order(axes, order, [d for d in test.drifts if d.order == order])
+    appearance.finish(figure, "the order in windows of falling amplitude")
+    return figure
+
+
+def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    colours = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE, appearance.INK)
+    for k, d in enumerate(drifts):
+        whole = d.over == "releases"
+        style: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white"} if whole else {"marker": "o", "lw": 1.2}
+        axes.errorbar(np.degrees(d.amplitudes), d.values, 1.96 * np.array(d.standard_errors), capsize=2.5, ms=5,
+                      color="black" if whole else colours[k % len(colours)], zorder=3,
+                      label="whole recordings" if whole else appearance.plain(d.over, 28), **style)  # fmt: skip
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.ticklabel_format(axis="y", useOffset=False)
+    said = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
+        "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
+    appearance.title(axes, said)
+    axes.set_xlabel("mean amplitude of the swing [°]")
+    axes.set_ylabel(f"order {appearance.symbol(order)} [–]")

@@ -1,0 +1,143 @@
+"""The cost's rise over each unknown, all others following, and its threshold."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.estimation.covariance import NORMAL_95
+from fracid.estimation.profile_walk import THRESHOLD, THRESHOLD_2
+from fracid.plots import appearance
+from fracid.units import SHOWN_UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fracid.estimation.cost_profile import JointProfile, Profile, Profiles
+    from fracid.figures import Style
+
+__all__ = ["profiles"]
+
+CEILING = 12.0
+"""Rises above this are beyond the panel of a profile."""
+
+
+def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
+    """Draw each profile: the rise of the cost over the value, its threshold, and the parabola of the sandwich.
+
+    Parameters
+    ----------
+    found : fracid.Profiles
+        Its joint profile, where there is one, has a panel of its own, with the limit of its 95 % region.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Where the two curves part, the interval of the sandwich is wrong; where the rise stays below the threshold
+        the data do not know the value.
+
+    Raises
+    ------
+    InputError
+        If there is no profile.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=1e-2, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
+    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> len(profiles(fracid.profile(problem, points=4)).axes)
+    1
+    """
+    panels = list(found.profiles.values())
+    count = len(panels) + (found.joint is not None)
+    if not count:
+        raise InputError("There is no profile to draw.")
+    columns = min(count, 3)
+    rows = -(-count // columns)
+    figure = appearance.new(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows, style)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.remove()
+    zero, calibrated = found.problem.model.zero, found.problem.cost_function.loss is not None
+    for axes, panel in zip(grid, panels, strict=False):
+        _profile(axes, panel, calibrated, zero)
+    if found.joint is not None:
+        _joint_profile(grid[count - 1], found.joint, zero)
+    appearance.finish(figure, f"Profiles of the cost, {appearance.cost_label(found.problem.cost_function.name)[0]}")
+    return figure
+
+
+def _profile(axes: Axes, panel: Profile, calibrated: bool, zero: str) -> None:
+    label, factor = _unknown_label(panel.name, panel.unit, zero)
+    values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
+    top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
+    axes.plot(values, rise, color=appearance.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
+    shown = axes.get_xlim()
+    if calibrated:
+        axes.axhline(THRESHOLD, color=appearance.VERMILLION, lw=1.1, label="95 % threshold, 3.84")
+        ends = [factor * end if end is not None else edge for end, edge in
+                zip(panel.interval95, panel.values[[0, -1]] * factor, strict=True)]  # fmt: skip
+        axes.axvspan(*ends, color=appearance.BLUE, alpha=0.10, lw=0, label="95 % interval")
+    if panel.wald95 is not None:
+        se = factor * (panel.wald95[1] - panel.wald95[0]) / (2 * NORMAL_95)
+        v = np.linspace(*shown, 200)
+        parabola = ((v - factor * panel.best) / se) ** 2
+        axes.plot(v, parabola, color="black", lw=1.1, ls=(0, (4, 3)), label="parabola of the sandwich", zorder=2)
+    axes.plot(factor * panel.best, 0.0, ls="", label="best", **(appearance.MARKS["best"] | {"ms": 11}))
+    axes.set_xlim(*shown)
+    axes.set_ylim(-0.04 * top, top)
+    axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
+    appearance.label(
+        axes, panel.verdict, label, "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
+    )
+    axes.locator_params(axis="x", nbins=4)
+
+
+def _joint_profile(axes: Axes, joint: JointProfile, zero: str) -> None:
+    labels, factors = zip(
+        *(_unknown_label(n, u, zero) for n, u in zip(joint.names, joint.units, strict=True)), strict=True
+    )
+    first, second = factors[0] * joint.first, factors[1] * joint.second
+    first, second, rise = _smoothed(first, second, joint.rise)
+    axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, THRESHOLD_2], cmap="Blues_r", alpha=0.6)
+    axes.contour(first, second, rise.T, levels=[THRESHOLD_2], colors=[appearance.VERMILLION], linewidths=1.4)
+    axes.plot([], [], color=appearance.VERMILLION, lw=1.4, label="95 % region, 5.99")
+    axes.plot(
+        factors[0] * joint.best[0],
+        factors[1] * joint.best[1],
+        ls="",
+        label="best",
+        **(appearance.MARKS["best"] | {"ms": 11}),
+    )
+    axes.ticklabel_format(useOffset=False)
+    appearance.label(axes, f"together; correlation {appearance.number(joint.correlation, 2)}", *labels)
+    axes.locator_params(axis="x", nbins=4)
+
+
+def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A rise on a fine grid, by a spline that is exact for a parabola: a narrow valley falls between coarse points."""
+    if not np.isfinite(rise).all() or min(rise.shape) < 4:
+        return first, second, np.where(np.isfinite(rise), np.maximum(rise, 0.0), 1e3)
+    from scipy.interpolate import RectBivariateSpline
+
+    fine = np.linspace(first[0], first[-1], 200), np.linspace(second[0], second[-1], 200)
+    return *fine, np.maximum(RectBivariateSpline(first, second, rise)(*fine), 0.0)
+
+
+def _unknown_label(name: str, unit: str, zero: str) -> tuple[str, float]:
+    """What stands at the axis of an unknown, and the factor to its unit there."""
+    shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
+    order = "order " if name in ("lambda", "mu") else ""
+    where = f", 0 = {appearance.plain(zero)}" if name.startswith("alpha(0)") and zero else ""
+    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(shown)}]", factor

@@ -1,0 +1,237 @@
+r"""What counts as a good fit: costs of the residual e(t) = measured − simulated.
+
+========== ===================================== ===================================================
+cost       formula                               what to use when
+========== ===================================== ===================================================
+``rmse``   :math:`\sqrt{\frac1n\sum e^2}`        the default: constant-variance noise, in the data's unit
+``ise``    :math:`\int e^2 dt`                   the same minimum for one recording; several add up by length
+``huber``  :math:`\frac1n\sum ρ(e)`,             outliers: a bump against the table, a lost count
+           e² below 1°, linear above
+``iae``    :math:`\int |e|\,dt`                  heavy-tailed errors
+``itse``   :math:`\int t\,e^2 dt`                the late part matters more
+``itae``   :math:`\int t\,|e|\,dt`, (26)         the paper's.  91–99 % of its weight can fall after the motion
+                                                 has died, where half a count of rest offset competes
+========== ===================================== ===================================================
+
+Each is :math:`\sum_t w_t\, ρ(e_t)` over samples and outputs, a weight :math:`w` (trapezoidal for the
+integrals) and a loss ρ; the table :data:`COSTS` says which.  A residual that is not finite costs infinity.
+
+For least squares each gives rows r with :math:`\sum r^2` least where the cost is.  Those of |e| are smoothed
+within 10⁻⁵ rad of zero, :math:`r^2 = \sqrt{e^2 + δ^2} - δ`: a gradient everywhere, and the same minimum to
+far below an encoder's step.
+
+A warning for encoders: the least :math:`\sum |e|` lies at the *median*, and the median of a rounded signal is
+a whole count however the noise dithers it, while its mean is not.  On the paper's twin (10°, 4096 counts) this
+alone moves λ by −0.02 under ITAE; least squares is free of it (``benchmarks/evidence.py``).
+
+A cost of your own is a function (time, residual) → float, in a file: ``cost = "my.py:function"``.  Infinity
+means "as bad as a run that failed".  It has no rows: search by ``differential-evolution`` or ``nelder-mead``.
+
+References
+----------
+(26) is the paper's; ρ of ``huber``: P. Huber, Ann. Math. Statist. 35 (1964) 73; the integrals: D. Graham,
+R. Lathrop, AIEE Trans. 72 (1953) 273.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.safety.user_code import run_file
+
+__all__ = ["ABSOLUTE", "COSTS", "HUBERS", "SQUARE", "Cost", "Loss", "cost_from_name"]
+
+HUBER = math.radians(1.0)
+"""Where the Huber loss turns from quadratic to linear [rad]."""
+
+SMOOTH = 1e-5
+"""δ of the smoothed |e| in the rows for least squares [rad]: 1/150 of a 4096-count encoder's step."""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """ρ(e) with what estimation needs of it."""
+
+    rho: Callable[[FloatArray], FloatArray]
+    """ρ of each residual, of the same shape."""
+    psi: Callable[[FloatArray], FloatArray]
+    """ρ′."""
+    curvature: Callable[[FloatArray], float]
+    """The mean of ρ″ over a sample of residuals; for |e| twice the density at zero."""
+    smooth: Callable[[FloatArray], FloatArray]
+    """ρ, or what stands for it in the rows for least squares."""
+
+
+def _density_at_zero(e: FloatArray) -> float:
+    """Of normal residuals of the same variance: an estimate from the sample would see an encoder's lattice."""
+    return 1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12))
+
+
+def _smooth_abs(e: FloatArray) -> FloatArray:
+    """√(e² + δ²) − δ, without its cancellation near zero."""
+    return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
+
+
+SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
+
+ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), _smooth_abs)
+
+
+def _huber(e: FloatArray) -> FloatArray:
+    """e² up to HUBER, and from there on its tangent."""
+    size = np.abs(e)
+    small = np.minimum(size, HUBER)
+    return np.asarray(small * (2 * size - small))
+
+
+HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A cost of the residual of one recording.
+
+    Examples
+    --------
+    >>> time = np.array([0.0, 1.0, 2.0])
+    >>> COSTS["itae"].value(time, np.full((3, 1), 0.5))  # ∫ t·½ dt from 0 to 2
+    1.0
+    """
+
+    name: str
+    """As in the project file; of a user's own, the function's."""
+    weight: Callable[[FloatArray], FloatArray] | None = None
+    """time [s], shape (n,) → w, shape (n,)."""
+    loss: Loss | None = None
+    """ρ; None for a user's own."""
+    root: bool = False
+    """Whether the square root is taken in the end."""
+    function: Callable[[FloatArray, FloatArray], float] | None = None
+    """A user's own, in place of weight and loss: (time, residual of shape (n, n_outputs)) → cost."""
+
+    def value(self, time: FloatArray, residual: FloatArray) -> float:
+        """Evaluate; infinite, never NaN, for a residual that is not finite.
+
+        Parameters
+        ----------
+        time : array, shape (n_samples,)
+            From the start of the recording [s].
+        residual : array, shape (n_samples, n_outputs)
+            Measured minus simulated [rad].
+
+        Raises
+        ------
+        InputError
+            If a user's function fails or gives no number.
+        """
+        if not np.all(np.isfinite(residual)):
+            return math.inf
+        if self.loss is None or self.weight is None:
+            return self._own_value(time, residual)
+        with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
+            # no dot product: it would wake the threads of BLAS beside those of the optimiser
+            total = float(np.sum(self.weight(time)[:, None] * self.loss.rho(residual)))
+        if not math.isfinite(total):
+            return math.inf
+        return math.sqrt(total / residual.shape[1]) if self.root else total
+
+    def _own_value(self, time: FloatArray, residual: FloatArray) -> float:
+        assert self.function is not None
+        try:
+            cost = float(self.function(time, residual))
+        except Exception as error:
+            raise InputError(
+                f"The cost {self.name} fails: {type(error).__name__}: {error}. It gets time of shape (n,) and the "
+                "residual of shape (n, n_outputs), and must return one number."
+            ) from error
+        if math.isnan(cost) or cost == -math.inf:
+            raise InputError(f"The cost {self.name} gave {cost} for a finite residual; return a number, or inf.")
+        return cost
+
+    def rows(self, time: FloatArray, residual: FloatArray) -> FloatArray | None:
+        """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
+        if self.loss is None or self.weight is None:
+            return None
+        if self.loss is SQUARE:
+            return np.asarray((np.sqrt(self.weight(time))[:, None] * residual).ravel())
+        squares = self.weight(time)[:, None] * self.loss.smooth(residual)
+        return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
+
+    def join(self, costs: list[float], samples: list[int]) -> float:
+        """Join the costs of several recordings: the root of the mean square, or else the sum.
+
+        Examples
+        --------
+        >>> COSTS["rmse"].join([1.0, 7.0], samples=[100, 100]), COSTS["itae"].join([1.0, 7.0], samples=[100, 100])
+        (5.0, 8.0)
+        """
+        if self.root:
+            return math.sqrt(sum(n * c * c for n, c in zip(samples, costs, strict=True)) / sum(samples))
+        return sum(costs)
+
+
+def _widths(time: FloatArray) -> FloatArray:
+    """The trapezoidal rule's weight of each sample."""
+    dt = np.diff(time)
+    return np.asarray(0.5 * (np.append(dt, 0.0) + np.insert(dt, 0, 0.0)))
+
+
+def _equal(time: FloatArray) -> FloatArray:
+    return np.full(len(time), 1 / len(time))
+
+
+def _times_time(time: FloatArray) -> FloatArray:
+    return np.asarray(time * _widths(time))
+
+
+COSTS = {
+    "rmse": Cost("rmse", _equal, SQUARE, root=True),
+    "ise": Cost("ise", _widths, SQUARE),
+    "itse": Cost("itse", _times_time, SQUARE),
+    "iae": Cost("iae", _widths, ABSOLUTE),
+    "itae": Cost("itae", _times_time, ABSOLUTE),
+    "huber": Cost("huber", _equal, HUBERS),
+}
+"""By name; see the module's table."""
+
+
+def cost_from_name(name: str) -> Cost:
+    """Find a cost by its name, or load a user's own from ``file.py:function``.
+
+    Raises
+    ------
+    InputError
+        If there is no such cost, file or function, or the file does not run.
+
+    Examples
+    --------
+    >>> cost_from_name("itae").name
+    'itae'
+    """
+    if name in COSTS:
+        return COSTS[name]
+    file, _, function = name.rpartition(":")
+    if not file.endswith(".py"):
+        close = difflib.get_close_matches(name, COSTS, 1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise InputError(f'There is no cost {name!r}; {hint}the costs are {", ".join(COSTS)}, or "my.py:function".')
+    if not Path(file).is_file():
+        raise InputError(f"cost = {name!r}: there is no file {file}.")
+    try:
+        module = run_file(Path(file), f"fracid_user_cost_{Path(file).stem}")
+    except Exception as error:
+        raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
+    own = getattr(module, function, None)
+    if not callable(own):
+        there = ", ".join(n for n, v in vars(module).items() if inspect.isfunction(v)) or "none"
+        raise InputError(f"cost = {name!r}: {file} has no function {function!r}; it has {there}.")
+    return Cost(function, function=own)

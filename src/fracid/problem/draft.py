@@ -1,0 +1,571 @@
+"""A project file drafted from a recording: its columns guessed, its reasons in comments, and it runs as it is.
+
+What the columns mean is found from their names first (``theta``, ``joint0/position``, ``pend_angle``), then from how
+they move: the pendulum swings, the arm follows; commands and rates are neither.  Units come from the header, else from
+the numbers: an encoder's step is a turn over a familiar number of counts, in one of the units.
+
+What is left free is what such a recording can tell:
+
+=========================== =============================================================================
+the recording               leaves free
+=========================== =============================================================================
+arm and pendulum move       both orders, the inertias, the friction of both joints; gravity C4 is given,
+                            for a free response knows the constants only up to a common factor
+the arm stands still        the pendulum's order, its inertia and its friction; λ is 1: nothing shows it;
+                            the coupling C3 is 0, for what holds the arm is not in the model
+an input drives it          also the motor's torque per volt
+small swings                C6 stays: it shows with the square of the angle
+=========================== =============================================================================
+
+Where it begins:
+
+=========================== =============================================================================
+the recording               begins at
+=========================== =============================================================================
+held still, then let go     the release, which :mod:`fracid.recording.report` finds: at rest, at a moment
+                            between two samples that the fit finds
+let go near upright         a turn of the swing well below: how it left the top, a hair decides
+set swinging by hand        the turn from which on the swing decays evenly: the hand is off
+driven, or at rest          its first sample
+=========================== =============================================================================
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.models import RIGS, rotary_pendulum
+from fracid.recording import Recording, SignalReport, inspect_recording
+from fracid.recording.measures import FAMILIAR_COUNTS
+from fracid.recording.readers.table import Table, read_table
+
+__all__ = ["Draft", "draft_project", "guess_columns", "guess_file"]
+
+Columns = dict[str, dict[str, Any]]
+"""Signal → the fields of its channel, ``column`` first."""
+
+NAMES = {
+    "alpha": r"alpha|pend|pole|rod\b|joint_?1|joint_?2(?!.*joint_?1)|swing",
+    "theta": r"theta|\barm|arm\b|base|motor|servo|joint_?0|yaw",
+    "voltage": r"volt|\bvm\b|\bu\b|input|command|effort_control|\bcmd",
+}
+"""How the columns of angles and inputs are called, in words of a header."""
+
+OTHER = r"dot|veloc|speed|rate|\bd_|deriv|accel|effort$|torque|stamp|offset|current|temp"
+"""Who is called so is no angle."""
+
+STILL = 1e-2
+"""An arm that moves by less than this part of the pendulum stands still."""
+
+SMALL = math.radians(20)
+"""Swings to each side below which C6 does not show."""
+
+SPAN = 5.0
+"""A constant is looked for within this factor of the rig's."""
+
+LIKE = 1.5
+"""A rig whose pendulum swings faster or slower than the recording's by the root of this lends it no inertias."""
+
+TOP = math.radians(150)
+"""Beyond this it is near upright, where a hair decides how it falls."""
+
+LEVELS = 12
+"""A column that has no more values than this, and keeps each for long, is a command."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What :func:`draft_project` gives."""
+
+    text: str
+    """The project file."""
+    columns: Columns
+    notes: tuple[str, ...]
+    """What was guessed, in sentences."""
+
+
+def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Columns, tuple[str, ...]]:
+    """Guess which column is the pendulum's angle, which the arm's, which the input, and their units.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read without naming columns: each signal is a column of the file.
+    header : sequence of str
+        The columns' full names, where signals have shorter ones.
+
+    Returns
+    -------
+    dict
+        ``alpha``, and ``theta`` and ``voltage`` where there are such, → the fields of a channel.
+    tuple of str
+        What was guessed, in sentences.
+
+    Raises
+    ------
+    InputError
+        If no column moves.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> swing = np.round(4096 / 6.2832 * 0.3 * np.exp(-t / 3) * np.cos(6 * t))
+    >>> found, _ = guess_columns(Recording.of("log", t, {"motor": 0.1 * swing, "pend": swing, "pend_dot": swing}))
+    >>> found["alpha"], found["theta"]["column"]
+    ({'column': 'pend', 'unit': 'counts', 'counts_per_turn': 4096}, 'motor')
+    """
+    reports = {s.name: s for s in recording.report.signals}
+    moving = {n: s for n, s in reports.items() if s.range > 0}
+    possible = [n for n in moving if reports[n].unit in ("rad", "1")]
+    angles = [n for n in possible if not re.search(OTHER, n.lower())] or possible
+    if not angles:
+        raise InputError(
+            f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
+        )
+    named = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
+    commands = [n for n in angles if n not in named.values() and len(angles) > 1 and _is_command(recording.signals[n])]
+    named["voltage"] = named["voltage"] or next(iter(commands), None)
+    rest = sorted((n for n in angles if n not in named.values()), key=lambda n: _travel(reports[n]), reverse=True)
+    if named["alpha"] is None:
+        named["alpha"] = rest.pop(0) if rest else angles[0]
+    if named["theta"] is None and rest:
+        named["theta"] = rest.pop(0)
+    if named["theta"] == named["alpha"]:
+        named["theta"] = None
+    columns, notes = {}, []
+    for what, name in named.items():
+        if name is None:
+            continue
+        fields, why = _channel(recording, reports[name], what)
+        columns[what] = {"column": _column(name, header)} | fields
+        notes.append(f"{what} is taken from {name!r}{why}.")
+    others = [n for n in angles if n not in named.values()]
+    if others and "voltage" not in columns:
+        notes.append(f"Not used: {', '.join(map(repr, others))}. The motor's voltage: --column voltage=COLUMN,unit=V.")
+    return columns, tuple(notes)
+
+
+def guess_file(
+    file: str | Path, *, time: Mapping[str, Any] | None = None, variable: str | None = None
+) -> tuple[Columns, tuple[str, ...]]:
+    """Guess the columns of a file: those of :func:`guess_columns`, and a command that is logged when it changes.
+
+    Parameters and errors are those of :func:`draft_project`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "log.csv"
+    >>> rows = [f"{k / 100},{math.cos(k / 10):.4f},{'' if k % 50 else k}" for k in range(200)]
+    >>> _ = path.write_text("stamp,pendulum,command\\n" + "\\n".join(rows))
+    >>> guess_file(path)[0]["voltage"]
+    {'column': 'command', 'unit': 'V', 'fill': 'hold'}
+    """
+    raw, table = inspect_recording(file, time=time, variable=variable), read_table(Path(file), variable)
+    columns, notes = guess_columns(raw, table.names)
+    if "voltage" not in columns and (command := _rare_command(table)):
+        columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
+        return columns, (
+            *notes,
+            f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",
+        )
+    blank = tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
+    return columns, notes if "voltage" in columns else notes + blank
+
+
+def draft_project(
+    file: str | Path,
+    columns: Mapping[str, Mapping[str, Any]] | None = None,
+    *,
+    time: Mapping[str, Any] | None = None,
+    variable: str | None = None,
+    rig: str | None = None,
+    folder: str | Path = ".",
+) -> Draft:
+    """Draft a project file for a recording of a rotary pendulum.
+
+    Parameters
+    ----------
+    file : path
+        The recording.
+    columns : mapping, optional
+        Signal (``alpha``, ``theta``, ``voltage``) → its fields, as in a project file; guessed if left out.
+    time, variable
+        As in a project file.
+    rig : str, optional
+        Whose constants to begin with; ``srv02-rotpen`` if left out.
+    folder : path
+        Where the project file will be: the recording's path is written as seen from there.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read, the rig is unknown, or no column can be the pendulum's angle.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> t = np.arange(0, 8, 0.01)
+    >>> alpha = 0.3 * np.exp(-t / 3) * np.cos(6 * t)
+    >>> np.savez(folder / "swing.npz", time=t, alpha=alpha)
+    >>> draft = draft_project(folder / "swing.npz", folder=folder)
+    >>> _ = (folder / "rig.toml").write_text(draft.text)
+    >>> from fracid import load_project
+    >>> load_project(folder / "rig.toml").problem.names[:2]
+    ('mu', 'C1')
+    """
+    rig_name = rig or "srv02-rotpen"
+    rotary_pendulum(rig_name)  # refuses an unknown one
+    said: Columns
+    if columns is None:
+        said, notes = guess_file(file, time=time, variable=variable)
+    else:
+        said, notes = {n: dict(c) for n, c in columns.items()}, ()
+        if "alpha" not in said:
+            raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
+    recording = inspect_recording(file, said, time=time, variable=variable)
+    for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
+        if name in said and "zero" not in said[name]:
+            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
+            said[name] |= zero
+            notes += (why,) if why else ()
+    recording = inspect_recording(file, said, time=time, variable=variable)
+    page = _Page(recording, said, rig_name, time, variable, Path(folder), rig is None)
+    return Draft(page.text(), said, notes)
+
+
+# --- what the columns are ----------------------------------------------------------------------------
+
+
+def _first(pattern: str, names: Mapping[str, Any] | list[str]) -> str | None:
+    """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
+    found = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
+    return next((n for n in found if re.search(r"pos|ang", n.lower())), found[0] if found else None)
+
+
+def _travel(s: SignalReport) -> float:
+    """How far it moves, in steps of its encoder where one is seen: units apart."""
+    return s.range / s.resolution if s.resolution else s.range
+
+
+def _column(name: str, header: Sequence[str]) -> int | str:
+    """A column's full name; its place, where it has none, or one that is no word."""
+    place = re.fullmatch(r"column (\d+)", name)
+    if place:
+        return int(place[1])
+    full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]
+    return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
+
+
+def _channel(recording: Recording, s: SignalReport, what: str) -> tuple[dict[str, Any], str]:
+    """Unit and counts of a column, and a clause that says what they are guessed from."""
+    if what == "voltage" and np.isnan(recording.signals[s.name]).any():
+        return {"unit": "V", "fill": "hold"}, ", in volts: a command that is logged when it changes"
+    if what == "voltage":
+        return {"unit": "V"}, ", in volts"
+    if any(said.startswith(f"{s.name} is in ") for said in recording.report.reading):
+        return {}, ", whose unit the header says"
+    whole = s.resolution is not None and abs(s.resolution - 1) < 1e-6
+    if whole and s.range > 50:
+        return {"unit": "counts", "counts_per_turn": 4096}, ": whole numbers, taken for counts of 4096 a turn"
+    if s.resolution and _familiar(360 / s.resolution) and not _familiar(2 * math.pi / s.resolution):
+        return {"unit": "deg"}, f", in degrees: its step is that of {360 / s.resolution:.0f} counts a turn"
+    if s.resolution and _familiar(2 * math.pi / s.resolution):
+        counts = 2 * math.pi / s.resolution
+        return {"unit": "rad"}, f", in radians: its step is that of {counts:.0f} counts a turn"
+    if s.range > 4 * math.pi and s.range < 2000:
+        return {"unit": "deg"}, ", in degrees: two turns of radians are more than a pendulum does"
+    return {"unit": "rad"}, ", taken to be in radians"
+
+
+def _familiar(counts: float) -> bool:
+    return any(abs(counts / known - 1) < 2e-3 for known in FAMILIAR_COUNTS)
+
+
+def _zero(s: SignalReport, _: Recording) -> tuple[dict[str, Any], str]:
+    """Where alpha is zero when it hangs: at the end of the record, where it is at rest there."""
+    if not s.at_rest:
+        return {}, "alpha does not come to rest, so its zero is the file's: is it 0 where the pendulum hangs?"
+    turns = round(s.rest / math.pi)
+    if abs(s.rest - turns * math.pi) > math.radians(2):
+        return {"zero": "rest"}, f"alpha rests at {math.degrees(s.rest):.1f}°, which is taken for hanging."
+    if turns == 0:
+        return {}, ""
+    return {"zero": round(turns * math.pi, 9)}, (
+        f"alpha rests at {180 * turns}°: the encoder's zero is {'upright' if turns % 2 else 'some turns away'}."
+    )
+
+
+def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
+    """An arm that is turns away from zero is brought back: nothing depends on its angle but the cable."""
+    first = float(next(iter(recording.signals[s.name]), 0.0))
+    where, zero = ("ends", s.rest) if s.at_rest or not math.isfinite(first) else ("begins", first)
+    if abs(zero) < 1.0:
+        return {}, ""
+    return {"zero": round(zero, 6)}, f"theta {where} at {zero:.4g} rad, which is taken for its zero."
+
+
+# --- how it moves ------------------------------------------------------------------------------------
+
+
+def _is_command(x: FloatArray) -> bool:
+    """Whether a column has a few values alone, and keeps each for long: steps and pulses."""
+    levels = np.unique(x[np.isfinite(x)])
+    return 2 <= levels.size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size
+
+
+def _rare_command(table: Table) -> str | None:
+    """A column that is called like an input, is blank in part, and has more than one value."""
+    for name, x in zip(table.names, table.values.T, strict=True):
+        seen = x[np.isfinite(x)]
+        called = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
+        if called and 1 < seen.size < x.size and np.ptp(seen) > 0:
+            return name
+    return None
+
+
+def _way(recording: Recording) -> float:
+    """1 if the arm, still until then, first goes with the voltage, -1 if against it, 0 where that cannot be seen."""
+    if not {"voltage", "theta"} <= set(recording.signals):
+        return 0.0
+    u, theta = np.nan_to_num(recording.signals["voltage"]), np.nan_to_num(recording.signals["theta"])
+    on = np.flatnonzero(u != 0)
+    if not on.size:
+        return 0.0
+    after = np.arange(on[0], min(on[0] + round(0.25 / recording.report.clock.step), theta.size))
+    moved = theta[after[np.sign(u[after]) == np.sign(u[on[0]])]] - theta[on[0]]  # until the voltage turns round
+    furthest = float(moved[np.argmax(np.abs(moved))])
+    seen = abs(furthest) > 0.02 * float(theta.max() - theta.min())
+    return math.copysign(1.0, furthest * float(u[on[0]])) if seen else 0.0
+
+
+def _turns(alpha: FloatArray) -> NDArray[np.intp]:
+    """The samples at which a swing is furthest out, one between any two passes through zero."""
+    passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
+    swings = [s for s in np.split(np.arange(alpha.size), passes) if s.size > 2]
+    return np.array([s[np.argmax(np.abs(alpha[s]))] for s in swings], dtype=np.intp)
+
+
+def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
+    """The turn from which on a swing decays evenly, well below the top; None from the first sample on."""
+    turns = _turns(alpha)
+    high = np.abs(alpha[turns])
+    wide = int(np.count_nonzero(high > 0.2 * high.max())) if high.size else 0
+    if wide < 4:
+        return None
+    decay = np.log(high[: wide - 1] / high[1:wide])
+    even = np.abs(decay - np.median(decay)) < max(2 * abs(float(np.median(decay))), 0.1)
+    at_rest = turns[0] <= 0.02 * (turns[1] - turns[0])  # it begins at a turn
+    if at_rest and even[0] and high[0] <= TOP:
+        return None
+    good = [k for k in range(1, wide - 1) if even[k] and high[k] <= TOP]
+    return float(time[turns[good[0]]]) if good else None
+
+
+# --- the page ------------------------------------------------------------------------------------------
+
+
+class _Page:
+    """The text, from top to bottom."""
+
+    def __init__(
+        self, recording: Recording, columns: Columns, rig: str, time: Mapping[str, Any] | None, variable: str | None,
+        folder: Path, guessed: bool,
+    ) -> None:  # fmt: skip
+        self.recording, self.columns, self.rig, self.guessed = recording, columns, rig, guessed
+        self.time, self.variable, self.folder = time, variable, folder
+        self.reports = {s.name: s for s in recording.report.signals}
+        alpha = self.reports["alpha"]
+        self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
+        self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
+        self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
+        self.model = rotary_pendulum(rig)
+
+    def text(self) -> str:
+        """All of it."""
+        parts = [self._head(), self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
+        return "\n\n".join("\n".join(part) for part in parts) + "\n"
+
+    def _head(self) -> list[str]:
+        return [
+            f"# {self.recording.report.verdict}",
+            "#",
+            "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE",
+        ]
+
+    def _model(self) -> list[str]:
+        rigs = ", ".join(RIGS)
+        why = f"# begin with whose constants? {rigs}" if self.guessed else f"# {RIGS[self.rig].title}"
+        return [
+            "[model]",
+            'name = "rotary-pendulum"                # your own: name = "my_rig.py:model"',
+            _line("rig", self.rig, why),
+            _line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
+        ]
+
+    def _parameters(self) -> list[str]:
+        lines = ["[model.parameters]                      # SI; a number fixes, a table frees"]
+        own = {p.name: p.value for p in self.model.parameters}
+        gravity = own["C4"]
+        lines.append(f"C4 = {gravity:.6g}".ljust(40) + "# m g l of the pendulum [N m]: weigh it and measure it")
+        if not self.driven:
+            lines.append("# (all else scales with C4: a free response knows the constants up to a common factor)")
+        free = ["C1", "C3", "C6", "J_theta"] if self.arm else ["C1"]
+        if not self.arm:
+            lines.append("C3 = 0.0".ljust(40) + "# the arm stands still, held by its motor: nothing couples to it")
+        slower = self._slower()
+        for name in free:
+            start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
+            if name == "C6" and self.swing < SMALL:
+                lines.append(
+                    f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
+                )
+                continue
+            lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
+        for joint in ("theta", "alpha") if self.arm else ("alpha",):
+            viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
+            lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
+            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, gravity, dry))
+        if self.arm:
+            lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
+            lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
+        if self.driven:
+            k, way = own["torque_per_volt"] or 0.05, _way(self.recording)
+            k = k if way == 0 else math.copysign(k, way)
+            low, high = sorted((k / SPAN**2, k * SPAN**2))  # motors differ more than masses
+            why = {0.0: "turn its sign round if the arm goes the other way", 1.0: "the arm goes with the voltage",
+                   -1.0: "the arm goes against the voltage"}[way]  # fmt: skip
+            lines.append(_range("torque_per_volt", k, low, high, f"{why} [N m/V]"))
+        fast = math.degrees(self.swing) > 45
+        drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
+        return [*lines, drag if fast else f"# {drag}"]
+
+    def _inertia(self, gravity: float) -> float:
+        """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
+        r = self.recording
+        step = r.report.clock.step
+        y = np.nan_to_num(r.signals["alpha"] - self.reports["alpha"].rest)
+        first = 0 if r.report.release is None else int(np.searchsorted(r.time, r.report.release))
+        spectrum = np.abs(np.fft.rfft(y[first:] * np.hanning(len(y) - first), 8 * len(y)))
+        omega = 2 * math.pi * float(np.argmax(spectrum)) / (8 * len(y) * step)
+        return gravity / omega**2 if omega > 0 else self.model.parameter("C1").value
+
+    def _slower(self) -> float:
+        """By what all inertias of the rig are to be multiplied so that its pendulum swings as in the recording.
+
+        At small angles ω² is C4 / (C1 − C3²/J_theta) where the arm is free, C4 / C1 where its friction holds it, and
+        between the two otherwise; 1 where the recording's is there, or near, or where something drives it.
+        """
+        if not self.arm or self.driven:
+            return 1.0
+        C1, C3, C4, J = (self.model.parameter(n).value for n in ("C1", "C3", "C4", "J_theta"))
+        seen, free = self._inertia(C4), C1 - C3**2 / J
+        factor = min(seen / free, 1.0) if seen < free else max(seen / C1, 1.0)
+        return factor if not 1 / LIKE < factor < LIKE else 1.0
+
+    def _meaning(self, name: str) -> str:
+        p = self.model.parameter(name)
+        return f"{p.description.split(' (')[0]} [{p.unit}]"
+
+    def _orders(self) -> list[str]:
+        free = "{ start = 1.0, lower = 0.6, upper = 1.2 }"
+        arm = f"lambda = {free}" if self.arm else "lambda = 1.0"
+        why = "# of the arm" if self.arm else "# of the arm, which stands still: nothing shows it"
+        return ["[model.orders]                          # 1.0 is the integer-order model", f"{arm:<52}{why}",
+                f"mu     = {free}".ljust(52) + "# of the pendulum"]  # fmt: skip
+
+    def _recording(self) -> list[str]:
+        path = Path(self.recording.path).resolve()
+        seen = os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/")
+        lines = ["[[recording]]", _line("name", self.recording.name, ""), _line("file", seen, "")]
+        if self.variable:
+            lines.append(_line("variable", self.variable, "# the array in the file"))
+        if self.time:
+            lines.append(f"time = {_table(self.time)}")
+        else:
+            lines += [f"# {said}" for said in self.recording.report.reading if said.startswith("Time ")]
+        lines += [f"{name} = {_table(fields)}" for name, fields in self.columns.items()]
+        lines.append(self._from())
+        if self._held():
+            reach = max(0.05, 5 * self.recording.report.clock.step)
+            moment = f"release_time = {{ start = 0.0, lower = -{reach:.3g}, upper = {reach:.3g} }}"
+            lines.append(f"{moment:<70}# [s] of the release after that sample; it lies between two")
+        lines.append(f"# to = {self.recording.time[-1]:.4g}")
+        lines.append(_line("use", "fit", '# or "validate": judged on it, not fitted to it'))
+        return lines
+
+    def _at_the_top(self) -> bool:
+        """Whether it is let go near upright."""
+        r = self.recording
+        release = r.report.release
+        return release is not None and bool(abs(r.signals["alpha"][int(np.searchsorted(r.time, release))]) > TOP)
+
+    def _held(self) -> bool:
+        """Whether it is held still, then let go: so it begins at rest."""
+        return self.recording.report.release is not None and not self._at_the_top()
+
+    def _from(self) -> str:
+        """Where it begins: see the table at the top of this page."""
+        r, alpha = self.recording, np.nan_to_num(self.recording.signals["alpha"])
+        release, top = r.report.release, self._at_the_top()
+        if self._held():
+            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+        turn = None if self.driven else _free_from(r.time, alpha)
+        if turn is not None:
+            why = "# it turns there, below the top: how it left that, a hair decides" if top else (
+                "# it turns there, and swings freely from then on")  # fmt: skip
+            return f"from = {turn:.3f}".ljust(40) + why
+        if top:
+            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+        return f"# from = 1.0                            # no release was found: {r.report.release_reason}"
+
+    def _fit(self) -> list[str]:
+        outputs = ["theta", "alpha"] if self.arm else ["alpha"]
+        start = (
+            _line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
+            if self._held()
+            else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
+        )
+        lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
+        own = [
+            n
+            for n, used in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
+            if used
+        ]
+        if own:
+            where = "# where it rests differs from recording to recording"
+            lines.append(f"per_recording = {json.dumps(own)}".ljust(40) + where)
+        return lines
+
+
+def _joint(name: str) -> str:
+    return {"theta": "arm", "alpha": "pendulum"}[name]
+
+
+def _line(key: str, value: str, comment: str) -> str:
+    return f"{key} = {json.dumps(value, ensure_ascii=False)}".ljust(40 if comment else 0) + comment
+
+
+def _range(name: str, start: float, lower: float, upper: float, comment: str) -> str:
+    table = f"{name} = {{ start = {start:.4g}, lower = {lower:.3g}, upper = {upper:.3g} }}"
+    return f"{table:<70}# {comment}"
+
+
+def _table(fields: Mapping[str, Any]) -> str:
+    def said(value: Any) -> str:
+        return json.dumps(value, ensure_ascii=False) if not isinstance(value, float) else repr(value)
+
+    return "{ " + ", ".join(f"{key} = {said(value)}" for key, value in fields.items()) + " }"

@@ -1,0 +1,197 @@
+"""An Experiment: a recording as a problem uses it, from time 0, on a uniform grid, in columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.models import Model
+from fracid.problem.unknowns import Free
+from fracid.recording import Recording
+from fracid.signals.swing import release_time, swing_frequency
+
+__all__ = ["Experiment"]
+
+CUTOFF = 10.0
+"""Of the low-pass of a past, in frequencies of the output's swing."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A recording as a problem sees it: from time 0, on a uniform grid, outputs and inputs in columns."""
+
+    name: str
+    step: float
+    """[s]"""
+    measured: FloatArray
+    """Outputs [rad], shape (n_samples, n_outputs)."""
+    inputs: FloatArray
+    """u on the grid, shape (n_samples, n_inputs), or one row for all."""
+    start: float = 0.0
+    """Time of the first sample on the recording's own clock [s]."""
+    sha256: str = ""
+    """Of the file."""
+    initial: Mapping[str, float] = field(default_factory=dict)
+    """States whose initial value is known, such as a release angle [rad]: fixed, whatever `initial_state` says."""
+    weight: float = 1.0
+    """As how many samples each of its samples counts."""
+    release_time: float | Free = 0.0
+    """When the motion begins, from the first sample [s]; until then the initial state is held."""
+    past: FloatArray | None = None
+    """Outputs before the first sample, from rest on, up to one step before it [rad], shape (n_past, n_outputs)."""
+    past_inputs: FloatArray | None = None
+    """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
+
+    @classmethod
+    def of(
+        cls,
+        recording: Recording,
+        model: Model,
+        outputs: Sequence[str],
+        initial: Mapping[str, float] | None = None,
+        *,
+        before: Recording | None = None,
+        **options: Any,
+    ) -> Experiment:
+        """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
+
+        The `options` are what else a recording has: its `weight`, its `release_time`.  `before` is the recording of
+        what came before, for a start in motion (:meth:`Recording.split` gives both).
+
+        Raises
+        ------
+        InputError
+            If an output is not among its signals, it is not on a uniform grid, or a state is unknown.
+
+        Examples
+        --------
+        >>> import fracid
+        >>> twin = Recording.of("twin", np.arange(3.0), {"alpha": np.zeros(3)})
+        >>> Experiment.of(twin, fracid.rotary_pendulum(), ["alpha"]).measured.shape
+        (3, 1)
+        """
+        for name in outputs:
+            if name not in recording.signals:
+                raise InputError(
+                    f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
+                    f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
+                )
+        if recording.step is None:
+            raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
+        for name in initial or {}:
+            if name not in model.states:
+                raise unknown_name(f"state in initial of {recording.name}", name, model.states)
+        past: dict[str, Any] = {}
+        if before is not None:
+            past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
+            if before.step is None or abs(recording.time[0] - before.time[-1] - recording.step) > 1e-3 * recording.step:
+                raise InputError(
+                    f"{recording.name}: the past must end one step before the start, on the same grid; "
+                    "take both from one recording: before, after = recording.split(time)."
+                )
+        measured, inputs = _columns(recording, model, outputs)
+        return cls(
+            recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
+            initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
+        )  # fmt: skip
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """From 0 [s], shape (n_samples,)."""
+        return np.arange(len(self.measured), dtype=np.float64) * self.step
+
+    def until(self, horizon: float) -> Experiment:
+        """Keep the first `horizon` seconds."""
+        n = min(len(self.measured), max(3, round(horizon / self.step) + 1))
+        return replace(self, measured=self.measured[:n], inputs=self.inputs[:n])
+
+    @property
+    def all_inputs(self) -> FloatArray:
+        """The inputs from the first sample of the past on, or one row for all."""
+        before = np.zeros((1, self.inputs.shape[1])) if self.past_inputs is None else self.past_inputs
+        if self.past is None or (len(before) == len(self.inputs) == 1 and np.array_equal(before, self.inputs)):
+            return self.inputs
+        parts = ((before, len(self.past)), (self.inputs, len(self.measured)))
+        return np.vstack([u if len(u) > 1 else np.repeat(u, n, axis=0) for u, n in parts])
+
+    def release_in_past(self) -> int:
+        """The sample of the past at which the motion begins, after a plateau where there is one.
+
+        A free fall's rise is t², so its root is a line, and meets zero at the release: the speed alone is slow to tell.
+        """
+        assert self.past is not None
+        signals = np.vstack([self.past, self.measured])
+        x: FloatArray = np.asarray(signals[:, np.argmax(np.ptp(self.past, axis=0))], dtype=np.float64)
+        t: FloatArray = np.arange(len(x), dtype=np.float64) * self.step
+        found, _ = release_time(t, x)
+        if found is None:
+            return 0
+        near = round(found / self.step)
+        before = x[max(0, near - round(0.5 / self.step)) : max(1, near - round(0.02 / self.step))]
+        rise = np.abs(x - np.mean(before))
+        floor = max(4 * float(np.std(before)), 2e-3 * float(np.ptp(x)))
+        quiet = np.flatnonzero(rise[: near + round(0.2 / self.step)] < floor)
+        falling = np.arange(quiet[-1] + 1, len(x))
+        falling = falling[: max(3, int(np.argmax(rise[falling] > 10 * floor)))]
+        slope, offset = np.polyfit(falling, np.sqrt(rise[falling]), 1)
+        return int(np.clip(round(-offset / slope), 0, len(self.past) - 1)) if slope > 0 else near
+
+    def smooth_past(self, substeps: int = 1) -> tuple[FloatArray, int]:
+        """The low-passed past and the start [rad], `substeps` rows a sample, and the row of the release.
+
+        The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
+        reaches is kept.
+        """
+        assert self.past is not None
+        whole, n, release = np.vstack([self.past, self.measured]), len(self.past), self.release_in_past()
+        cutoff = CUTOFF * swing_frequency(whole, self.step)
+        reach = math.ceil(2 / (cutoff * self.step))
+        if cutoff < 0.4 / self.step:
+            from scipy.signal import butter, sosfiltfilt
+
+            low_pass = butter(4, cutoff, fs=1 / self.step, output="sos")
+            whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
+        first = max(0, release - reach)
+        smooth, release = whole[first : n + 1], (release - first) * substeps
+        if substeps > 1:
+            from scipy.interpolate import CubicSpline
+
+            line = CubicSpline(np.arange(len(whole)), whole)
+            smooth = line(first + np.arange((n - first) * substeps + 1) / substeps)
+        return np.asarray(smooth), release
+
+    def first_values(self) -> tuple[FloatArray, FloatArray]:
+        """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
+        t = self._first_times
+        parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
+        return self.measured[0].astype(np.float64), parabola[1]
+
+    @property
+    def slope_weights(self) -> FloatArray:
+        """v of the slopes at the start: each is v'y of its output's first samples [1/s], shape (n_first,)."""
+        t = self._first_times
+        powers = np.polynomial.polynomial.polyvander(t / t[-1], min(2, len(t) - 1))
+        return np.asarray(np.linalg.pinv(powers)[1] / t[-1])
+
+    @property
+    def _first_times(self) -> FloatArray:
+        """Those of the parabola at the start [s]."""
+        return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Outputs and inputs side by side; one row of inputs where none was recorded."""
+    measured = np.column_stack([recording.signals[name] for name in outputs])
+    if not any(name in recording.signals for name in model.inputs):
+        return measured, np.zeros((1, len(model.inputs)))
+    columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
+    return measured, np.ascontiguousarray(np.column_stack(columns))

@@ -1,0 +1,538 @@
+"""The project file: a TOML text that says which model, which recordings, what is free, what counts.
+
+::
+
+    [model]                                      [[recording]]
+    name = "rotary-pendulum"                     name  = "release 92°"
+    rig  = "srv02-rotpen"                        file  = "release_92deg.mat"
+    zero = "hanging"                             time  = { column = 0 }
+    [model.parameters]                           theta = { column = 1, unit = "rad" }
+    C4 = 0.1944                                  alpha = { column = 2, unit = "rad", zero = 3.14159265 }
+    b_alpha = { start = 2e-4,                    from  = 9.85
+                lower = -1e-2, upper = 1e-2 }    to    = 44.85
+    [model.orders]                               use   = "fit"
+    lambda = { start = 1.0,                      [fit]
+               lower = 0.6, upper = 1.2 }        cost  = "rmse"
+    mu = 1.0                                     initial_state = "estimate"
+
+Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
+and ``scale``, its typical size.
+A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
+in ``[fit]`` outputs count by their residual's level.  With ``history = "measured"``, there or in a recording, its
+samples before ``from`` enter the memory.  :mod:`fracid.problem.problem` has the formulas.
+
+A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
+same value), and what is left out keeps the rig's value; orders that are left out are
+free in [0.5, 1.2], and angles that ``per_recording`` names within a radian of their value.  Paths are
+relative to the file.  :func:`load_project` reads it all, recordings included; an unknown key or a value of
+the wrong kind is told with its place in the file.
+
+``preset = "paper"`` is the paper to the letter: gl-paper, ITAE on α alone, the orders alone, from a held
+release, by its genetic algorithm.  It overrides whatever else the file says of these.
+"""
+
+from __future__ import annotations
+
+import difflib
+import stat
+import tomllib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from fracid.errors import InputError, NotTrusted, unknown_name
+from fracid.models import Model, model_from_name
+from fracid.optimise import optimiser_from_name
+from fracid.problem.costs import cost_from_name
+from fracid.problem.experiment import Experiment
+from fracid.problem.problem import Problem
+from fracid.problem.unknowns import Free, Prior, Tied, Value
+from fracid.recording import Recording, load_recording
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.text import printable, refuse_unseen
+from fracid.safety.user_code import refuse_untrusted
+from fracid.solver.memory import memory_from_name
+
+__all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
+
+ORDER_RANGE = Free(1.0, 0.5, 1.2)
+"""Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
+
+LARGEST_FILE = 2**24
+"""Of a project [bytes]: 100,000 recordings."""
+
+DEEPEST = 16
+"""Tables and lists within each other."""
+
+LONGEST_KEY = 100
+"""Points in a key."""
+
+LONGEST_MESSAGE = 600
+"""Characters."""
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {
+        "method": "gl-paper",
+        "cost": "itae",
+        "weights": "equal",
+        "outputs": ["alpha"],
+        "per_recording": [],
+        "initial_state": "held",
+        "optimiser": "genetic",
+    }
+}
+"""What a preset puts into ``[fit]``; ``paper`` also fixes every parameter and frees the orders."""
+
+
+class _Table(BaseModel):
+    """A table of the file; unknown keys are refused, and so are texts and truth values for numbers."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class _Prior(_Table):
+    mean: float
+    sd: float
+
+
+class _Range(_Table):
+    start: float
+    lower: float
+    upper: float
+    prior: _Prior | None = None
+    scale: float | None = None
+
+
+def _untied(said: Any) -> Any:
+    """``{ tie = "lambda" }`` says the same as ``"lambda"``."""
+    if not isinstance(said, dict):
+        return said
+    ties = {n: v["tie"] for n, v in said.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
+    return said | {n: v for n, v in ties.items() if isinstance(v, str)}
+
+
+_Values = Annotated[dict[str, float | _Range | str], BeforeValidator(_untied)]
+
+
+class _Model(_Table):
+    name: str = "rotary-pendulum"
+    rig: str | None = None
+    zero: str | None = None
+    actuation: Literal["voltage", "torque"] | None = None
+    parameters: _Values = {}
+    orders: _Values = {}
+
+
+_History = Literal["measured", "none"]
+
+
+class _Recording(_Table):
+    """Every other key of the table is a signal."""
+
+    model_config = ConfigDict(extra="allow")
+    name: str | None = None
+    file: str
+    time: dict[str, Any] | int | str | None = None
+    start: float | Literal["release"] | None = Field(default=None, alias="from")
+    stop: float | None = Field(default=None, alias="to")
+    use: Literal["fit", "validate"] = "fit"
+    resample: bool | float | Literal["needed"] = "needed"
+    variable: str | None = None
+    initial: dict[str, float] = {}
+    """States known at the start [rad], such as the angle of release."""
+    weight: float = 1.0
+    release_time: float | _Range = 0.0
+    history: _History | None = None
+
+
+class _Fit(_Table):
+    cost: str = "rmse"
+    weights: str = "equal"
+    outputs: list[str] | None = None
+    per_recording: list[str] = []
+    initial_state: str = "estimate"
+    history: _History = "none"
+    method: str = "pi2"
+    memory: str = "compressed"
+    tolerance: float = 1e-10
+    substeps: int = Field(default=1, ge=1)
+    optimiser: str = "multistart"
+    starts: int = Field(default=1, ge=1)
+    seed: int = Field(default=1, ge=0)
+    preset: str | None = None
+
+
+class _File(_Table):
+    model: _Model = _Model()
+    recording: list[_Recording] = Field(min_length=1)
+    fit: _Fit = _Fit()
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project file with its recordings loaded."""
+
+    path: Path
+    text: str
+    """The file as it was read."""
+    problem: Problem
+    validation: tuple[Experiment, ...]
+    """The recordings with use = "validate"."""
+    recordings: tuple[Recording, ...]
+    """All, in the file's order, with their reports."""
+    optimiser: str
+    starts: int
+    seed: int
+    preset: str | None
+    notes: tuple[str, ...] = ()
+    """What was done that the file does not say in so many words."""
+    own_code: tuple[Path, ...] = ()
+    """Files of its own whose code was run: it is trusted."""
+
+    @property
+    def resolutions(self) -> dict[str, dict[str, float | None]]:
+        """Recording → signal → the step of its encoder [rad]; None where none is seen."""
+        return {r.name: {s.name: s.resolution for s in r.report.signals} for r in self.recordings}
+
+
+def load_project(path: str | Path, *, preset: str | None = None, trust: bool = False) -> Project:
+    """Read a project file and the recordings that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+    preset : str, optional
+        In place of the file's own.
+    trust : bool
+        Let it run code of its own, a model or a cost in a Python file that it names.  Read that first.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no TOML, or says something that cannot be; with the place.
+    NotTrusted
+        If it names code of its own, and `trust` is not given.
+    DataError
+        If a recording fails its checks.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> time = np.arange(0, 2, 0.01)
+    >>> np.savez(folder / "swing.npz", time=time, alpha=0.1 * np.cos(6 * time))
+    >>> _ = (folder / "rig.toml").write_text('[[recording]]\\nfile = "swing.npz"\\nalpha = { column = "alpha" }')
+    >>> project = load_project(folder / "rig.toml")
+    >>> project.problem.outputs, project.problem.names[:2]
+    (('alpha',), ('lambda', 'mu'))
+    """
+    path = Path(path)
+    return project_from_text(_text(path), path, preset=preset, trust=trust)
+
+
+def _text(path: Path) -> str:
+    """Read a project file; of a pipe or device nobody knows the end, and a recording by mistake may be large."""
+    try:
+        refuse_mistaken(path, "project")
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+            raise InputError(f"The project file {path} is no plain file but a pipe or a device; save it to a file.")
+        if found.st_size > LARGEST_FILE:
+            raise InputError(f"The project file {path} has {found.st_size} bytes; expected {LARGEST_FILE} at most.")
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"The project file {path} cannot be read: it is not UTF-8 text; save it as UTF-8.") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"The project file {path} cannot be read: {getattr(error, 'strerror', error)}.") from None
+
+
+def project_from_text(text: str, path: Path, *, preset: str | None = None, trust: bool = False) -> Project:
+    """Read a project from the text of a file; `path` says where its relative paths lead from, and is not read.
+
+    Errors are those of :func:`load_project`.
+
+    Examples
+    --------
+    >>> project_from_text("[[recording]]", Path("rig.toml"))
+    Traceback (most recent call last):
+    fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
+    """
+    try:
+        said = _File.model_validate(_toml(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not TOML: {_short(error)}.") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {_short(_explain(error))}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    try:
+        return _project(path, text, said, preset or said.fit.preset, trust)
+    except NotTrusted:
+        raise
+    except InputError as error:
+        raise InputError(f"{path}: {_short(error)}") from None
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """Parse, and refuse what no project says and Python stumbles over: depths and whole numbers without end."""
+    if any(line.partition("=")[0].count(".") > LONGEST_KEY for line in text.splitlines()):  # it takes their square
+        raise InputError(f"a key has more than {LONGEST_KEY} points; a project's has two.")
+    try:
+        said = tomllib.loads(text)
+    except RecursionError:
+        raise InputError("its tables or lists lie too deep in each other; a project has three levels.") from None
+    except ValueError as error:
+        if isinstance(error, tomllib.TOMLDecodeError):
+            raise
+        raise InputError("it holds a whole number of thousands of digits.") from None
+    level: list[Any] = [said]
+    for _ in range(DEEPEST):
+        level = [v for item in level for v in (item.values() if isinstance(item, dict) else item)]
+        if any(isinstance(v, int) and v.bit_length() > 63 for v in level):
+            raise InputError("it holds a whole number of more than 18 digits; write it with a point if it is meant.")
+        level = [v for v in level if isinstance(v, dict | list)]
+    if level:
+        raise InputError(f"its tables or lists lie more than {DEEPEST} deep in each other; a project has three levels.")
+    return said
+
+
+def _short(said: object) -> str:
+    """In one line that can be seen whole: what a file says may be of any length, and lie in any message."""
+    line = printable(" ".join(str(said).split()))
+    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} … {line[-190:]}"
+
+
+def _project(path: Path, text: str, said: _File, preset: str | None, trust: bool) -> Project:
+    fit = _apply(said.fit, preset)
+    own_code = refuse_untrusted(path, (said.model.name, fit.cost), trust)
+    optimiser_from_name(fit.optimiser)
+    model, parameters = _model(said.model, path.parent)
+    orders = _orders(said.model.orders, model)
+    pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in said.recording]
+    loaded = [_load(r, model, path.parent, past) for r, past in zip(said.recording, pasts, strict=True)]
+    recordings = tuple(recording for recording, _ in loaded)
+    _refuse_twins(recordings)
+    outputs = tuple(fit.outputs or _common_outputs(model, recordings))
+    experiments = [
+        Experiment.of(
+            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s)
+        )
+        for (r, before), s in zip(loaded, said.recording, strict=True)
+    ]
+    uses = [r.use for r in said.recording]
+    fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
+    if not fitted:
+        raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
+    if preset == "paper":
+        parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+        orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
+    parameters |= _freed_by_recording(fit.per_recording, parameters, model)
+    problem = Problem(
+        model, fitted, orders, parameters, tuple(fit.per_recording),
+        cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
+        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps, fit.weights,  # type: ignore[arg-type]
+    )  # fmt: skip
+    validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
+    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
+    return Project(
+        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
+    )
+
+
+def _apply(fit: _Fit, preset: str | None) -> _Fit:
+    if preset is None:
+        return fit
+    if preset not in PRESETS:
+        raise unknown_name("preset", preset, PRESETS)
+    return fit.model_copy(update=PRESETS[preset])
+
+
+def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, Value]]:
+    """The model with every parameter at its start, and those of the file that are its own."""
+    parameters = {n: _value(n, v) for n, v in said.parameters.items()}
+    starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
+    model = model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=starts, folder=folder)
+    for name, value in parameters.items():
+        if isinstance(value, Tied):
+            model.parameter(name)
+        if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
+            raise InputError(
+                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
+            )
+    return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
+
+
+def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:
+    """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
+    values = {n: parameters.get(n, model.parameter(n).value) for n in names}
+    return {
+        n: Free(v, v - 1.0, v + 1.0)
+        for n, v in values.items()
+        if not isinstance(v, Free | Tied) and model.parameter(n).unit == "rad"
+    }
+
+
+def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Recording, Recording | None]:
+    """Load a recording and, if asked for, what came before; the keys that pydantic did not know are its signals."""
+    columns = dict(said.model_extra or {})
+    known = (*model.outputs, *model.inputs)
+    for name in columns:
+        if name not in known:
+            close = difflib.get_close_matches(name, [*known, "from", "to", "file", "time", "use", "resample"], 1)
+            hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(known)}."
+            raise InputError(f"[[recording]] {said.name or said.file}: unknown key {name!r}; {hint}")
+    if not columns:
+        raise InputError(
+            f"[[recording]] {said.name or said.file} names no signal; type for example "
+            f'{known[-2] if len(known) > 1 else known[0]} = {{ column = 1, unit = "deg" }}.'
+        )
+    name = refuse_unseen("the recording's name", said.name or Path(said.file).stem)
+    if past and said.start is None:
+        raise InputError(
+            f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
+        )
+    if isinstance(said.start, float) and said.stop is not None and said.start >= said.stop:
+        raise InputError(f"{name}: from = {said.start:g} is not before to = {said.stop:g}.")
+    found = load_recording(
+        folder / said.file, columns, time=said.time, start=None if past else said.start, stop=said.stop,
+        resample=said.resample, name=name, variable=said.variable,
+    )  # fmt: skip
+    if not past:
+        return found, None
+    after = found.trim(said.start)
+    return after, found.trim(None, after.time[0] - 0.5 * after.report.clock.step)
+
+
+def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
+    name, count = Counter(r.name for r in recordings).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"two recordings are named {name!r}; give each its own name.")
+
+
+def _shared(recordings: tuple[Recording, ...]) -> list[str]:
+    """Say which recordings share samples: these count twice, or judge what was fitted to them."""
+    by_start = sorted(recordings, key=lambda r: (r.sha256, r.time[0], r.time[-1]))
+    return [
+        f"{one.name} and {other.name} are the same samples of {other.path.name} from {other.time[0]:.6g} to "
+        f"{min(one.time[-1], other.time[-1]):.6g} s: they count twice, or judge what was fitted to them. "
+        "Part them with from and to."
+        for one, other in pairwise(by_start)
+        if one.sha256 == other.sha256 and other.time[0] < one.time[-1]
+    ]
+
+
+def _orders(said: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:
+    """Those that are left out are free."""
+    for name in said:
+        if name not in model.order_names:
+            raise unknown_name("order in [model.orders]", name, model.order_names)
+    return {n: _value(n, said.get(n, ORDER_RANGE)) for n in model.order_names}
+
+
+def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
+    outputs = [n for n in model.outputs if all(n in r.signals for r in recordings)]
+    if not outputs:
+        raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
+    return outputs
+
+
+def _release_time(name: str, said: _Recording) -> float | Free:
+    value = _value(f"release_time of {name}", said.release_time)
+    assert not isinstance(value, Tied)
+    return value
+
+
+def _value(name: str, said: float | _Range | str | Free) -> Value:
+    if isinstance(said, str):
+        return Tied(said)
+    if not isinstance(said, _Range):
+        return said
+    try:
+        prior = None if said.prior is None else Prior(said.prior.mean, said.prior.sd)
+        return Free(said.start, said.lower, said.upper, prior, said.scale)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _in_folder(cost: str, folder: Path) -> str:
+    """A user's own cost, ``my.py:function``, is looked for beside the project file."""
+    return str(folder / cost) if ".py:" in cost else cost
+
+
+# --- what pydantic says, in our words ----------------------------------------------------------------
+
+
+EXPECTED = {
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than_equal": "{ge} or more",
+    "int_type": "a whole number",
+    "list_type": "a list [...]; for recordings type [[recording]]",
+    "literal_error": "{expected}",
+    "model_type": "a table {{ {keys} }}",
+    "dict_type": "a table {{ ... }}",
+    "string_type": 'a text in "..."',
+}
+"""What pydantic's faults mean; those not listed keep its words."""
+
+
+def _explain(error: ValidationError) -> str:
+    """Turn the faults into sentences, one for each place in the file."""
+    faults: dict[tuple[Any, ...], list[Any]] = {}
+    for fault in error.errors():
+        faults.setdefault(_path(fault["loc"]), []).append(fault)
+    inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
+    inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
+    return " ".join(_sentence(p, faults[p]) for p in inner[:3])
+
+
+def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Where a fault is, without pydantic's notes on which alternative it tried."""
+    tried = {"float", "int", "str", "bool", "_Range"}
+    return tuple(p for p in loc if p not in tried and not str(p).startswith(("literal[", "dict[", "function-")))
+
+
+def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
+    where, kinds = _place(list(path)), [fault["type"] for fault in faults]
+    if "extra_forbidden" in kinds:
+        return f"{where} is unknown; {_close(path)}"
+    if "missing" in kinds:
+        return f"{where} is missing."
+    expected = [EXPECTED.get(f["type"], f["msg"]).format(**f.get("ctx", {}), keys=_keys(f)) for f in faults]
+    value = faults[0]["input"]
+    said = str(value).lower() if isinstance(value, bool) else repr(value)
+    return f"{where} = {said}; expected {' or '.join(dict.fromkeys(expected))}."
+
+
+def _keys(fault: Any) -> str:
+    """What the table must hold that a fault misses: ``mean = ..., sd = ...``."""
+    tables: dict[str, type[_Table]] = {"_Range": _Range, "_Prior": _Prior}
+    table = tables.get(fault.get("ctx", {}).get("class_name", ""), _Table)
+    required = [n for n, f in table.model_fields.items() if f.is_required()]
+    return ", ".join(f"{n} = ..." for n in required) or "..."
+
+
+def _place(path: list[Any]) -> str:
+    """``["recording", 0, "file"]`` → ``[[recording]] number 1: file``."""
+    if path and path[0] == "recording":
+        number = f" number {path[1] + 1}" if len(path) > 1 else ""
+        return f"[[recording]]{number}" + "".join(f": {p}" for p in path[2:])
+    table, key = ".".join(map(str, path[:-1])), str(path[-1]) if path else ""
+    return f"[{table}] {key}" if table else f"[{key}]"
+
+
+def _close(path: tuple[Any, ...]) -> str:
+    """The nearest known key, or all of them."""
+    tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
+    table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
+    known = [*table.model_fields]
+    match = difflib.get_close_matches(str(path[-1]), known, 1)
+    return f"did you mean {match[0]!r}?" if match else f"the known ones are {', '.join(known)}."

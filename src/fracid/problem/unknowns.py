@@ -1,0 +1,116 @@
+"""The free parameters of a problem: a value that is fixed, Free within bounds, or Tied to another.
+
+A :class:`Prior` is a normal density on a free parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from fracid.errors import InputError
+
+__all__ = ["Free", "InitialState", "Prior", "Tied", "Unknown", "Value", "Weights", "root_of", "start_of"]
+
+InitialState = Literal["estimate", "rest", "measured", "held"]
+
+Weights = Literal["equal", "noise"]
+
+FAR = 5.0
+"""A search does not start further than this from a prior's mean [standard deviations]."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a value beforehand: a normal density; see the module's first screen for its weight."""
+
+    mean: float
+    sd: float
+    """Standard deviation, in the value's unit."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no density."""
+        if not (math.isfinite(self.mean) and math.isfinite(self.sd) and self.sd > 0):
+            raise InputError(
+                f"prior = {{ mean = {self.mean:g}, sd = {self.sd:g} }}: expected finite numbers, and sd above 0 "
+                "(to fix a value give the number alone)."
+            )
+
+
+@dataclass(frozen=True)
+class Free:
+    """A value to be found: where the search starts and between which bounds.
+
+    Where no scale is given, they tell it: least squares takes the start, or a hundredth of the range where that is
+    more, for its typical size.
+    """
+
+    start: float
+    lower: float
+    upper: float
+    prior: Prior | None = None
+    """None: every value between the bounds is as likely as any other."""
+    scale: float | None = None
+    """Its typical size, by which a search measures steps; None: see above."""
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that do not hold the start."""
+        if not self.lower <= self.start <= self.upper or self.lower == self.upper:
+            raise InputError(
+                f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
+                "expected lower <= start <= upper and lower < upper."
+            )
+        if self.scale is not None and not 0 < self.scale < math.inf:
+            raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
+        if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
+            raise InputError(
+                f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "
+                f"deviations from its prior's mean, which all but excludes it: type start = {self.prior.mean:g}."
+            )
+
+
+@dataclass(frozen=True)
+class Tied:
+    """A value that is always another's: ``"mu": Tied("lambda")``.
+
+    Orders are tied to orders, parameters to parameters of the same unit; free or fixed, the other may itself be tied.
+    """
+
+    to: str
+    """The other's name."""
+
+
+Value = float | Free | Tied
+"""A number is fixed."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One entry of x."""
+
+    name: str
+    """``mu``, ``b_alpha``, ``theta_rest [release 92°]``, ``alpha(0) [release 92°]``, ``release_time [release 92°]``."""
+    unit: str
+    kind: Literal["order", "parameter", "initial", "time"]
+    target: str
+    """The order's, the parameter's or the state's own name; ``release_time``."""
+    experiment: str | None
+    """The recording that it belongs to; None where all share it."""
+    range: Free
+
+
+def start_of(value: Value) -> float:
+    """Where the search starts: a number's own value."""
+    assert not isinstance(value, Tied)
+    return value.start if isinstance(value, Free) else float(value)
+
+
+def root_of(what: str, name: str, values: Mapping[str, Value]) -> str:
+    """Follow the ties from a name to the one that is tied to none."""
+    path = [name]
+    while isinstance(value := values.get(path[-1]), Tied):
+        path.append(value.to)
+        if value.to in path[:-1]:
+            raise InputError(f"{' = '.join(path)} goes in a circle: give one {what} of them a number or a range.")
+    return path[-1]

@@ -1,0 +1,198 @@
+"""The clock of a recording: which column or rate gives the time, in which unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import DataError, InputError
+from fracid.findings import Finding
+from fracid.recording.channel import measurable
+from fracid.recording.readers.table import Table
+from fracid.safety.text import LONGEST_NAME, printable
+
+__all__ = ["CLOCK_STAMP", "read_clock", "short_text", "unevenness"]
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+
+TIME_SPELLINGS = {
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(
+        ("usec", "micros", "microsecond", "microseconds", "\u03bcs"), "us"
+    ),  # the Greek letter, not the sign
+    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **dict.fromkeys(("hr", "hour", "hours"), "h"),
+}
+"""Other spellings of units of time in headers."""
+
+TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")
+"""A column that is named like time."""
+
+RATE_NAME = re.compile(r"sampl\w*[ _-]*(rate|freq)|^fs$|rate[ _-]*hz")
+"""A name in a header that is the samples a second."""
+
+CLOCK_STAMP = 1e6
+"""A first time beyond this [s], twelve days, is a date: time is then counted from the first sample."""
+
+SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
+"""Of a clock [s]."""
+
+EVEN = 0.05
+"""Relative scatter of its steps below which a column is a clock."""
+
+OTHER_RATE = 1.02
+"""A rate that is so many times another is not the same, rounded."""
+
+
+# ------------------------------------------------------------------------------- time
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What reading the time did."""
+
+    column: int | None
+    sentences: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+def read_clock(
+    table: Table, given: Mapping[str, Any] | int | str | None
+) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
+    """Return time stamps, the rows that have one, and what was done."""
+    spec = dict(given) if isinstance(given, Mapping) else {} if given is None else {"column": given}
+    unknown = set(spec) - {"column", "unit", "rate"}
+    if unknown or (spec and ("rate" in spec) == ("column" in spec)):
+        raise InputError(
+            f"time = {given!r} is not possible; expected "
+            "{column = 0}, {column = 0, unit = 'ms'} or {rate = 1000}."
+        )
+    if "rate" in spec:
+        return _from_rate(table, spec["rate"])
+    if not spec and len(table.names) == 1 and (rate := _header_rate(table.header)):
+        return (*_from_rate(table, rate)[:2], _Said(None, (f"The rate is {rate:g} Hz, as the header says.",)))
+    guessed = not spec
+    column = _guess_time(table) if guessed else table.find(spec["column"])
+    header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column])
+    unit = spec.get("unit") or (header if header in SECONDS else "s")
+    if unit not in SECONDS:
+        raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
+    stamps = measurable(table.values[:, column])[0] * SECONDS[unit]
+    rows = np.isfinite(stamps)
+    stamps = stamps[rows]
+    if not stamps.size:
+        raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
+    sentences = [f"Time is taken from {table.names[column]!r} [{unit}]."] if guessed else []
+    if header and header not in SECONDS and "unit" not in spec:
+        sentences.append(
+            f"The header has time in {short_text(header)!r}, which is no unit of time here: it is taken as s."
+        )
+    if not rows.all():
+        sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
+    if abs(stamps[0]) > CLOCK_STAMP:
+        sentences.append(f"Time is counted from the first stamp, {stamps[0]:.6f} s.")
+        stamps = stamps - stamps[0]
+    _refuse_no_clock(stamps, table)
+    return stamps, rows, _Said(column, tuple(sentences))
+
+
+def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:
+    """Refuse what is no time at all; a clock that jitters, repeats or goes back is for the report to tell."""
+    steps = np.abs(np.diff(stamps))
+    steps = steps[steps > 0]
+    if steps.size and not (steps.min() > SHORTEST_STEP and np.ptp(stamps) < LONGEST_TIME):
+        raise DataError(
+            f"{table.source}: time has steps from {steps.min():.3g} to {steps.max():.3g} s over "
+            f"{np.ptp(stamps):.3g} s, as no clock has. Is it another column, or in another unit?"
+        )
+
+
+def _from_rate(table: Table, rate: Any) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
+    if not isinstance(rate, Real) or isinstance(rate, bool) or not 0 < float(rate) < np.inf:
+        raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
+    n, rate = len(table.values), float(rate)
+    _refuse_no_clock(np.array([0.0, 1 / rate]), table)
+    return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, (), tuple(_other_rates(table, rate)))
+
+
+def _other_rates(table: Table, rate: float) -> Iterator[Finding]:
+    """Say that a column of time runs evenly at another rate, units apart."""
+    for j, name in enumerate(table.names):
+        uneven = unevenness(table.values[:, j]) if TIME_NAME.search(name[:LONGEST_NAME].lower()) else None
+        if uneven is None or uneven > EVEN:
+            continue
+        stamps = table.values[:, j]
+        with np.errstate(over="ignore", invalid="ignore"):
+            step = float(np.median(np.diff(stamps[np.isfinite(stamps)])))
+        if not 1e-12 < step < 1e12:  # no clock's
+            continue
+        own = 1 / step
+        times = [rate / (own / seconds) for seconds in SECONDS.values()]
+        nearest = min(times, key=lambda r: abs(math.log(r)))
+        if abs(math.log(nearest)) > math.log(OTHER_RATE):
+            yield Finding(
+                "wrong-clock", "time", times[0], OTHER_RATE, "times the rate of its column",
+                f"the rate is {rate:g} Hz, as given, and the column {short_text(name)!r} runs at {own:.6g} Hz: one "
+                f"of the "
+                "two is wrong. Leave the rate out to take the column.",
+            )  # fmt: skip
+
+
+def _header_rate(header: Sequence[str]) -> float | None:
+    """Return the samples a second of a header such as ``sample_rate, duration`` over ``1000, 5``."""
+    split = [[cell.strip() for cell in re.split(r"[,;\t]|\s{2,}", line.lstrip("#%/ "))] for line in header]
+    for names, values in pairwise(split):
+        for name, value in zip(names, values, strict=False):
+            if (
+                RATE_NAME.search(name[:LONGEST_NAME].lower())
+                and re.fullmatch(r"\d+(\.\d+)?", value)
+                and float(value) > 0
+            ):
+                return float(value)
+    return None
+
+
+def _guess_time(table: Table) -> int:
+    """Return the column that increases most evenly, of those named like time if there are any."""
+    named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
+    among = named or range(len(table.names))
+    evenness = {j: e for j in among if (e := unevenness(table.values[:, j])) is not None}
+    if named and not evenness:  # a clock that repeats or goes back: the report will say so
+        return named[0]
+    if not evenness:
+        header = f" The header says: {short_text(' | '.join(table.header))}." if table.header else ""
+        sideways = " It has more columns than rows: should it be turned?" if _is_wide(table) else ""
+        raise InputError(
+            f"{table.source}: no column increases like time.{header}{sideways} Give the rate [Hz] or the time column."
+        )
+    return min(evenness, key=lambda j: evenness[j])
+
+
+def _is_wide(table: Table) -> bool:
+    rows, columns = table.values.shape
+    return bool(columns > max(rows, 20))
+
+
+def short_text(text: str) -> str:
+    """On one line that can be printed, 200 characters at most."""
+    return printable(" ".join(text.split()))[:200]
+
+
+def unevenness(column: FloatArray) -> float | None:
+    """Spread of a column's increments relative to their median; None where it does not always increase."""
+    dt = np.diff(measurable(column)[0][np.isfinite(column)])
+    if dt.size == 0 or not np.all(dt > 0):
+        return None
+    with np.errstate(over="ignore"):
+        return float(np.std(dt) / np.median(dt))

@@ -1,0 +1,142 @@
+"""Which columns of a table are signals, in which units, and which are left out."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from itertools import takewhile
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import DataError, InputError
+from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
+from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
+from fracid.recording.readers.table import Table
+
+__all__ = ["channel_with_unit", "choose_channels", "hold_blanks", "refuse_shared"]
+
+
+# ---------------------------------------------------------------------------- channels
+
+
+def choose_channels(
+    table: Table,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None,
+    time: int | None,
+    rows: NDArray[np.bool_],
+) -> tuple[dict[str, Channel], list[str]]:
+    """Return the channels asked for, or all columns that vary, and what was guessed."""
+    if columns is not None:
+        if not isinstance(columns, Mapping) or not columns:
+            raise InputError(f"columns = {columns!r} names no signal; expected e.g. {{'alpha': 2}}.")
+        return {name: Channel.of(given, name) for name, given in columns.items()}, []
+    others = [j for j in range(len(table.names)) if j != time and (unevenness(table.values[:, j]) or 1) > 1e-12]
+    blank = {j for j in others if np.isnan(table.values[rows, j]).all()}
+    still = {j for j in others if j not in blank and _is_still(table.values[rows, j])}
+    kept = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
+    if not kept:
+        raise DataError(_no_signal(table, blank))
+    sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in kept)}."]
+    sentences += _left_out(table)
+    for left, why in [
+        (blank, "blank where time is stamped"),
+        ([j for j in still if j not in kept], "constant"),
+    ]:
+        if left:
+            sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in left)}.")
+    twice = {name for name, count in Counter(table.names).items() if count > 1}
+    shared = re.match(r".*[/.]|", _common([table.names[j] for j in kept]))
+    cut = len(shared[0]) if shared and len(kept) > 1 else 0  # /joint_states/joint0/position: joint0/position
+    label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in kept}
+    return {label[j]: Channel(j) for j in kept}, sentences
+
+
+def _is_still(column: FloatArray) -> bool:
+    return bool(np.all(column == column[0]))
+
+
+def _no_signal(table: Table, blank: Collection[int]) -> str:
+    """Return why nothing but time is there."""
+    names = ", ".join(table.names[:20])
+    said = " ".join(_left_out(table)) or (
+        f"Blank throughout: {', '.join(table.names[j] for j in [*blank][:20])}." if blank else f"Its columns: {names}."
+    )
+    return f"{table.source} holds no signal besides its time. {said}"
+
+
+def _left_out(table: Table) -> list[str]:
+    """Say what of the file is no column and might have been meant to be one."""
+    odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in ("is text", "is a single number")]
+    more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
+    return [f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}."] if odd else []
+
+
+def _common(names: list[str]) -> str:
+    """Return the longest text that all names begin with."""
+    alike = (len(set(letters)) == 1 for letters in zip(*names, strict=False))
+    return names[0][: sum(takewhile(bool, alike))]
+
+
+def _is_clock(table: Table, j: int, time: int | None) -> bool:
+    """Tell whether a column is a second clock: dates that increase."""
+    return time is not None and unevenness(table.values[:, j]) is not None and table.values[0, j] > CLOCK_STAMP
+
+
+def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | None) -> None:
+    """Refuse a column that is asked for twice, or is the clock: a slip of the finger."""
+    used = {} if time is None else {time: "time"}
+    for name, channel in channels.items():
+        j = table.find(channel.column)
+        if j in used:
+            raise InputError(
+                f"{name} and {used[j]} are both column {j}, {short_text(table.names[j])!r}, of {table.source}; "
+                f"give each "
+                "its own."
+            )
+        used[j] = name
+
+
+def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
+    """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
+    column, counts = table.find(channel.column), channel.counts_per_turn
+    header = table.units[column]
+    counting = header.lower() in COUNTING
+    if counts is not None and channel.unit != "counts":
+        if channel.unit is not None or not counting:
+            raise InputError(
+                f'{name}: counts_per_turn = {counts} is for unit = "counts", and its unit is '
+                f'{channel.unit or "not given"}; type unit = "counts", or leave counts_per_turn out.'
+            )
+        return replace(channel, unit="counts"), f"{name} is in counts, as the header says."
+    if channel.unit is not None:
+        return channel, None
+    unit = header_unit(header)
+    if unit:
+        return replace(channel, unit=unit), f"{name} is in {unit}, as the header says."
+    unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"
+    if not header:
+        return replace(channel, unit=unit), f"{name} has no unit: taken as {unit}."
+    if not guessed and counting:
+        raise InputError(
+            f"{name} is in counts, as the header says; type counts_per_turn = 4096, or what its encoder has."
+        )
+    if not guessed and header.lower() in ELSEWHERE:
+        known, scale = ELSEWHERE[header.lower()]
+        raise InputError(f'{name} is in {header}, as the header says; type unit = "{known}", scale = {scale}.')
+    return replace(
+        channel, unit=unit
+    ), f"{name}: what the header says of it, {short_text(header)!r}, is taken as {unit}."
+
+
+def hold_blanks(raw: FloatArray, name: str, channel: Channel) -> tuple[FloatArray, str]:
+    """Fill blanks with the last value; a command before its first is 0."""
+    blanks = int(np.isnan(raw).sum())
+    raw, before = hold(raw), ""
+    if channel.unit in ("V", "N m"):
+        raw, before = np.where(np.isnan(raw), 0.0, raw), " (0 before the first)"
+    return raw, f"{name}: {blanks} blanks hold the last value{before}."

@@ -1,0 +1,151 @@
+"""Load a recording from a file, or inspect one that may be unfit."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from numbers import Real
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import DataError, InputError
+from fracid.recording.channel import Channel, measurable
+from fracid.recording.clock import read_clock
+from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
+from fracid.recording.readers.table import read_table
+from fracid.recording.recording import Recording, demand_fitness, read_only
+from fracid.recording.report import measure
+
+__all__ = ["inspect_recording", "load_recording"]
+
+
+def load_recording(
+    path: str | Path,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    *,
+    time: Mapping[str, Any] | int | str | None = None,
+    start: float | str | None = None,
+    stop: float | None = None,
+    resample: bool | float | str | None = None,
+    name: str | None = None,
+    variable: str | None = None,
+) -> Recording:
+    """Load a recording that is fit for use.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file: text, .mat, .npz, .npy, HDF5 or Parquet.
+    columns : mapping, optional
+        Signal name to column, or to the fields of a :class:`Channel`.  None guesses; the report says what.
+    time : mapping, optional
+        ``{"column": 0}``, ``{"column": "t", "unit": "ms"}`` or ``{"rate": 1000}`` [Hz].  None guesses.
+    start, stop : float, optional
+        The part to keep [s], both included; `start` may be ``"release"``.
+    resample : optional
+        True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
+        True only where time jitters by more than 1 % of a step or has gaps.
+    name : str, optional
+        None is the file's name without its ending.
+    variable : str, optional
+        Which array of a .mat, .npz or HDF5 file.
+
+    Returns
+    -------
+    Recording
+
+    Raises
+    ------
+    InputError
+        No such file, format, column or option.
+    DataError
+        The file is damaged, or the recording unfit: missing samples, time that does not increase, a long gap.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "swing.csv"
+    >>> _ = file.write_text("t;alpha\\n0,0;10\\n0,1;9\\n0,2;7\\n")
+    >>> load_recording(file, {"alpha": {"column": "alpha", "unit": "deg"}}).signals["alpha"].round(3)
+    array([0.175, 0.157, 0.122])
+    """
+    recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    demand_fitness(recording)
+    if resample is None or resample is False or (resample == "needed" and recording.step is not None):
+        return recording
+    if not isinstance(resample, Real) and resample != "needed":
+        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s] or "needed".')
+    return recording.resample(None if resample in (True, "needed") else float(resample))
+
+
+def inspect_recording(
+    path: str | Path,
+    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    *,
+    time: Mapping[str, Any] | int | str | None = None,
+    start: float | str | None = None,
+    stop: float | None = None,
+    name: str | None = None,
+    variable: str | None = None,
+) -> Recording:
+    """Read a recording however unfit it is, so that its report can say why.
+
+    Parameters and errors are those of :func:`load_recording`, but for unfitness.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = Path(tempfile.mkdtemp()) / "swing.csv"
+    >>> _ = file.write_text("t,alpha\\n0,0.1\\n1,\\n2,0.3\\n")
+    >>> inspect_recording(file).report.level
+    'unfit'
+    """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"{path!r} is no path of a file; expected e.g. 'release.csv'.")
+    path = Path(path)
+    before = _state(path)
+    table = read_table(path, variable)
+    clock, rows, said = read_clock(table, time)
+    channels, more = choose_channels(table, columns, said.column, rows)
+    if columns is not None:
+        refuse_shared(table, channels, said.column)
+    reading = [*table.notes, *said.sentences, *more]
+    signals, units, held = {}, {}, set()
+    for signal, channel in channels.items():
+        channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
+        raw, beyond = measurable(table.values[:, table.find(channel.column)])
+        reading += [f"{signal}: {beyond}"] if beyond else []
+        if channel.fill == "hold":
+            raw, filled = hold_blanks(raw, signal, channel)
+            reading.append(filled)
+            held.add(signal)
+        signals[signal] = channel.convert(raw[rows].copy(), signal)
+        units[signal] = channel.signal_unit
+        reading += [unit_said] if unit_said else []
+    report = measure(clock, signals, units, tuple(reading))
+    report = replace(report, findings=(*said.findings, *report.findings))
+    frozen = {n: read_only(x) for n, x in signals.items()}
+    digest = _digest(path)
+    if _state(path) != before:
+        raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
+    whole = Recording(name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(held))
+    return whole if start is None and stop is None else whole.trim(start, stop)
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return what changes when a file is written to."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return None  # for read_table to tell
+    return found.st_size, found.st_mtime_ns
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None

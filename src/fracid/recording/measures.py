@@ -1,0 +1,148 @@
+"""Measures of a recording: of its clock (rate, jitter, gaps) and of each signal (resolution, noise, rest)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import tail
+
+__all__ = ["FAMILIAR_COUNTS", "UNIFORM", "Clock", "SignalReport", "measure_clock", "measure_signal"]
+
+FAMILIAR_COUNTS = tuple(
+    sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
+)
+"""Encoder counts per turn that are sold."""
+
+UNIFORM = 0.01
+"""Largest relative departure from the step on a uniform grid."""
+
+GAP = 1.5
+"""A difference of time above this many steps is a gap."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How regular the time stamps are."""
+
+    samples: int
+    duration: float
+    """[s]"""
+    step: float
+    """Median difference of the time stamps [s]; NaN without two that increase."""
+    jitter: float
+    """Standard deviation of the differences, gaps left out [s]."""
+    worst_jitter: float
+    """Largest departure of a difference from the step, relative, gaps left out."""
+    gaps: tuple[tuple[float, float], ...]
+    """(time of the last sample before it, its length), both [s]."""
+    duplicated: tuple[float, ...]
+    """Stamps that repeat the one before [s]."""
+    backward: tuple[float, ...]
+    """Stamps that lie before the one before [s]."""
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [Hz]."""
+        return 1 / self.step
+
+    @property
+    def uniform(self) -> bool:
+        """Whether every difference lies within 1 % of the step."""
+        faults = self.gaps or self.duplicated or self.backward
+        return not faults and self.worst_jitter <= UNIFORM
+
+
+@dataclass(frozen=True)
+class SignalReport:
+    """What one signal is worth; every value in the signal's unit."""
+
+    name: str
+    unit: str
+    minimum: float
+    maximum: float
+    missing: tuple[float, ...]
+    """Times of the samples that are NaN or infinite [s]."""
+    resolution: float | None
+    """Spacing of the values seen; None where there is no lattice."""
+    counts_per_turn: int | None
+    """2π/resolution, to the nearest number that encoders have (within 2 %)."""
+    noise: float
+    """Standard deviation of what is not motion, quantisation included."""
+    rest: float
+    """Mean of the tail: the last 5 % of the samples."""
+    at_rest: bool
+    """Whether the tail is still."""
+    rest_offset: float | None
+    """Rest value less the nearest multiple of π; None unless an angle at rest."""
+
+    @property
+    def range(self) -> float:
+        """Largest less smallest value."""
+        return self.maximum - self.minimum
+
+
+def measure_clock(time: FloatArray) -> Clock:
+    """Measure step, jitter, gaps and order of time stamps, shape (n_samples,) [s].
+
+    Examples
+    --------
+    >>> measure_clock(np.array([0.0, 0.1, 0.2, 0.5, 0.6])).gaps
+    ((0.2, 0.3),)
+    """
+    dt = np.diff(time)
+    step = float(np.median(dt[dt > 0])) if np.any(dt > 0) else math.nan
+    gap = dt > GAP * step
+    even = dt[(dt > 0) & ~gap]
+    return Clock(
+        samples=time.size,
+        duration=float(time[-1] - time[0]) if time.size else 0.0,
+        step=step,
+        jitter=float(np.std(even)) if even.size else math.nan,
+        worst_jitter=float(np.max(np.abs(even / step - 1))) if even.size else math.nan,
+        gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
+        duplicated=tuple(map(float, time[1:][dt == 0])),
+        backward=tuple(map(float, time[1:][dt < 0])),
+    )
+
+
+def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -> SignalReport:
+    """Measure one signal, shape (n_samples,).
+
+    Examples
+    --------
+    >>> t = np.arange(1000) / 100
+    >>> counts = np.round(300 * np.cos(t)) * 2 * np.pi / 4096
+    >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
+    4096
+    """
+    seen = np.isfinite(signal)
+    x = signal[seen]
+    if x.size < 2:
+        lost = tuple(map(float, time[~seen]))
+        return SignalReport(name, unit, math.nan, math.nan, lost, None, None, math.nan, math.nan, False, None)
+    q = resolution(x)
+    rest, _, at_rest = tail(x)
+    return SignalReport(
+        name=name,
+        unit=unit,
+        minimum=float(x.min()),
+        maximum=float(x.max()),
+        missing=tuple(map(float, time[~seen])),
+        resolution=q,
+        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
+        noise=float(np.sqrt(np.mean(np.diff(x, 3) ** 2) / 20)) if x.size > 3 else math.nan,
+        rest=rest,
+        at_rest=at_rest,
+        rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
+    )
+
+
+def _counts_per_turn(q: float) -> int:
+    counts = 2 * math.pi / q
+    nearest = min(FAMILIAR_COUNTS, key=lambda n: abs(math.log(n / counts)))
+    return nearest if abs(nearest / counts - 1) < 0.02 else round(counts)

@@ -1,0 +1,223 @@
+"""From the named arrays of a file to one table: which of them is the recording.
+
+The one named by ``variable``; else the only matrix, whose longer axis is time, and behind its columns the vectors of
+that length; else all vectors of one length, each a column under its own name.  What is left out is kept with its
+reason.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError, InputError
+from fracid.recording.readers.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
+from fracid.safety.text import ascii_short
+
+__all__ = ["Chosen", "choose", "name_and_unit", "stack"]
+
+Array = NDArray[np.generic]
+
+LISTED = 12
+"""Names in a message, at most."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Columns of numbers with their names."""
+
+    values: NDArray[np.float64]
+    """Shape (n_rows, n_columns)."""
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    source: str
+    """File, and variable where one was chosen."""
+    left_out: Mapping[str, str]
+    """Name of what is no column to the reason, as it goes on after the name."""
+
+
+def choose(content: Content, variable: str | None, path: Path) -> Chosen:
+    """Take the recording from a file's arrays, by the rule at the top of this page.
+
+    Raises
+    ------
+    InputError
+        There is no such variable, or several matrices to choose from.
+    DataError
+        There is nothing that could be a recording.
+    """
+    flat = _flatten(content)
+    source = path.name
+    if variable is not None:
+        flat = _named(flat, variable, path)
+        source = f"{path.name}:{variable}"
+    arrays = {name: a for name, a in flat.items() if not isinstance(a, LeftOut) and a.size > 1}
+    left_out = {name: a.why for name, a in flat.items() if isinstance(a, LeftOut)}
+    left_out |= {name: "is a single number" for name, a in flat.items() if not isinstance(a, LeftOut) and a.size == 1}
+    if not arrays:
+        raise DataError(_nothing(path, left_out))
+    refuse_bomb(path, sum(a.size for a in arrays.values()), path.stat().st_size)
+    matrices = {name: a for name, a in arrays.items() if np.squeeze(a).ndim == 2}
+    if len(matrices) == 1 and _is_longest(next(iter(matrices.values())), arrays):
+        (name, matrix), *_ = matrices.items()
+        beside = {n: a.ravel() for n, a in arrays.items() if n != name and a.size == max(matrix.shape)}
+        odd = {
+            n: f"has {a.size} numbers beside the matrix {name!r}" for n, a in arrays.items() if n not in (name, *beside)
+        }
+        return _with_vectors(_matrix(matrix, source, left_out | odd), beside)
+    if matrices:
+        first = ascii_short(next(iter(matrices)))
+        raise InputError(f"{path.name} holds several arrays: {_list(arrays)}. Choose one: variable = {first}.")
+    longest = max(a.size for a in arrays.values())
+    odd = {n: f"has {a.size} numbers where others have {longest}" for n, a in arrays.items() if a.size != longest}
+    return stack({n: a.ravel() for n, a in arrays.items() if n not in odd}, source, left_out | odd)
+
+
+def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]) -> Chosen:
+    """Put vectors of one length beside each other."""
+    if not columns:
+        raise DataError(_nothing(Path(source), left_out))
+    names, units = zip(*(name_and_unit(name, "", j) for j, name in enumerate(columns)), strict=True)
+    values = np.empty((len(next(iter(columns.values()))), len(columns)))
+    with np.errstate(all="ignore"):  # numbers beyond float64 become infinite, signalling NaNs quiet
+        for j, column in enumerate(columns.values()):
+            values[:, j] = column
+        values += 0.0
+    return Chosen(values, names, units, source, left_out)
+
+
+def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
+    """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]\s*$", (unit or name)[-200:])
+    return name or f"column {position}", (inside[1] if inside else unit).strip()
+
+
+def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
+    """Return why there is no recording."""
+    start = f"{path.name} holds no arrays of numbers."
+    single = [name for name, why in left_out.items() if why == "is a single number"]
+    if single:
+        start = f"{path.name} holds single numbers ({_names(single)}); a recording needs at least two samples."
+    others = [f"{ascii_short(n)[1:-1]} {why}" for n, why in left_out.items() if n not in single]
+    if others:
+        return f"{start} What it holds: {'; '.join(others[:3])}{'; and more' * (len(others) > 3)}."
+    return start if single else f"{start} Save them as plain arrays: save('f.mat', 't', 'theta', 'alpha')."
+
+
+def _is_longest(matrix: Array, arrays: Mapping[str, Array]) -> bool:
+    return bool(max(matrix.shape) >= max(max(a.shape) for a in arrays.values()))
+
+
+def _named(flat: Mapping[str, Array | LeftOut], variable: str, path: Path) -> dict[str, Array | LeftOut]:
+    """Return the array of that name, or all within the struct or group of that name."""
+    found = {k: a for k, a in flat.items() if k == variable or k.startswith(f"{variable}.")}
+    if not found:
+        arrays = {k: a for k, a in flat.items() if not isinstance(a, LeftOut)}
+        raise InputError(f"{path.name} has no variable {ascii_short(variable)}. It holds: {_list(arrays)}.")
+    return {k.removeprefix(f"{variable}."): a for k, a in found.items()}
+
+
+def _list(arrays: Mapping[str, Array]) -> str:
+    listed = [f"{ascii_short(k)[1:-1]} {'×'.join(map(str, a.shape))}" for k, a in arrays.items() if a.size > 1]
+    return _shortened(listed)
+
+
+def _names(names: list[str]) -> str:
+    return _shortened([ascii_short(n)[1:-1] for n in names])
+
+
+def _shortened(listed: list[str]) -> str:
+    more = f" and {len(listed) - LISTED} more" if len(listed) > LISTED else ""
+    return (", ".join(listed[:LISTED]) or "nothing") + more
+
+
+# --- structs and groups ---------------------------------------------------------------------------------
+
+
+def _flatten(content: Content) -> dict[str, Array | LeftOut]:
+    """Turn structs, groups and named fields into dotted names: ``data.theta``."""
+    flat = dict(_walk(content, ""))
+    top = {k.split(".")[0] for k in flat}
+    alone = len(top) == 1 and len(flat) > 1  # one struct holds all: its name adds nothing
+    return {k.split(".", 1)[1]: a for k, a in flat.items()} if alone else flat
+
+
+def _walk(content: Content, prefix: str) -> Iterator[tuple[str, Array | LeftOut]]:
+    for key, item in content.items():
+        name = f"{prefix}{key}"
+        inner = _fields(item)
+        if inner is not None:
+            yield from _walk(inner, f"{name}.")
+        else:
+            yield name, _numeric(item)
+
+
+def _fields(item: Any) -> Content | None:
+    if isinstance(item, list):
+        return _signals(item)
+    if isinstance(item, Mapping):
+        return item
+    names = getattr(getattr(item, "dtype", None), "names", None)
+    return {name: item[name] for name in names} if names else None
+
+
+def _signals(structs: list[Content]) -> Content | None:
+    """The signals of a Simulink "Structure With Time", an array of structs with values and label, by their labels."""
+    if not all("values" in s for s in structs):
+        return None
+    labels = [str(getattr(s.get("label"), "text", "")).strip() for s in structs]
+    named = [n if n.isidentifier() and labels.count(n) == 1 else f"signal{k}" for k, n in enumerate(labels, 1)]
+    return dict(zip(named, (s["values"] for s in structs), strict=True))
+
+
+def _numeric(item: Any) -> Array | LeftOut:
+    """Return what can be a column or a matrix of them, dates as seconds, or why it cannot."""
+    if isinstance(item, LeftOut):
+        return item
+    if isinstance(item, list):
+        return LeftOut(f"is an array of {len(item)} structs")
+    array: Array = seconds(item) if item.dtype.kind in "mM" else item
+    if array.dtype.kind not in "fiub":
+        return LeftOut(f"is of type {ascii_short(str(array.dtype))[1:-1]}")
+    if array.size == 0:
+        return EMPTY
+    if np.squeeze(array).ndim > 2:
+        return LeftOut(f"has {np.squeeze(array).ndim} dimensions; save one vector for each signal")
+    return array if array.ndim else array.reshape(1)
+
+
+# --- a matrix -------------------------------------------------------------------------------------------
+
+
+def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
+    """Lay a matrix out with time downwards: its longer axis; of a square, the one that has a clock."""
+    with np.errstate(all="ignore"):
+        values = np.squeeze(np.asarray(array, dtype=float)) + 0.0
+    rows, columns = values.shape
+    sideways = rows < columns or (rows == columns and _increases(values.T) and not _increases(values))
+    values = values.T if sideways else values
+    names = tuple(f"column {j}" for j in range(values.shape[1]))
+    return Chosen(values, names, ("",) * len(names), source, left_out)
+
+
+def _with_vectors(matrix: Chosen, beside: Mapping[str, Array]) -> Chosen:
+    """Put vectors of the matrix's length behind its columns, whose positions stay: a clock, say."""
+    if not beside:
+        return matrix
+    more = stack(beside, matrix.source, {})
+    return replace(
+        matrix,
+        values=np.column_stack([matrix.values, more.values]),
+        names=(*matrix.names, *more.names),
+        units=(*matrix.units, *more.units),
+    )
+
+
+def _increases(values: NDArray[np.float64]) -> bool:
+    return bool(np.any(np.all(values[1:] > values[:-1], axis=0)))

@@ -1,0 +1,115 @@
+"""What a file may hold beside numbers, and how much of it is taken.
+
+A reader gives a file's content as named arrays, in structs and groups as the file has them.  What is no array of
+real numbers stands there as :class:`LeftOut`, with the reason and what to do about it, so that who asks for it is told.
+
+A few bytes may unpack to any number of zeros.  So a file gives :func:`most_numbers` at the most, eight for each of its
+bytes: more than any recording has, and the memory that reading takes is bounded by the size of the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError
+from fracid.safety.text import printable
+
+__all__ = [
+    "COMPLEX",
+    "EMPTY",
+    "SPARSE",
+    "TEXT",
+    "Content",
+    "LeftOut",
+    "damaged",
+    "most_numbers",
+    "refuse_bomb",
+    "seconds",
+]
+
+FEW_NUMBERS = 2**22
+"""Any file may unpack to so many."""
+
+NUMBERS_A_BYTE = 8
+"""Packed by gzip, the clock of a recording alone needs a byte a sample."""
+
+DEEPEST = 32
+"""Structs within structs, groups within groups."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What stands in a file and is no array of real numbers."""
+
+    why: str
+    """Goes on after its name: ``is complex; save its real part …``."""
+    text: str = ""
+    """Its letters, where it is a text."""
+
+
+Content = Mapping[str, "NDArray[np.generic] | LeftOut | Content | list[Content]"]
+"""By name; a list is an array of structs."""
+
+COMPLEX = LeftOut("is complex; save its real part, or real and imaginary part as two arrays")
+
+EMPTY = LeftOut("is empty")
+
+SPARSE = LeftOut("is a sparse matrix; save full(…) of it")
+
+TEXT = LeftOut("is text")
+
+
+def most_numbers(size: int) -> int:
+    """Return how many numbers a file of so many bytes may unpack to.
+
+    Examples
+    --------
+    >>> most_numbers(1000), most_numbers(10**9)
+    (4194304, 8000000000)
+    """
+    return max(FEW_NUMBERS, NUMBERS_A_BYTE * size)
+
+
+def refuse_bomb(path: Path, numbers: float, size: int) -> None:
+    """Refuse a file that unpacks to more numbers than a recording of its size has.
+
+    Raises
+    ------
+    DataError
+        With both figures.
+    """
+    if numbers > most_numbers(size):
+        raise DataError(
+            f"{path.name}, of {size} bytes, unpacks to more than {most_numbers(size):.3g} numbers, as no recording of "
+            "that size does. Is it damaged? If they are meant, save them uncompressed."
+        )
+
+
+def damaged(path: Path, kind: str, what: object) -> DataError:
+    """Return the error of a file that is not what its ending says, with a library's own words in short.
+
+    Examples
+    --------
+    >>> str(damaged(Path("a.npy"), "NumPy file", "no header"))
+    'a.npy is damaged or is no NumPy file (no header). Save it again.'
+    """
+    words = " ".join(str(what).split()).rstrip(".") or type(what).__name__
+    return DataError(f"{path.name} is damaged or is no {kind} ({printable(words)[:120]}). Save it again.")
+
+
+def seconds(dates: NDArray[np.generic]) -> NDArray[np.float64]:
+    """Return dates and spans of time, of NumPy's types M and m, as numbers [s]; NaN where there is none.
+
+    Examples
+    --------
+    >>> seconds(np.array(["1970-01-01T00:01", "NaT"], dtype="M8[ms]"))
+    array([60., nan])
+    """
+    spans: Any = dates - np.datetime64(0, "s") if dates.dtype.kind == "M" else dates  # type: ignore[operator]
+    return np.asarray(spans / np.timedelta64(1, "s"), dtype=np.float64)

@@ -1,0 +1,152 @@
+"""HDF5, and MATLAB's version 7.3, which is HDF5.
+
+A file of HDF5 may point out of itself: links to other files, data that lie in other files.  None of them is
+followed, nor is any soft link: a recording is what stands in its file.  A dataset may be declared of any size and hold
+nothing, and may be packed in chunks of any size: both are looked at before anything is read.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError
+from fracid.recording.readers.content import (
+    COMPLEX,
+    DEEPEST,
+    EMPTY,
+    SPARSE,
+    TEXT,
+    Content,
+    LeftOut,
+    damaged,
+    refuse_bomb,
+)
+from fracid.recording.readers.matlab import object_left_out
+
+__all__ = ["read_hdf5"]
+
+EXPANDS = 1032
+"""Zeros packed by gzip, at the most."""
+
+NUMERIC = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+"""MATLAB's classes of numbers."""
+
+
+def read_hdf5(path: Path) -> Content:
+    """Read the datasets of a file, groups as nested mappings.
+
+    Raises
+    ------
+    DataError
+        It is damaged, no HDF5 file, or would unpack to more numbers than a recording has.
+    """
+    import h5py
+
+    size = path.stat().st_size
+    try:
+        with h5py.File(path, "r") as file:
+            return _group(file, _Taken(path, size), 0, set())
+    except (DataError, MemoryError):
+        raise
+    except Exception as error:  # h5py raises OSError, RuntimeError, KeyError, TypeError, ... for one damage or another
+        raise damaged(path, "HDF5 file", error) from None
+
+
+@dataclass
+class _Taken:
+    """What was read of a file so far."""
+
+    path: Path
+    size: int
+    """Of the file [bytes]."""
+    numbers: float = 0.0
+    """As many of eight bytes as what was read has bytes."""
+
+    def take(self, dataset: Any) -> None:
+        """Refuse a dataset that is too much, alone or with those before it; what is read are whole chunks."""
+        self.numbers += dataset.dtype.itemsize / 8 * max(dataset.size, prod(dataset.chunks or (1,)))
+        refuse_bomb(self.path, self.numbers, self.size)
+
+
+def _group(group: Any, taken: _Taken, depth: int, seen: set[Any]) -> Content:
+    """Read a group; ``#refs#`` is where MATLAB hides its own bookkeeping."""
+    import h5py
+
+    found: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
+    for name in group:
+        if name.startswith("#"):
+            continue
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            found[name] = LeftOut("is a link to elsewhere, which is not followed")
+            continue
+        item = group[name]
+        address = h5py.h5o.get_info(item.id).addr
+        if isinstance(item, h5py.Dataset):
+            found[name] = _dataset(item, taken)
+        elif not isinstance(item, h5py.Group):
+            found[name] = LeftOut("is a type, not data")
+        elif "MATLAB_sparse" in item.attrs:
+            found[name] = SPARSE
+        elif address in seen or depth >= DEEPEST:
+            found[name] = LeftOut("is a group that was read before, or lies too deep")
+        else:
+            found[name] = _group(item, taken, depth + 1, seen | {address})
+    return found
+
+
+def _dataset(dataset: Any, taken: _Taken) -> NDArray[np.generic] | LeftOut:
+    """Read a dataset of real numbers, or say why not."""
+    kind = dataset.attrs.get("MATLAB_class", b"double")
+    kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+    if "MATLAB_object_decode" in dataset.attrs or kind not in (*NUMERIC, "char", "cell", "struct"):
+        return object_left_out(kind)
+    if kind == "char":
+        return TEXT
+    if kind == "cell":
+        return LeftOut("is a cell array; save its numbers as arrays")
+    if dataset.shape is None or dataset.size == 0 or "MATLAB_empty" in dataset.attrs:
+        return EMPTY
+    if dataset.is_virtual or dataset.external:
+        return LeftOut("lies in another file, which is not opened")
+    plain = _plain(dataset.dtype)
+    if plain is not None:
+        return plain
+    taken.take(dataset)
+    _refuse_packed_bomb(dataset, taken.path, taken.size)
+    return np.asarray(dataset[()])
+
+
+def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
+    """Return why a type is none of real numbers, or of records of them, and None if it is."""
+    if dtype.names:
+        if set(dtype.names) in ({"real", "imag"}, {"r", "i"}):
+            return COMPLEX
+        return (
+            None if all(dtype[n].kind in "fiub" for n in dtype.names) else LeftOut("is a record that holds no numbers")
+        )
+    if dtype.kind == "c":
+        return COMPLEX
+    if dtype.kind in "SUO":
+        return TEXT
+    return None if dtype.kind in "fiub" else LeftOut("is no array of numbers")
+
+
+def _refuse_packed_bomb(dataset: Any, path: Path, size: int) -> None:
+    """A chunk packed by gzip may hold more than it should; libhdf5 would unpack it all."""
+    if dataset.compression != "gzip" or EXPANDS * size < 2**28:
+        return
+    expected = prod(dataset.chunks) * dataset.dtype.itemsize
+    for k in range(dataset.id.get_num_chunks()):
+        chunk = dataset.id.get_chunk_info(k)
+        if EXPANDS * chunk.size < 2**26:
+            continue
+        _, raw = dataset.id.read_direct_chunk(chunk.chunk_offset)
+        if len(zlib.decompressobj().decompress(raw, 2 * expected + 1024)) > 2 * expected:
+            refuse_bomb(path, float("inf"), size)

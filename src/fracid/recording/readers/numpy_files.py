@@ -1,0 +1,96 @@
+"""NumPy's ``.npy`` and ``.npz``; Python objects in them are never opened, for that runs code."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from math import prod
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from fracid.errors import DataError
+from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb
+
+__all__ = ["read_npy", "read_npz"]
+
+PICKLED = LeftOut("holds Python objects, which fracid does not open: that would run code; save arrays of numbers")
+
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+"""By version of the format; 3.0 is for names of fields that are not Latin."""
+
+
+def read_npy(path: Path) -> Content:
+    """Read an array; one with named fields gives them as columns.
+
+    Raises
+    ------
+    DataError
+        It is damaged, or holds objects.
+    """
+    try:
+        with path.open("rb") as file:
+            return {path.stem: _array(file, path.stat().st_size)}
+    except Exception as error:  # NumPy raises ValueError, TypeError, SyntaxError, ... for one damage or another
+        raise _said(path, error) from None
+
+
+def read_npz(path: Path) -> Content:
+    """Read the arrays of an archive.
+
+    Raises
+    ------
+    DataError
+        It is damaged, or would unpack to more numbers than a recording has.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            refuse_bomb(path, sum(m.file_size for m in members) / 8, path.stat().st_size)
+            return {m.filename.removesuffix(".npy"): _member(archive, m) for m in members}
+    except Exception as error:
+        raise _said(path, error) from None
+
+
+def _said(path: Path, error: Exception) -> Exception:
+    """Return the error to raise: a damaged header may lead the parser too deep, too."""
+    return error if isinstance(error, DataError) else damaged(path, "NumPy file", error)
+
+
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[np.generic] | LeftOut:
+    if not member.filename.endswith(".npy"):
+        return LeftOut("is no array")
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        return LeftOut("is packed by a method that NumPy does not use")
+    with archive.open(member) as file:
+        return _array(file, member.file_size)
+
+
+def _array(file: IO[bytes], size: int) -> NDArray[np.generic] | LeftOut:
+    """Read one array from a file of so many bytes; no more memory is taken than these."""
+    version = npy.read_magic(file)
+    if version not in HEADERS:
+        raise ValueError(f"its format {version[0]}.{version[1]} is not known")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Python, which parses the header: of a damaged one, it is about escapes
+        shape, fortran, dtype = HEADERS[version](file)
+    if dtype.hasobject:
+        return PICKLED
+    if dtype.kind == "c":
+        return COMPLEX
+    if dtype.kind in "SU":
+        return TEXT
+    expected = prod(shape) * dtype.itemsize
+    if any(n < 0 for n in shape) or expected > size:
+        raise ValueError(
+            f"its array of {'×'.join(map(str, shape[:5]))} should have {expected} bytes in a file of {size}"
+        )
+    raw = file.read(expected)
+    if len(raw) != expected:
+        raise ValueError(f"its array should have {expected} bytes, and {len(raw)} are there")
+    if not dtype.itemsize:
+        return LeftOut("holds nothing")
+    return np.frombuffer(raw, dtype).reshape(shape, order="F" if fortran else "C")

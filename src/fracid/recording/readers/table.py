@@ -1,0 +1,239 @@
+"""A table of numbers from a file of any known format.
+
+===================  =============================================================
+ending               read as
+===================  =============================================================
+.csv .tsv .txt .dat  text of any dialect (:mod:`fracid.recording.readers.text`)
+.mat                 MATLAB v4 to v7.2 (:mod:`fracid.recording.readers.matlab`) and v7.3 (HDF5); structs are walked, and
+                     so are the signals of a Simulink "Structure With Time", each under its label (not in v7.3)
+.npz .npy            NumPy
+.h5 .hdf5            HDF5; groups are walked
+.parquet             Parquet, needs ``pip install 'fracid[parquet]'``
+===================  =============================================================
+
+A binary file holds named arrays; :mod:`fracid.recording.readers.arrays` says which of them is the recording.  Only a
+plain file is opened, no pipe and no device, and one that changes while it is read is refused.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import stat
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError, InputError
+from fracid.recording.readers.arrays import choose, name_and_unit
+from fracid.recording.readers.content import Content
+from fracid.recording.readers.hdf5 import read_hdf5
+from fracid.recording.readers.matlab import is_hdf5, read_mat
+from fracid.recording.readers.numpy_files import read_npy, read_npz
+from fracid.recording.readers.parquet import read_parquet
+from fracid.recording.readers.text import MOST_COLUMNS, read_text
+from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.text import LONGEST_NAME, ascii_short, printable
+
+__all__ = ["READERS", "Table", "read_table"]
+
+LISTED = 20
+"""Columns in a message, at most."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of numbers, as they stand in a file."""
+
+    values: NDArray[np.float64]
+    """Shape (n_rows, n_columns), NaN where a cell is blank."""
+    names: tuple[str, ...]
+    """``column 0``, ``column 1``, ... where the file names none."""
+    units: tuple[str, ...]
+    """What the header says, an empty string where it says nothing."""
+    source: str
+    """File, and variable where one was chosen, for messages."""
+    header: tuple[str, ...] = ()
+    """The lines before the numbers of a text file."""
+    notes: tuple[str, ...] = ()
+    """What was guessed on reading, in sentences."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """What is in the file and no column: its name, and why, as it goes on after the name."""
+
+    def find(self, key: int | str) -> int:
+        """Return a column's position from its position (from 0) or name.
+
+        Raises
+        ------
+        InputError
+            There is no such column, or several of that name.
+
+        Examples
+        --------
+        >>> Table(np.zeros((2, 2)), ("t", "theta"), ("", ""), "a.csv").find("theta")
+        1
+        """
+        if isinstance(key, int) and 0 <= key < len(self.names):
+            return key
+        for names in (self.names, tuple(map(_bare, self.names))):  # "theta [deg]", or "theta" for short
+            if names.count(str(key)) > 1:
+                many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
+                raise InputError(f"{self.source} has {many}: give its position.")
+            if key in names:
+                return names.index(str(key))
+        if str(key).isdecimal() and int(key) < len(self.names):
+            return int(key)
+        raise InputError(self._no_column(key))
+
+    def _no_column(self, key: int | str) -> str:
+        if str(key) in self.left_out:
+            return f"{self.source}: {ascii_short(str(key))} {self.left_out[str(key)]}."
+        listed = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:LISTED]))
+        more = f" and {len(self.names) - LISTED} more" if len(self.names) > LISTED else ""
+        bare = {_bare(name): name for name in reversed(self.names)}
+        close = [bare[name] for name in difflib.get_close_matches(str(key), bare, n=1, cutoff=0.5)]
+        hint = f" Did you mean {ascii_short(close[0])}?" if close else ""
+        asked = ascii_short(key) if isinstance(key, str) else key
+        return f"{self.source} has no column {asked}.{hint} Its columns, by position or name: {listed}{more}."
+
+
+def read_table(path: str | Path, variable: str | None = None) -> Table:
+    """Read a file into a table.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its ending says the format.
+    variable : str, optional
+        Which array of a .mat, .npz or HDF5 file to take.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    InputError
+        No such file, an unknown ending, no such variable, or a choice that must be made.
+    DataError
+        The file is empty, damaged, or holds no numbers.
+
+    Examples
+    --------
+    >>> read_table("swing.docx")
+    Traceback (most recent call last):
+    fracid.errors.InputError: no file swing.docx...
+    """
+    path = Path(path)
+    try:
+        known = kind_of(path) is not None
+    except (OSError, ValueError):  # for _size to tell
+        known = False
+    if known:
+        refuse_mistaken(path, "recording")
+    size = _size(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path.name}: unknown ending {path.suffix!r}; fracid reads {' '.join(READERS)}.")
+    try:
+        table = reader(path, variable) if size else None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    except MemoryError:
+        raise DataError(f"{path.name} needs more memory than there is; cut it into parts.") from None
+    if table is None or not table.values.size:
+        raise DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
+    if len(table.names) > MOST_COLUMNS:
+        raise DataError(
+            f"{path.name} has {len(table.names)} columns; fracid reads {MOST_COLUMNS} at most. Time must run downwards."
+        )
+    table = _without_empty_columns(table)
+    return replace(table, names=tuple(map(_one_line, table.names)), units=tuple(map(_one_line, table.units)))
+
+
+def _one_line(name: str) -> str:
+    """Return a name that fits into a line; what is longer than any name is cut, and costs no search through it."""
+    return printable(name[:LONGEST_NAME]).replace("\n", "\\n").replace("\t", "\\t")
+
+
+def _size(path: Path) -> int:
+    """Return the size of a plain file [bytes], or say why there is none: a pipe or a device may never end."""
+    try:
+        found = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"no file {path}: {_nearby(path)}") from None
+    except ValueError:
+        raise InputError(f"no file {ascii_short(str(path))}: no file's name holds a zero byte.") from None
+    except OSError as error:  # no permission, a link that leads to itself, a name too long
+        raise InputError(f"{ascii_short(str(path))[1:-1]} cannot be read: {error.strerror or error}.") from None
+    if stat.S_ISDIR(found.st_mode):
+        raise InputError(f"no file {path} (it is a folder): {_nearby(path)}")
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path} is no plain file but a pipe or a device; save the recording to a file.")
+    return found.st_size
+
+
+def _bare(name: str) -> str:
+    """Return the name without a unit in brackets."""
+    return re.sub(r"\s*[\[(][^\])\[(]*[\])]\s*$", "", name)
+
+
+def _nearby(path: Path) -> str:
+    here = sorted(p.name for p in path.parent.glob("*") if p.is_file()) if path.parent.is_dir() else []
+    close = difflib.get_close_matches(path.name, here, n=1)
+    return f"did you mean {path.with_name(close[0])}?" if close else f"check the path; it leads to {path.resolve()}."
+
+
+def _without_empty_columns(table: Table) -> Table:
+    """Drop the nameless empty last column that a delimiter at each line's end makes."""
+    if (
+        len(table.names) > 1
+        and table.names[-1] == f"column {len(table.names) - 1}"
+        and np.isnan(table.values[:, -1]).all()
+    ):
+        return replace(table, values=table.values[:, :-1], names=table.names[:-1], units=table.units[:-1])
+    return table
+
+
+def _text(path: Path, variable: str | None) -> Table:
+    _no_variable(path, variable)
+    text = read_text(path)
+    names, units = zip(*map(name_and_unit, text.names, text.units, range(len(text.names))), strict=True)
+    return Table(text.values, names, units, path.name, text.header, notes=text.notes)
+
+
+def _no_variable(path: Path, variable: str | None) -> None:
+    if variable is not None:
+        raise InputError(f"{path.name} is one table: leave out the variable {variable!r} and choose columns.")
+
+
+def _mat(path: Path) -> Content:
+    return read_hdf5(path) if is_hdf5(path) else read_mat(path)
+
+
+def _arrays(read: Callable[[Path], Content]) -> Callable[[Path, str | None], Table]:
+    """Return the reader of a format that holds named arrays."""
+
+    def reader(path: Path, variable: str | None) -> Table:
+        found = choose(read(path), variable, path)
+        return Table(found.values, found.names, found.units, found.source, left_out=found.left_out)
+
+    return reader
+
+
+def _parquet(path: Path, variable: str | None) -> Table:
+    _no_variable(path, variable)
+    return _arrays(read_parquet)(path, None)
+
+
+READERS: dict[str, Callable[[Path, str | None], Table]] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _text),
+    ".mat": _arrays(_mat),
+    ".npz": _arrays(read_npz),
+    ".npy": _arrays(read_npy),
+    **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
+    ".parquet": _parquet,
+}

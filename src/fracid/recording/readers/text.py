@@ -1,0 +1,439 @@
+r"""Numbers from text files of any dialect.
+
+A text recording is: comments, perhaps a line of names, perhaps a line of units, then rows
+of numbers.  The dialect is found by trial rather than by rule: each pair (delimiter,
+decimal sign) of ``DIALECTS`` splits a sample of the lines, and the one under which most of
+them are numbers with one common count of fields wins; a header of the same count breaks
+ties.  So ``1,5;2,5`` is two numbers with a decimal comma and ``1,5`` is two integers,
+unless a header of one name says that it is one number.
+
+Comment lines begin with ``#``, ``%`` or ``//``.  Blank cells, ``nan``, ``na`` and ``null``
+are missing samples (NaN).  Text among the numbers is an error that names line and column.
+What a person would read without a second thought is read, and said: UTF-16, old Latin-1,
+decimal commas.  What could be meant in two ways is refused: rows of two dialects, a comma
+that is both separator and decimal sign.
+
+A file is read line by line, twice: once for its encoding and a sample of its lines, once
+for its numbers, so that 10⁷ rows take no more memory than twice their numbers.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.errors import DataError
+from fracid.safety.text import ascii_short
+
+__all__ = ["DIALECTS", "Dialect", "TextTable", "parse_text", "read_text"]
+
+BLANK = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"})
+"""The last four are how Windows writes NaN."""
+
+COMMENT = ("#", "%", "//")
+
+NUMBER = {
+    decimal: re.compile(rf"[+-]?(?:[0-9]++(?:{sign}[0-9]*)?|{sign}[0-9]++)(?:e[+-]?[0-9]++)?|[+-]?inf(?:inity)?", re.I)
+    for decimal, sign in ((".", r"\."), (",", "(?:,(?=[0-9]))"))
+}
+"""A number as an instrument writes it, by its decimal sign.  No digit can be matched in two ways, so that a line of ten
+thousand of them takes no longer than to read it."""
+
+MOST_COLUMNS = 10_000
+"""Cells in a line beyond which a file is no table of samples."""
+
+CHUNK = 2**20
+"""Read at a time [bytes]."""
+
+BLOCK = 10_000
+"""Rows that are made numbers at a time."""
+
+SAMPLE = 2**16
+"""Of the text by which the dialect is found [characters]; at least five lines."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a line is cut into numbers."""
+
+    delimiter: str | None
+    """None is white space of any length."""
+    decimal: str
+    """``.`` or ``,``."""
+
+    def split(self, line: str) -> list[str]:
+        """Cut a line into cells without their quotes and blanks."""
+        return [cell.strip().strip('"').strip() for cell in line.strip("\r\n ").split(self.delimiter)]
+
+    def number(self, cell: str) -> float:
+        """Return the cell's number, NaN where it is blank; ValueError where it is text."""
+        if cell.lower() in BLANK:
+            return float("nan")
+        if not NUMBER[self.decimal].fullmatch(cell):  # Python's float takes 1_000 and ١٢ as well
+            raise ValueError(cell)
+        return float(cell.replace(",", "."))
+
+    def is_number(self, cell: str) -> bool:
+        """Tell whether the cell holds a number and is not blank."""
+        return NUMBER[self.decimal].fullmatch(cell) is not None
+
+    def __str__(self) -> str:
+        """In words."""
+        cut = {None: "blanks", "\t": "tabs", ",": "commas", ";": "semicolons"}[self.delimiter]
+        return f"cells between {cut}, decimal {'comma' if self.decimal == ',' else 'point'}"
+
+
+DIALECTS = tuple(
+    Dialect(delimiter, decimal)
+    for delimiter, decimal in [
+        (",", "."),
+        (";", ","),
+        (";", "."),
+        ("\t", "."),
+        ("\t", ","),
+        (None, "."),
+        (None, ","),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """What a text file holds."""
+
+    values: NDArray[np.float64]
+    """Shape (n_rows, n_columns), NaN where a cell is blank."""
+    names: tuple[str, ...]
+    """From the header, empty strings without one."""
+    units: tuple[str, ...]
+    """From a line of units under the names, empty strings without one."""
+    header: tuple[str, ...]
+    """Every line before the numbers, as it stands in the file."""
+    notes: tuple[str, ...] = ()
+    """What had to be guessed, in sentences."""
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """A text that can be read more than once, and some of its lines."""
+
+    name: str
+    """Of the file, for messages."""
+    read: Callable[[], Iterable[str]]
+    """All lines, with or without their ends."""
+    sample: list[str]
+    """From everywhere in the text."""
+    tail: str
+    """What stands after the last end of a line."""
+
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """Return (number from 1, line) of those that are neither blank nor comments."""
+        return ((i, line) for i, line in enumerate(self.read(), 1) if _counts(line))
+
+
+def _counts(line: str) -> bool:
+    return not line.isspace() and line != "" and not line.lstrip().startswith(COMMENT)
+
+
+# --- from bytes to lines --------------------------------------------------------------------------------
+
+
+def read_text(path: Path) -> TextTable:
+    """Read a file of text, whatever its encoding, line ends and dialect.
+
+    Raises
+    ------
+    DataError
+        As :func:`parse_text`, and if the file is no text: zero bytes, or cut off in the middle of a character.
+    """
+    encoding, said = _encoding(path)
+
+    def read() -> Iterator[str]:
+        with path.open(encoding=encoding) as file:
+            yield from file
+
+    sample, tail = _sample(path, encoding)
+    table = _parse(_Lines(path.name, read, sample, tail))
+    return replace(table, notes=(*said, *table.notes))
+
+
+def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Return the encoding, and a sentence where it is not the usual one."""
+    with path.open("rb") as file:
+        start = file.read(4096)
+    for mark, encoding in (
+        (codecs.BOM_UTF32_LE, "utf-32"),
+        (codecs.BOM_UTF32_BE, "utf-32"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    ):
+        if start.startswith(mark):
+            return encoding, (f"The text is {encoding.upper()}.",)
+    even, odd = start[0::2], start[1::2]
+    for zeros, others, encoding in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
+        if len(start) > 8 and zeros.count(0) > 0.9 * len(zeros) and 0 not in others:
+            return encoding, ("The text is UTF-16 without a mark that says so.",)
+    if b"\0" in start:
+        raise DataError(f"{path.name} is not text: it holds zero bytes. Is it a binary file with a wrong ending?")
+    return ("utf-8-sig", ()) if _is_utf8(path) else ("latin-1", ("The text is not UTF-8: read as Latin-1.",))
+
+
+def _is_utf8(path: Path) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    with path.open("rb") as file:
+        try:
+            while chunk := file.read(CHUNK):
+                decoder.decode(chunk)
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            return False
+    return True
+
+
+def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
+    """Return lines from everywhere in a file that count, and what stands after the last end of a line."""
+    found: list[str] = []
+    tail, lines_before = "", 0
+    with path.open(encoding=encoding) as file:
+        try:
+            while chunk := file.read(CHUNK):
+                if "\0" in chunk:
+                    line = lines_before + chunk[: chunk.index("\0")].count("\n") + 1
+                    raise DataError(
+                        f"{path.name}, line {line}: zero bytes among the text. Did the logger lose power? "
+                        "Delete them and what was cut off by them."
+                    )
+                before, end, rest = chunk.rpartition("\n")
+                found += filter(_counts, before.split("\n", 20)[1:-1] if found else before.split("\n"))
+                lines_before, tail = lines_before + chunk.count("\n"), rest if end else tail + rest
+        except UnicodeError:  # UTF-16 and UTF-32 only: anything is Latin-1
+            raise DataError(
+                f"{path.name} begins as {encoding.upper()} text and goes on as something else. "
+                "Was it cut off while it was written? Save it again, as UTF-8."
+            ) from None
+    return [*found, *filter(_counts, [tail])], tail
+
+
+def parse_text(text: str, name: str = "text") -> TextTable:
+    r"""Parse the text of a recording.
+
+    Parameters
+    ----------
+    text : str
+        The file's content.
+    name : str
+        The file's name, for messages.
+
+    Returns
+    -------
+    TextTable
+
+    Raises
+    ------
+    DataError
+        The text is empty, holds no row of numbers, a row with another count of cells, or
+        text in a numeric column; the message says in which line and column.
+
+    Examples
+    --------
+    >>> parse_text("t;angle\n0,0;1,5\n0,1;1,25\n").values
+    array([[0.  , 1.5 ], [0.1 , 1.25]])
+    """
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return _parse(_Lines(name, lambda: lines, [*filter(_counts, lines)], lines[-1]))
+
+
+# --- from lines to numbers ------------------------------------------------------------------------------
+
+
+def _parse(lines: _Lines) -> TextTable:
+    if not lines.sample and not any(True for line in lines.read() if line.strip()):
+        raise DataError(f"{lines.name} is empty. A recording needs at least two rows of numbers.")
+    dialect, width = _sniff(lines)
+    first = next((i for i, line in lines.rows() if _is_row(dialect, width, line)), None)
+    if first is None:
+        raise DataError(_no_row(lines))
+    header = [line.strip() for line in islice(lines.read(), first - 1) if line.strip()]
+    _refuse_comma_twice(dialect, width, header, lines.name)
+    said = _numbers_in_header(dialect, width, header, lines.name)
+    names, units = _names(dialect, width, header, lines.name)
+    values = _numbers(dialect, width, lines, first, names)
+    if not any(names) and width > 1 and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
+        shorter, units_before = _names(dialect, width - 1, header, lines.name)
+        if any(shorter):
+            names, units = (*shorter, ""), (*units_before, "")
+    notes = [*said, *_header_note(dialect, width, header, names), *_cut_note(lines)]
+    if dialect.decimal == ",":
+        notes.insert(0, "Its numbers have decimal commas.")
+    return TextTable(values, names, units, tuple(header), tuple(notes))
+
+
+def _is_row(dialect: Dialect, width: int, line: str) -> bool:
+    """Tell whether a line is `width` cells, at least one a number and the rest numbers or blank."""
+    cells = dialect.split(line)
+    return len(cells) == width and any(map(dialect.is_number, cells)) and not _text_cells(dialect, cells)
+
+
+def _text_cells(dialect: Dialect, cells: list[str]) -> list[int]:
+    return [j for j, cell in enumerate(cells) if not dialect.is_number(cell) and cell.lower() not in BLANK]
+
+
+def _sniff(lines: _Lines) -> tuple[Dialect, int]:
+    """Return the dialect, and its count of cells, under which most of a sample of lines are numbers."""
+    mean = sum(map(len, lines.sample)) / max(1, len(lines.sample))
+    most = min(200, max(5, int(SAMPLE / max(1.0, mean))))
+    sample = lines.sample[:: max(1, len(lines.sample) // most)][-most:]
+    best, best_score = (DIALECTS[5], 1), (-1, False)
+    for dialect in DIALECTS:
+        rows = [dialect.split(line) for line in sample]
+        if max(map(len, rows), default=0) > MOST_COLUMNS:
+            raise DataError(
+                f"{lines.name} has a line of {max(map(len, rows))} cells; fracid reads {MOST_COLUMNS} columns at most. "
+                "Time must run downwards, one row for each sample."
+            )
+        counts = Counter(len(c) for c in rows if any(map(dialect.is_number, c)) and not _text_cells(dialect, c))
+        if not counts:
+            continue
+        width, hits = counts.most_common(1)[0]
+        first = (dialect.split(line) for line in lines.sample[:5])
+        titled = any(len(cells) == width and len(_text_cells(dialect, cells)) == width for cells in first)
+        if (hits, titled) > best_score:
+            best, best_score = (dialect, width), (hits, titled)
+    return best
+
+
+def _no_row(lines: _Lines) -> str:
+    """Return why there is no row: the first cell of a line from the middle that is no number."""
+    if not lines.sample:
+        return f"{lines.name} holds no row of numbers: all its lines are comments."
+    line = lines.sample[len(lines.sample) // 2]
+    number = next((i for i, other in enumerate(lines.read(), 1) if other.rstrip("\r\n") == line.rstrip("\r\n")), 0)
+    return (
+        f"{lines.name} holds no row of numbers; its line {number}, for example, is {ascii_short(line.strip())}. "
+        "Expected numbers like 0.01 or -1.5e-3, without dates, units and thousands separators."
+    )
+
+
+# --- the header -----------------------------------------------------------------------------------------
+
+
+def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: str) -> list[str]:
+    """Refuse rows of another dialect above the numbers; one or two lines may be a logger's settings, and are said."""
+    rows = [
+        (line, other)
+        for line in header
+        if not line.startswith(COMMENT)
+        for other in DIALECTS
+        if 1 < len(cells := other.split(line)) <= MOST_COLUMNS and all(map(other.is_number, cells))
+    ]
+    count = len({line for line, _ in rows})
+    if count > 2:
+        raise DataError(
+            f"{file} has rows of two kinds: {count} like {ascii_short(rows[0][0])} ({rows[0][1]}), and then {width} "
+            f"cell{'s' * (width != 1)} a row ({dialect}). Write all rows alike."
+        )
+    if not rows:
+        return []
+    lines = f"{count} lines of numbers were" if count > 1 else "a line of numbers was"
+    return [f"Above the table {lines} left out: {ascii_short(rows[0][0])}."]
+
+
+def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return names and units: the first header line of `width` words, rather no comment, and the one under it."""
+    split = [dialect.split(line.lstrip("#%/ ") if line.startswith(COMMENT) else line) for line in header]
+    for line, cells in zip(header, split, strict=True):
+        texts = _text_cells(dialect, cells)
+        if 0 < len(texts) < width == len(cells) and any(map(dialect.is_number, cells)) and line[0] not in "#%/":
+            raise DataError(
+                f"{file}: {ascii_short(cells[texts[0]])} in column {texts[0]} of the line {ascii_short(line)} "
+                "is not a number."
+            )
+    blank = ("",) * width
+    titles = [k for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)]
+    # a comment is a header only where nothing better is: prose has commas too
+    titles = [k for k in titles if not header[k].startswith(COMMENT)] or titles
+    if width == 1:  # a list of names is not that of one column
+        titles = [k for k in titles if not re.search(r"[,;\t]", split[k][0])]
+    if not titles:
+        return blank, blank
+    below = any(b == a + 1 for a, b in pairwise(titles[:2]))
+    return tuple(split[titles[0]]), tuple(split[titles[1]]) if below else blank
+
+
+def _header_note(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...]) -> list[str]:
+    """Say that a header was passed over for its count of names."""
+    if any(names) or not header or header[-1].startswith(COMMENT):
+        return []
+    cells = dialect.split(header[-1])
+    if not 1 < len(cells) == len(_text_cells(dialect, cells)):
+        return []
+    return [f"The header has {len(cells)} names and the rows {width} cells: columns are called by their position."]
+
+
+def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: str) -> None:
+    """``t,alpha`` above ``0,01,1,5``: the comma separates the cells, and is in them."""
+    last = dialect.split(header[-1]) if header else []
+    if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
+        raise DataError(
+            f"{file} has {len(last)} names above rows of {width} cells: is the comma both the separator and the "
+            "decimal sign? Save it with semicolons between the cells, or with decimal points."
+        )
+
+
+def _cut_note(lines: _Lines) -> list[str]:
+    """Say that the last number may have lost its end."""
+    others = lines.sample[-200:-1]
+    if not lines.tail.strip() or len(others) < 4 or len(lines.tail) >= min(map(len, others)):
+        return []
+    return [f"The last line, {ascii_short(lines.tail.strip())}, has no end: its last number may have been cut off."]
+
+
+# --- the numbers ----------------------------------------------------------------------------------------
+
+
+def _numbers(dialect: Dialect, width: int, lines: _Lines, first: int, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Parse the rows from line `first` on, block by block."""
+    rows = ((i, line) for i, line in lines.rows() if i >= first)
+    blocks = []
+    while block := list(islice(rows, BLOCK)):
+        blocks.append(_block(dialect, width, block, names, lines.name))
+    return np.concatenate(blocks)
+
+
+def _block(
+    dialect: Dialect, width: int, rows: list[tuple[int, str]], names: tuple[str, ...], file: str
+) -> NDArray[np.float64]:
+    """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
+    texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
+    try:
+        if dialect.decimal == "," and any("." in line for _, line in rows):
+            raise ValueError("a point among decimal commas is for _row to tell")
+        values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, ndmin=2)
+    except ValueError:
+        values = np.empty((0, 0))
+    if values.shape == (len(rows), width):
+        return values
+    return np.array([_row(dialect, width, i, line, names, file) for i, line in rows])
+
+
+def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...], file: str) -> list[float]:
+    cells = dialect.split(line)
+    if len(cells) != width:
+        raise DataError(
+            f"{file}, line {i}: {len(cells)} cell{'s' * (len(cells) != 1)} where other lines have {width} "
+            f"({ascii_short(line.strip())}). Was the line cut off while it was written? Complete, correct or delete it."
+        )
+    for j in _text_cells(dialect, cells):
+        column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
+        raise DataError(
+            f"{file}, line {i}, {column}: {ascii_short(cells[j])} is not a number. Correct it or leave it blank."
+        )
+    return [dialect.number(cell) for cell in cells]

@@ -1,0 +1,274 @@
+"""A recording: one clock and its signals, with what was measured of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import DataError, InputError
+from fracid.figures import Style, draw
+from fracid.recording.channel import UNITS
+from fracid.recording.report import Report, measure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Recording", "demand_fitness", "read_only"]
+
+MOST_RESAMPLED = 50
+"""Samples of a finer grid for each of the recording's."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Measured signals over one clock."""
+
+    name: str
+    path: Path
+    sha256: str
+    """Of the file."""
+    time: FloatArray
+    """Shape (n_samples,) [s]; the file's own, from the first sample where the file gives dates."""
+    signals: Mapping[str, FloatArray]
+    """Name to samples, shape (n_samples,) [rad for angles]."""
+    units: Mapping[str, str]
+    """Name to rad, rad/s, V, N m or 1."""
+    report: Report
+    held: frozenset[str] = field(default=frozenset())
+    """Signals that keep their value between samples (commands), so are never interpolated linearly."""
+
+    @property
+    def step(self) -> float | None:
+        """Step of the uniform grid [s], None where the samples lie on none: :meth:`resample` first."""
+        clock = self.report.clock
+        return clock.duration / (clock.samples - 1) if clock.samples > 1 and clock.uniform else None
+
+    def plot(self, *, zero: str = "", style: str | Style = "screen") -> Figure:
+        """Each signal whole, and close up about the release; see :func:`fracid.plots.recording_overview`.
+
+        Parameters
+        ----------
+        zero : str
+            Where the pendulum's angle is zero, where that is known: "hanging" or "upright".
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> twin.plot(zero="hanging").axes[0].get_ylabel()
+        '$\\\\alpha$, 0 = hanging [°]'
+        """
+        return draw("recording_overview", self, zero=zero, style=style)
+
+    def trim(self, start: float | str | None = None, stop: float | None = None) -> Recording:
+        """Return the part from `start` to `stop` [s], both included; time keeps its zero.
+
+        Parameters
+        ----------
+        start : float, "release" or None
+            None is the first sample.
+        stop : float, optional
+            None is the last sample.
+
+        Raises
+        ------
+        InputError
+            Fewer than two samples lie there.
+        DataError
+            `start` is "release" and none was found.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> twin.trim(1.0, 3.0).time
+        array([1., 2., 3.])
+        """
+        low = self._start(start)
+        high = np.inf if stop is None else _seconds("to", stop)
+        slack = 1e-6 * (self.report.clock.step if self.report.clock.samples > 1 else 0.0)
+        inside = (self.time >= low - slack) & (self.time <= high + slack)
+        if inside.sum() < 2:
+            span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else "no time at all"
+            raise InputError(
+                f"{self.name}: from {low:.6g} to {high:.6g} s holds {inside.sum()} samples; it spans {span}."
+            )
+        return self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
+
+    def _start(self, start: float | str | None) -> float:
+        if start is None:
+            return -np.inf
+        if start != "release":
+            if isinstance(start, str):
+                raise InputError(f'from = {start!r} is not possible; expected a time [s] or "release".')
+            return _seconds("from", start)
+        if self.report.release is None:
+            raise DataError(f"{self.name}: no release found ({self.report.release_reason}). Give from as a time [s].")
+        return self.report.release
+
+    def resample(self, step: float | None = None) -> Recording:
+        """Return the recording on a uniform grid: commands held, all else interpolated linearly.
+
+        Parameters
+        ----------
+        step : float, optional
+            [s]; None takes the recording's own, rounded to three digits.
+
+        Returns
+        -------
+        Recording
+            Its report says how, and names each gap that was bridged.
+
+        Raises
+        ------
+        InputError
+            `step` is not positive or leaves fewer than two samples.
+        DataError
+            Time does not increase, or samples are missing.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.array([0, 0.11, 0.19, 0.3]), {"alpha": np.arange(4.0)})
+        >>> twin.resample(0.1).time
+        array([0. , 0.1, 0.2, 0.3])
+        """
+        demand_fitness(self)
+        clock = self.report.clock
+        h = float(f"{clock.step:.3g}") if step is None else float(step)
+        if not 0 < h <= clock.duration:
+            raise InputError(f"step = {step!r} s is not possible; expected above 0 and at most {clock.duration:.6g} s.")
+        if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
+            raise InputError(
+                f"{self.name}: a step of {h:.3g} s makes {clock.duration / h:.3g} samples out of {clock.samples}; "
+                "give a longer one: resample = 0.001."
+            )
+        grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
+        signals = {n: self._at(n, grid) for n in self.signals}
+        gaps = "".join(
+            f" The gap of {1e3 * g:.3g} ms after {t:.4g} s was bridged by a line."
+            for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
+        )
+        more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
+        held = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
+        how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{held}.{gaps}{more}"
+        new = self._with(grid, signals, how)
+        # a line between two encoder steps lies on no lattice: what was measured before still holds
+        kept = tuple(
+            replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
+            for s, r in zip(new.report.signals, self.report.signals, strict=True)
+        )
+        return replace(new, report=replace(new.report, signals=kept))
+
+    def _at(self, name: str, grid: FloatArray) -> FloatArray:
+        x = self.signals[name]
+        if name in self.held:
+            return np.asarray(x[np.searchsorted(self.time, grid + 1e-12, side="right") - 1])
+        return np.asarray(np.interp(grid, self.time, x))
+
+    def split(self, at: float) -> tuple[Recording, Recording]:
+        """Return the parts before and from `at` [s].
+
+        Raises
+        ------
+        InputError
+            A part would hold fewer than two samples.
+
+        Examples
+        --------
+        >>> twin = Recording.of("twin", np.arange(5.0), {"alpha": np.arange(5.0)})
+        >>> [len(part.time) for part in twin.split(2.0)]
+        [2, 3]
+        """
+        return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
+
+    def _with(self, time: FloatArray, signals: Mapping[str, FloatArray], resampled: str | None) -> Recording:
+        report = measure(time, signals, self.units, self.report.reading, resampled)
+        of_the_file = tuple(f for f in self.report.findings if f.where == "time")
+        report = replace(report, findings=(*of_the_file, *report.findings))
+        return replace(self, time=read_only(time), signals={n: read_only(x) for n, x in signals.items()}, report=report)
+
+    @classmethod
+    def of(
+        cls, name: str, time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str] | None = None
+    ) -> Recording:
+        """Return a recording of arrays that come from no file.
+
+        Parameters
+        ----------
+        name : str
+        time : ndarray, shape (n_samples,)
+            [s]
+        signals : mapping
+            Name to samples, shape (n_samples,).
+        units : mapping, optional
+            Name to unit; rad where it says nothing.
+
+        Raises
+        ------
+        InputError
+            A signal is not as long as time.
+
+        Examples
+        --------
+        >>> Recording.of("twin", np.arange(5.0), {"alpha": np.zeros(5)}).step
+        1.0
+        """
+        time = _array(f"{name}: time", time)
+        arrays = {n: _array(f"{name}: {n}", x) for n, x in signals.items()}
+        if not arrays:
+            raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
+        if not np.all(np.isfinite(time)):
+            raise InputError(f"{name}: {np.count_nonzero(~np.isfinite(time))} time stamps are not finite.")
+        for n, unit in (units or {}).items():
+            if n not in arrays or unit not in {of for _, of in UNITS.values()}:
+                raise InputError(
+                    f"{name}: the unit {unit!r} of {n!r} is not possible; expected for {', '.join(arrays)} one of "
+                    f"{', '.join(dict.fromkeys(of for _, of in UNITS.values()))}. Degrees: numpy.radians(samples)."
+                )
+        for n, x in arrays.items():
+            if x.shape != time.shape or time.ndim != 1:
+                raise InputError(
+                    f"{name}: {n} has shape {x.shape} and time {time.shape}; expected (n_samples,) for both."
+                )
+        known = {n: (units or {}).get(n, "rad") for n in arrays}
+        digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
+        report = measure(time, arrays, known)
+        return cls(name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, known, report)
+
+
+def demand_fitness(recording: Recording) -> None:
+    """Raise the first faults of an unfit recording."""
+    if recording.report.faults:
+        first, others = recording.report.faults[:2], len(recording.report.faults) - 2
+        more = f" And {others} more fault{'s' * (others > 1)}: fracid check lists them." if others > 0 else ""
+        raise DataError(f"{recording.name}: {' '.join(first)}{more}")
+
+
+def _seconds(name: str, given: Any) -> float:
+    if not isinstance(given, Real):
+        raise InputError(f"{name} = {given!r} is not possible; expected a time [s].")
+    return float(given)
+
+
+def _array(name: str, given: Any) -> FloatArray:
+    """Turn samples that a caller has into numbers, or say what is wrong; what is masked is missing."""
+    try:
+        if np.asarray(given).dtype.kind not in "fiub":
+            raise TypeError
+        return np.ma.filled(np.ma.asarray(given, dtype=float), np.nan)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers: of time seconds, of angles radians.") from None
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """A copy that cannot be written into."""
+    array = np.array(array, dtype=float)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,189 @@
+"""The verdict at the top of the report: a line for each question that a reader asks of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fracid.report.sentences import digits, half_width, joined, letter, number
+from fracid.validation.residual_sentences import AT_THE_FLOOR
+
+if TYPE_CHECKING:
+    from fracid.report.material import Material
+
+__all__ = ["Line", "verdict"]
+
+POOR = 20.0
+"""A fit of less than this [%] explains next to nothing."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the verdict."""
+
+    about: str
+    sentence: str
+    good: bool
+    """Whether there is nothing to look at."""
+
+
+# --- the five lines ------------------------------------------------------------------------------
+
+
+def verdict(material: Material) -> tuple[Line, ...]:
+    """The report's first screen: fit, orders, prediction, values, checks."""
+    return _fit(material), _orders(material), _prediction(material), _values(material), _checks(material)
+
+
+def _fit(material: Material) -> Line:
+    recordings = material.used("fit")
+    what = "the recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
+    if any(v is None for r in recordings.values() for v in r["rmse"].values()):
+        return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
+    percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
+    poor = not percents or min(percents) < POOR
+    doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
+    said = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
+    return Line("Fit", said, not poor)
+
+
+def _fits(percents: list[float]) -> str:
+    """``, a fit of 86 to 98 %``."""
+    ends = dict.fromkeys((number(min(percents), ".3g"), number(max(percents), ".3g"))) if percents else ()
+    return f", a fit of {' to '.join(ends)} %" if ends else ""
+
+
+def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
+    """``0.22° (θ) and 0.21° (α)``, over recordings the worst."""
+    worst: dict[str, float] = {}
+    for r in recordings.values():
+        for output, value in r["rmse"].items():
+            worst[output] = max(worst.get(output, 0.0), value)
+    said = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
+    return f"{joined(said)}{' at worst' if len(recordings) > 1 else ''}"
+
+
+def _orders(material: Material) -> Line:
+    orders, rival = material.result["orders"], material.result.get("alternative")
+    said = joined([_order(n, e) for n, e in orders.items()]) + "."
+    free = {n: e for n, e in orders.items() if e["free"]}
+    if not free:
+        return Line("Orders", f"{said} They were given, not found.", True)
+    if rival and rival["warning"]:
+        return Line("Orders", f"{said} {rival['warning']}", False)
+    if rival:
+        return Line("Orders", f"{said} {_against_integers(material, rival)}", True)
+    return Line("Orders", *_on_their_own(said, free))
+
+
+def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
+    """What intervals alone say of the orders, and whether there is nothing to look at."""
+    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
+    known = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in unknown}
+    integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
+    without = [n for n in known if integer[n] is None]
+    off = [n for n, ends in known.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
+    inside = [n for n in known if n not in (*off, *without)]
+    doubts = [f"The recordings do not tell {joined(unknown, 'or')}." if unknown else ""]
+    if off:
+        values = dict.fromkeys(number(integer[n]) for n in off)
+        doubts.append(f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order rival was tried.")
+    elif inside:
+        doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
+    if without:
+        doubts.append(f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order rival.")
+    return " ".join((said, *filter(None, doubts))), not unknown and not off
+
+
+def _inside(names: list[str], integer: Mapping[str, float]) -> str:
+    """``1 lies in the intervals of λ and μ``, ``0 lies in the interval of r``."""
+    values = {integer[n] for n in names}
+    if len(values) > 1:
+        return f"{joined(names)} have their integer values in their intervals"
+    return f"{number(values.pop())} lies in the {'interval' if len(names) == 1 else 'intervals'} of {joined(names)}"
+
+
+def _order(name: str, e: Mapping[str, Any]) -> str:
+    half = half_width(e)
+    return f"{letter(name)} = {digits(e)}" + (f" ± {number(half, '.2g')}" if half is not None else "")
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
+    cost, own = rival["cost"], material.result["cost"]["value"]
+    times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
+    gain = number(rival["bic_gain_of_the_fractional_model"], ".3g")
+    return f"With {rival['structure']}, {times} (BIC {gain} worse): the orders explain more."
+
+
+def _prediction(material: Material) -> Line:
+    held = material.used("validate")
+    if not held:
+        return Line(
+            "Prediction",
+            'No recording was held out, so nothing shows that the model predicts. Give one with use = "validate".',
+            False,
+        )
+    failed = [n for n, r in held.items() if any(v is None for v in r["rmse"].values())]
+    if failed:
+        return Line("Prediction", f"No run reached the end of {joined(failed)}, which was not fitted.", False)
+    what, was = (next(iter(held)), "was") if len(held) == 1 else (f"{len(held)} recordings", "were")
+    percents = [v for r in held.values() for v in r["fit_percent"].values() if v is not None]
+    said = f"It predicts {what}, which {was} not fitted, to {_errors(material, held)} rms{_fits(percents)}"
+    poor = not percents or min(percents) < POOR
+    return Line(
+        "Prediction", f"{said}{'; for one signal that is hardly better than a constant' if poor else ''}.", not poor
+    )
+
+
+def _values(material: Material) -> Line:
+    free = {n: e for n, e in (*material.result["orders"].items(), *material.result["parameters"].items()) if e["free"]}
+    own = [e for r in material.used("fit").values() for b in ("parameters", "initial_state") for e in r[b].values()]
+    known = [e["identifiable"] == "identifiable" for e in (*free.values(), *(e for e in own if e["free"]))]
+    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
+    if all(known):
+        return Line("Values", f"The recordings tell all {len(known)} values that were left free.", True)
+    said = f"The recordings tell {sum(known)} of the {len(known)} values that were left free"
+    return Line("Values", f"{said}; not, or not for sure: {joined(unknown)}." if unknown else f"{said}.", False)
+
+
+def _checks(material: Material) -> Line:
+    said = [*_search(material), *_step(material), *_left_over(material)]
+    return Line("Checks", " ".join(sentence for sentence, _ in said), all(good for _, good in said))
+
+
+def _search(material: Material) -> Iterator[tuple[str, bool]]:
+    outcome = material.result["outcome"]
+    converged = outcome.startswith("converged")
+    yield ("The search converged." if converged else f"The search ended so: {outcome}.", converged)
+
+
+def _step(material: Material) -> Iterator[tuple[str, bool]]:
+    check = material.result.get("discretisation")
+    if check is None:
+        yield "What the step does was not checked.", False
+    elif check["warning"]:
+        yield check["warning"], False
+    elif check["shift"]:
+        most = max(map(abs, check["shift"].values()))
+        yield f"Solved at half the step, no order moves by more than {number(most, '.1g')}.", True
+
+
+def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
+    found = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
+    tested = [a for a in found if a.whiteness.thinning]
+    if not tested:
+        return
+    worst = max(tested, key=lambda a: a.whiteness.correlation_time)
+    if all(a.whiteness.white for a in tested):
+        yield "What is left over is white noise.", True
+    elif all(a.level.rms < AT_THE_FLOOR * a.level.floor for a in tested):
+        yield "What is left over is the encoder's rounding.", True
+    else:
+        time = number(worst.whiteness.correlation_time, ".2g")
+        what = f"What is left over of {letter(worst.output)}"
+        yield f"{what} is correlated over {time} s: not noise alone, the model lacks something.", False

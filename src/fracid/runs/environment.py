@@ -1,0 +1,51 @@
+"""The environment of a run: versions, processor, operating system."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+__all__ = ["machine", "versions"]
+
+_PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result depends on.
+
+    Examples
+    --------
+    >>> sorted(versions())
+    ['fracid', 'numba', 'numpy', 'pymoo', 'python', 'scipy']
+    """
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def machine() -> dict[str, str]:
+    """System and processor, by which the last bits of a result may differ.
+
+    Examples
+    --------
+    >>> sorted(machine())
+    ['platform', 'processor']
+    """
+    return {"platform": platform.platform(), "processor": _processor()}
+
+
+@cache
+def _processor() -> str:
+    """Its model, where Linux says it; else what Python knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()

@@ -1,0 +1,387 @@
+"""The run folder: everything that one identification, or one study, leaves behind.
+
+::
+
+    runs/NAME/
+    ├── run.json             what is done here, with all its options, and whether it is finished
+    ├── result.json          Fit.to_json() with hashes of the data, versions and timing
+    ├── project.toml         the project file as it was used
+    ├── environment.json     versions, machine, command line and where it was typed
+    ├── evaluations.jsonl    every evaluation of the cost, as it ended (written by the optimiser's log)
+    ├── .memo                while it is unfinished: what was simulated (:mod:`fracid.tasks.simulation_cache`)
+    ├── journal.jsonl        of a study: every repetition, as it ended (:mod:`fracid.tasks.journal`)
+    ├── figures/             SVG and PNG; of fracid draw in figures/journal, PDF
+    └── report.html          all of it on one page
+
+The same inputs and seed give the same ``result.json`` but for its ``timing`` block, for any number of
+threads.  A file is written whole or not at all.
+
+**Gone on with.**  A fit does its work between :func:`open_run` and :meth:`Run.finish`; until that it can be resumed,
+and the folder is one process's alone.  A study has its journal, which is never removed: the same command goes on from
+it, and ``fracid resume`` types that command again, from ``environment.json``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.files import write_text
+from fracid.runs.environment import machine, versions
+from fracid.runs.schemas import RUN as RUN_SHAPE
+from fracid.safety.schema import read_as
+from fracid.tasks.folder_lock import FolderLock, Json
+
+if TYPE_CHECKING:
+    from fracid.fit import Fit
+    from fracid.problem.project import Project
+
+__all__ = [
+    "EVALUATIONS",
+    "FIGURES",
+    "JOURNAL",
+    "MEMO",
+    "RUN",
+    "Run",
+    "RunState",
+    "cut_short",
+    "inputs_of",
+    "open_folder",
+    "open_run",
+    "refuse_anothers",
+    "refuse_used",
+    "result_of",
+    "run_state",
+    "write_result",
+]
+
+RUN = "run.json"
+
+JOURNAL = "journal.jsonl"
+
+EVALUATIONS = "evaluations.jsonl"
+
+MEMO = ".memo"
+
+FIGURES = "figures"
+
+FIGURE = re.compile(
+    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise)"
+    r"\.(svg|png|pdf)"
+)
+"""Names of the figures that runs and studies draw."""
+
+STARTS = f"starts/{JOURNAL}"
+
+LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
+"""What else lies in a run folder and is no longer true of a new run."""
+
+
+@dataclass(frozen=True)
+class RunState:
+    """The content of run.json."""
+
+    kind: str
+    """``fit``, ``noise``, …: the command."""
+    options: Mapping[str, Json]
+    """What to call it with again."""
+    inputs: Mapping[str, str]
+    """All that it reads from outside, with hashes; see :func:`inputs_of`."""
+    finished: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder at work."""
+
+    folder: Path
+    state: RunState
+    resumed: bool
+    """Whether there is something done to go on from."""
+
+    def finish(self) -> None:
+        """Say that all is done and written.
+
+        Raises
+        ------
+        InputError
+            If that cannot be written.
+        """
+        _write_state(self.folder, replace(self.state, finished=True))
+        (self.folder / MEMO).unlink(missing_ok=True)
+        for path in _halves(self.folder):
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def open_run(
+    folder: Path,
+    kind: str,
+    options: Mapping[str, Json],
+    *,
+    inputs: Mapping[str, str] | None = None,
+    resume: bool = False,
+) -> Iterator[Run]:
+    """Take a run folder for this process alone, begin or go on there, and let go of it.
+
+    Without `resume` an earlier run's files are removed.
+
+    Parameters
+    ----------
+    folder : Path
+    kind : str
+    options : mapping
+        What to call the command with again, as plain JSON values; not threads, which change no result.
+    inputs : mapping, optional
+        All that it reads from outside; see :func:`inputs_of`.
+    resume : bool
+        Go on with the run there, which must be the same.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, holds other files, is at work in another process, or if what the run reads has
+        changed since.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "rig"
+    >>> with open_run(folder, "fit", {"seed": 3}) as run:
+    ...     run.finish()
+    >>> run_state(folder).finished
+    True
+    """
+    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}))
+    _refuse_strangers(folder)
+    with FolderLock(folder):
+        if resume:
+            _refuse_another(folder, run_state(folder), now)
+        else:
+            (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
+            open_folder(folder)
+            _write_state(folder, now)
+        yield Run(folder, now, resume)
+
+
+def run_state(folder: Path) -> RunState:
+    """Read what is done in a run folder.
+
+    Raises
+    ------
+    InputError
+        If it has no run.json that can be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> run_state(Path(tempfile.mkdtemp()))
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... has no run.json that can be read: ...
+    """
+    try:
+        said = read_as(folder / RUN, RUN_SHAPE, "the command itself")
+        return RunState(said["kind"], said["options"], said["inputs"], said["finished"])
+    except (OSError, InputError):
+        raise InputError(
+            f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
+            "Type the command itself again."
+        ) from None
+
+
+def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
+    """Whether a folder holds this very run, begun and not finished: with these options, of the same inputs.
+
+    Parameters
+    ----------
+    folder, kind, options, inputs
+        As for :func:`open_run`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "rig"
+    >>> with open_run(folder, "fit", {"seed": 3}):
+    ...     pass
+    >>> cut_short(folder, "fit", {"seed": 3}, {}), cut_short(folder, "fit", {"seed": 4}, {})
+    (True, False)
+    """
+    if not (folder / RUN).exists():
+        return False
+    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs))
+    try:
+        return run_state(folder) == now
+    except InputError:
+        return False
+
+
+def refuse_used(folder: Path) -> None:
+    """Refuse a folder that holds anything: what is written there would stand in place of it.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_used(Path("/nowhere/new"))
+    """
+    if folder.exists() and (not folder.is_dir() or any(not path.name.startswith(".") for path in folder.iterdir())):
+        raise InputError(f"{folder} holds files already; give an empty or a new folder: --out DIR.")
+
+
+def refuse_anothers(folder: Path, project: Path) -> None:
+    """Refuse a folder with the fit of another project, which is still there: its result would be lost.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_anothers(Path("/nowhere/new"), Path("rig.toml"))
+    """
+    try:
+        fitted = Path(str(run_state(folder).options["project"]))
+    except (InputError, KeyError):
+        return
+    if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
+        raise InputError(
+            f"{folder} holds the fit of another project, {fitted}, and would lose it; give another folder: --out DIR."
+        )
+
+
+def inputs_of(project: Project) -> dict[str, str]:
+    """Hash all that a run of a project depends on: the file, its recordings, its code; and name the versions.
+
+    Parameters
+    ----------
+    project : Project
+
+    Returns
+    -------
+    dict
+        What, in words → hash or version.
+    """
+    found = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
+    found |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
+    for file in project.own_code:
+        found[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(file.read_bytes()).hexdigest()
+    return found | {f"the version of {package}": number for package, number in versions().items()}
+
+
+def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
+    """Go on with the same alone."""
+    if (before.kind, before.options) != (now.kind, now.options):
+        raise InputError(f"{folder} holds another run: {before.kind} with {dict(before.options)}.")
+    for what in {**before.inputs, **now.inputs}:
+        if before.inputs.get(what) != now.inputs.get(what):
+            raise InputError(
+                f"{folder} cannot be gone on with: {what} has changed since. Put it back, or begin again in another "
+                "folder: --out DIR."
+            )
+
+
+def _write_state(folder: Path, state: RunState) -> None:
+    try:
+        write_text(folder / RUN, json.dumps(asdict(state), indent=2, ensure_ascii=False) + "\n")
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+
+
+def open_folder(folder: Path) -> Path:
+    """Make a run folder, and clear it of an earlier run's own files.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, holds files that no run of fracid wrote, or another process is at work there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> open_folder(Path(tempfile.mkdtemp()) / "first").name
+    'first'
+    """
+    _refuse_strangers(folder)
+    with FolderLock(folder):
+        try:
+            for old in (EVALUATIONS, MEMO, "result.json", *LATER):
+                (folder / old).unlink(missing_ok=True)
+            for path in (*_figures(folder), *_halves(folder)):
+                path.unlink(missing_ok=True)
+            environment: dict[str, Json] = {"versions": versions(), **machine()}
+            environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
+            write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
+        except OSError as error:
+            raise _unwritable(folder, error) from None
+    return folder
+
+
+def _unwritable(folder: Path, error: OSError) -> InputError:
+    return InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.")
+
+
+def _refuse_strangers(folder: Path) -> None:
+    """Make the folder, but refuse one with files of somebody else."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    if names and not names & {"environment.json", RUN}:
+        raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
+
+
+def _figures(folder: Path) -> list[Path]:
+    """Figures of an earlier run: of recordings, perhaps, that this one does not have; what others put there stays."""
+    return [path for path in (folder / FIGURES).rglob("*") if FIGURE.fullmatch(path.name)]
+
+
+def _halves(folder: Path) -> list[Path]:
+    """What :func:`write_whole` had begun when a process was killed."""
+    return [path for where in (folder, folder / FIGURES) for path in where.glob(".?*.*-*")]
+
+
+def result_of(fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:
+    """Give the content of ``result.json``.
+
+    Examples
+    --------
+    >>> result_of.__name__
+    'result_of'
+    """
+    return fit.to_json() | {
+        "preset": project.preset,
+        "data_sha256": {r.name: r.sha256 for r in project.recordings},
+        "versions": versions(),
+        "timing": {stage: round(seconds, 3) for stage, seconds in timing.items()},
+    }
+
+
+def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:
+    """Write ``result.json`` and ``project.toml``; gives the former's content.
+
+    Raises
+    ------
+    InputError
+        If the disk will not take them.
+    """
+    result = result_of(fit, project, timing)
+    try:
+        write_text(folder / "result.json", json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        write_text(folder / "project.toml", project.text)
+    except OSError as error:
+        raise InputError(f"The result cannot be written to {folder}: {error.strerror}.") from None
+    return result

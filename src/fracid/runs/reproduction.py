@@ -1,0 +1,304 @@
+"""A run done again, from what its folder says, and its result held against the first one.
+
+::
+
+    run folder  ──  project.toml, recordings (by their hashes), run.json: options, seed  ──  identify  ──  result
+         │                                                                                                   │
+         └── result.json  ──────────────────────────  value by value  ──────────────────────────────────────┘
+
+The same inputs, seed and versions on the same kind of machine give the same numbers to the last bit, for any number of
+threads: every sum has a fixed order, linear algebra has one thread, and all randomness has the seed's.  Other versions
+and other processors round differently in the last place, and a search that takes its way by differences of costs ends
+that much elsewhere.  So there *what was found* (values of unknowns, their cost, root mean squares) is held to
+:data:`ELSEWHERE` of its size or, of an unknown that the data hardly tell, to :data:`OF_INTERVAL` of half its interval:
+derivatives by differences are known to 10⁻⁸, and so is, in units of its interval, where least squares ends.  Derived
+numbers, a p-value or a difference of two nearly equal costs, may differ by more, and are told.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.runs.schemas import ENVIRONMENT, FIT_OPTIONS
+from fracid.safety.schema import fault_of, read_as
+
+if TYPE_CHECKING:
+    from fracid.runs.saved import SavedRun
+
+__all__ = ["ELSEWHERE", "Difference", "Reproduction", "compared", "reproduce"]
+
+ELSEWHERE = 1e-9
+"""How far what was found may be off with other versions or on another machine, of its size."""
+
+OF_INTERVAL = 1e-6
+"""And an unknown, of half its interval: where zero lies within, its size says nothing."""
+
+PASSING = ("timing", "versions")
+"""Blocks of a result that say how it was made: not compared."""
+
+FOUND = (("orders", "parameters", "cost", "recordings", "structures", "truth"), ("value", "cost", "rmse", "truth"))
+"""Blocks, and names in them, under which a result says what was found."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One place where two results are not the same."""
+
+    where: str
+    """``orders.mu.value``, as jq takes it."""
+    before: Any
+    after: Any
+    size: float
+    """|after − before| over the larger of both; infinite for what is no number in both."""
+    of_interval: float
+    """Of an unknown: the same over half its interval; infinite without one."""
+    found: bool
+    """Whether it is something that was found, and not derived from it."""
+
+    @property
+    def excused(self) -> bool:
+        """Whether it may be so with other versions or on another machine."""
+        return not self.found or self.size <= ELSEWHERE or self.of_interval <= OF_INTERVAL
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What :func:`reproduce` gives."""
+
+    result: Mapping[str, Any]
+    """The new one."""
+    values: int
+    """How many were compared."""
+    differences: tuple[Difference, ...]
+    """The largest first, what was found before what was derived."""
+    changed: Mapping[str, tuple[str, str]]
+    """What is not as it was, versions, machine, own code → before and now."""
+
+    @property
+    def identical(self) -> bool:
+        """Whether no value differs in its last bit."""
+        return not self.differences
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether it came out as it should: the same to the bit, or with other versions or elsewhere nearly so."""
+        return self.identical or (bool(self.changed) and all(d.excused for d in self.differences))
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        but = f" {_listed(self.changed)}: not as they were." if self.changed else ""
+        if self.identical:
+            return f"Identical: all {self.values} values are the same to the last bit.{but}"
+        count = f"{len(self.differences)} of {self.values} values differ, {self.how_far}"
+        if self.reproduced:
+            return f"Reproduced: {count}.{but}"
+        if self.changed:
+            return f"Not reproduced: {count}; {ELSEWHERE:g} is allowed.{but}"
+        return (
+            f"Not reproduced: {count}, with the same data, seed, versions and machine. That is a fault of fracid: "
+            "please report it, with both results."
+        )
+
+    @property
+    def how_far(self) -> str:
+        """By how much what was found differs, in words."""
+        found = [d for d in self.differences if d.found]
+        by_size = max((d.size for d in found if d.of_interval > OF_INTERVAL or d.size <= ELSEWHERE), default=0.0)
+        by_interval = max((d.of_interval for d in found if d.size > ELSEWHERE and d.excused), default=0.0)
+        far = [f"{by_size:.1g} of its size"] * (by_size > 0) + [f"{by_interval:.1g} of half its interval"] * (
+            by_interval > 0
+        )
+        return f"what was found by {' or '.join(far)} at most" if far else "none of those that were found"
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain JSON values."""
+        return {
+            "identical": self.identical,
+            "reproduced": self.reproduced,
+            "verdict": self.verdict,
+            "values": self.values,
+            "changed": {what: list(pair) for what, pair in self.changed.items()},
+            "differences": [
+                {"where": d.where, "before": d.before, "after": d.after, "found": d.found, "size": _finite(d.size),
+                 "of_interval": _finite(d.of_interval)}
+                for d in self.differences
+            ],
+        }  # fmt: skip
+
+
+def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **options: Any) -> Reproduction:
+    """Do a fit again and hold its result against the one in its folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Of a run of ``fracid fit`` that is finished.  Nothing is written there.
+    trust : bool
+        Let its project run code of its own; see :func:`fracid.load_run`.
+    jobs : int
+        Threads; no value depends on it.
+    **options
+        Passed on to :func:`fracid.identify`, such as ``callback``.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    InputError
+        If it is no finished fit, or if its recordings are not where they were, or are others.
+    NotTrusted
+        If its project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> reproduce(tempfile.mkdtemp())
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
+    wrote.
+    """
+    import scipy.linalg  # noqa: F401 (brings a library of its own, which must be there to be held)
+    from threadpoolctl import threadpool_limits
+
+    from fracid.identification import identify
+    from fracid.runs.folder import result_of, run_state
+    from fracid.runs.saved import load_run
+
+    run = load_run(folder, trust=trust)
+    state = run_state(run.folder)
+    if not state.finished:
+        raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
+    if fault := fault_of(state.options, FIT_OPTIONS):
+        raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
+    with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
+        fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
+    return compared(run.result, result_of(fit, run.project, {}), _changed(run, state.inputs))
+
+
+def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
+    """The options of the run, as identify takes them; a scheduler's starts are those of processes."""
+    starts, executor = options.get("starts"), options.get("executor") or "threads"
+    optimiser = "multistart" if starts else options.get("optimiser") or run.project.optimiser
+    return {
+        "optimiser": optimiser, "seed": options.get("seed"), "starts": starts, "cut": bool(options.get("cut")),
+        "executor": "processes" if "://" in executor else executor,
+    }  # fmt: skip
+
+
+def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Versions, code and machine that are not as they were; the data cannot be others, :func:`load_run` looks."""
+    from fracid.runs.environment import machine
+    from fracid.runs.folder import inputs_of
+
+    now = inputs_of(run.project)
+    found = {
+        what: (str(inputs[what]), now[what])
+        for what in now
+        if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
+    }
+    try:
+        there = read_as(run.folder / "environment.json", ENVIRONMENT, "fracid fit PROJECT")
+    except OSError:
+        there = {}
+    here = machine()
+    return found | {
+        f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]
+    }
+
+
+def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
+    """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
+    said = ", ".join(
+        what if what.startswith("the code") else f"{what} ({before}, now {now})"
+        for what, (before, now) in changed.items()
+    )
+    return said[:1].upper() + said[1:]
+
+
+# --- value by value ----------------------------------------------------------------------------------
+
+
+def compared(
+    before: Mapping[str, Any], after: Mapping[str, Any], changed: Mapping[str, tuple[str, str]] | None = None
+) -> Reproduction:
+    """Hold one result, as plain JSON values, against another.
+
+    Examples
+    --------
+    >>> one = {"orders": {"mu": {"value": 0.9, "interval95": [0.8, 1.0]}}, "timing": {"total": 3.1}}
+    >>> other = {"orders": {"mu": {"value": 0.90001, "interval95": [0.8, 1.0]}}, "timing": {"total": 2.9}}
+    >>> compared(one, one).verdict
+    'Identical: all 3 values are the same to the last bit.'
+    >>> [(d.where, float(round(d.size, 6))) for d in compared(one, other).differences]
+    [('orders.mu.value', 1.1e-05)]
+    """
+    pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
+    claimed = _claimed(before)
+    different = [_of_study(d, claimed) for d in pairs if d is not None]
+    differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
+    return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
+
+
+def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -> Iterator[Difference | None]:
+    """One for each value: None where it is the same."""
+    before, after = ({} if v is _MISSING and isinstance(o, dict) else v for v, o in ((before, after), (after, before)))
+    if isinstance(before, dict) and isinstance(after, dict):
+        width = _half_width(before)
+        for name in {**before, **after}:
+            if path or name not in PASSING:
+                yield from _pairs((*path, name), before.get(name, _MISSING), after.get(name, _MISSING), width)
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for place, pair in enumerate(zip(before, after, strict=True)):
+            yield from _pairs((*path, str(place)), *pair)
+    elif type(before) is type(after) and before == after:
+        yield None
+    else:
+        blocks, names = FOUND
+        found = path[0] in blocks and any(name in names for name in path[-2:])
+        half = width if path[-1] == "value" else 0.0
+        yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), found)
+
+
+def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
+    """Half the interval that a noise study's fits claim, by unknown: its truth has none of its own."""
+    cells = study.get("cells") or [{}]
+    return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in cells[0].get("unknowns", {}).items()}
+
+
+def _of_study(d: Difference, claimed: Mapping[str, float]) -> Difference:
+    half = claimed.get(d.where.removeprefix("truth."), 0.0) if d.where.startswith("truth.") else 0.0
+    return replace(d, of_interval=_sizes(d.before, d.after, half)[1]) if half > 0 else d
+
+
+_MISSING = object()
+"""In place of a value that only one of the results has."""
+
+
+def _shown(value: Any) -> Any:
+    return "missing" if value is _MISSING else value
+
+
+def _half_width(estimate: Mapping[str, Any]) -> float:
+    ends = estimate.get("interval95")
+    return (ends[1] - ends[0]) / 2 if isinstance(ends, list) and len(ends) == 2 and None not in ends else 0.0
+
+
+def _sizes(before: Any, after: Any, half: float) -> tuple[float, float]:
+    """The difference over the larger of both, and over half the interval."""
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (before, after)):
+        return inf, inf
+    off = float(abs(after - before))
+    return off / max(abs(before), abs(after)) if off else 0.0, off / half if half > 0 else inf
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None

@@ -1,0 +1,317 @@
+"""A run folder read back: the problem, the values that were found, and each recording beside its simulation.
+
+::
+
+    runs/NAME/result.json   ──  the values of all unknowns           ┐
+    runs/NAME/project.toml  ──  model, recordings, what was free     ┴→  SavedRun: problem, x, recordings
+
+A run folder has no samples.  :func:`load_run` reads the project and its recordings again, refuses recordings whose hash
+is not that of the run's, and simulates with the values of ``result.json``, validation recordings with their own.  A
+float goes through JSON unchanged, so the same versions give the same trajectories to the last bit; where the rmse
+does differ from the saved one a note says so.
+
+The folder may come from a stranger or from a dying disc.  Each file must be of its :mod:`shape
+<fracid.safety.schema>`, and ``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders,
+values within their bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import FracidError, InputError, NotTrusted
+from fracid.estimation.fit_figures import FitPictures
+from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.starts import Start
+from fracid.problem import Experiment, Problem
+from fracid.problem.project import Project, project_from_text
+from fracid.runs.schemas import RESULT
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import json_of, must_be, text_of
+from fracid.safety.text import ascii_short
+from fracid.tasks.folder_lock import refuse_links
+from fracid.validation.unknown_past import CutCheck
+
+__all__ = ["SavedRun", "load_run"]
+
+DIFFERENT = 1e-6
+"""Relative difference of an rmse from the saved one that is told."""
+
+LARGEST_PROJECT = 1 << 23
+"""Bytes of a project file."""
+
+MOST_WORDS = 1000
+"""Of a command, that are looked at for a project file."""
+
+
+@dataclass(frozen=True)
+class SavedRun(FitPictures):
+    """What :func:`load_run` gives."""
+
+    folder: Path
+    result: Mapping[str, Any]
+    """The content of ``result.json``."""
+    project: Project
+    values: Mapping[str, float]
+    """Name of each unknown → its value, those of validation recordings too."""
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that was fitted."""
+        return self.project.problem
+
+    @property
+    def x(self) -> FloatArray:
+        """Where it ended, shape (n_unknowns,)."""
+        return _vector(self.problem, self.values)
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
+        return {n: _estimate(said) for n, said in self.result.get("parameters", {}).items()}
+
+    @property
+    def starts(self) -> tuple[Start, ...]:
+        """What became of each start, as in :attr:`fracid.Fit.starts`."""
+        return tuple(_start(said, self.problem) for said in self.result.get("starts", []))
+
+    @property
+    def cut(self) -> CutCheck | None:
+        """How far the orders move with where the record begins, where that was looked at."""
+        said = self.result.get("cut")
+        return None if said is None else CutCheck.of_json(said)
+
+    @cached_property
+    def recordings(self) -> dict[str, RecordingFit]:
+        """Each recording beside its simulation, as in :attr:`fracid.Fit.recordings`; NaN where the run fails."""
+        validating = [(self.problem.with_shared(self.x, (e,)), e, "validate") for e in self.project.validation]
+        return {
+            e.name: self._recording(problem, e, use)
+            for problem, e, use in [*((self.problem, e, "fit") for e in self.problem.experiments), *validating]
+        }
+
+    @property
+    def resolutions(self) -> dict[str, dict[str, float | None]]:
+        """Recording → signal → the step of its encoder [rad]; None where none is seen."""
+        return self.project.resolutions
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What differs from the run as it was: simulates all recordings."""
+        return tuple(self._differences())
+
+    def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
+        run = problem.fitted(_vector(problem, self.values), e)
+        fitted = np.full(e.measured.shape, np.nan) if isinstance(run, str) else run
+        cost = np.inf if isinstance(run, str) else problem.cost_function.value(e.time, e.measured - fitted)
+        said = self.result.get("recordings", {}).get(e.name, {})
+        initial, own = (
+            {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")
+        )
+        measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
+        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
+                            self.problem.model.zero)  # fmt: skip
+
+    def _differences(self) -> Iterator[str]:
+        if _text(self.project.path) not in (None, self.project.text):
+            yield f"{self.project.path} has changed since the run; what counts here is the run's own copy of it."
+        for name, r in self.recordings.items():
+            saved = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
+            for output, now in r.rmse.items():
+                before = saved.get(output)
+                if before is not None and not abs(now - before) <= DIFFERENT * before:
+                    yield (
+                        f"{name}: simulated again with the saved values, the rmse of {output} is {now:.6g} rad; the "
+                        f"run found {before:.6g}. Another version of fracid wrote it, or a model's file has changed."
+                    )
+
+
+def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
+    """Read the folder of a run of ``fracid fit``.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With ``result.json`` and ``project.toml``; the recordings are looked for where the run found them.
+    trust : bool
+        Let its project run code of its own, a model or a cost in a Python file that it names.  Read that first.
+
+    Returns
+    -------
+    SavedRun
+
+    Raises
+    ------
+    InputError
+        If it is no run folder, its recordings are not where they were, or one has changed.
+    NotTrusted
+        If its project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> load_run(tempfile.mkdtemp())
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
+    wrote.
+    """
+    folder = Path(folder)
+    refuse_mistaken(folder, "run")
+    refuse_links(folder)
+    result = _read(folder / "result.json")
+    project = _project(folder, result, trust)
+    hashes = result.get("data_sha256", {})
+    for r in project.recordings:
+        if hashes.get(r.name) != r.sha256:
+            raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
+    run = SavedRun(folder, result, project, _values(result))
+    if fault := next(_strange(run), ""):
+        raise InputError(f"{folder / 'result.json'} is not of the project beside it: {fault}. Fit it again.")
+    return run
+
+
+def _strange(run: SavedRun) -> Iterator[str]:
+    """What result.json says that no fit of this project says, in words."""
+    result, project, model = run.result, run.project, run.problem.model
+    if set(result["recordings"]) != {r.name for r in project.recordings}:
+        yield "its recordings are others"
+    if missing := set(model.order_names) - set(result["orders"]):
+        yield f"it has no order {min(missing)!r}"
+    outputs = set(run.problem.outputs)
+    for name, r in result["recordings"].items():
+        if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:
+            yield f"the outputs of {ascii_short(name)} are others"
+    problems = (run.problem, *(run.problem.with_shared(run.x, (e,)) for e in project.validation))
+    for u in (u for problem in problems for u in problem.unknowns):
+        low, high = u.range.lower, u.range.upper
+        slack = DIFFERENT * (high - low if math.isfinite(high - low) else abs(run.values.get(u.name, 0.0)))
+        if not low - slack <= run.values.get(u.name, u.range.start) <= high + slack:
+            yield f"{u.name} = {run.values[u.name]:.6g} is outside of its bounds, {low:.6g} to {high:.6g}"
+    yield from _strange_blocks(result)
+
+
+def _strange_blocks(result: Mapping[str, Any]) -> Iterator[str]:
+    """Blocks that name what others have."""
+    joined = {s["origin"]: s["joined"] for s in result.get("starts", [])}
+    for origin in joined:
+        way = [origin]
+        while (after := joined.get(way[-1])) is not None and len(way) <= len(joined):
+            way.append(after)
+        if way[-1] not in joined or len(way) > len(joined):
+            yield f"the start {origin} joined one that is not there"
+    check, spread, cut = result.get("discretisation"), result.get("spread"), result.get("cut")
+    if check and not set(check["shift"]) == set(check["orders"]) <= set(result["orders"]):
+        yield "the orders of its discretisation are others"
+    if spread and any(len(u[key]) != len(spread["recordings"]) for u in spread["unknowns"].values()
+                      for key in ("values", "standard_errors")):  # fmt: skip
+        yield "its spread is of other recordings"
+    if cut and any(set(t["orders"]) != set(cut["as_fitted"]["orders"]) or set(t["shift"]) != set(t["orders"])
+                   for t in cut["treatments"].values()):  # fmt: skip
+        yield "the orders of its cut are others"
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        found = json_of(text_of(path))
+    except (OSError, ValueError):
+        found = None
+    if isinstance(found, dict):
+        return dict(must_be(found, RESULT, path, "fracid fit PROJECT"))
+    kind = _optional(path.parent / "run.json", "kind", "")
+    if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
+        raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
+    if kind == "fit":
+        raise InputError(f"The fit in {path.parent} is not finished; type fracid resume {path.parent}.")
+    if kind:
+        raise InputError(f"{path.parent} is the folder of fracid {kind}; give one that fracid fit wrote.")
+    raise InputError(
+        f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote."
+    )
+
+
+def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
+    """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
+    try:
+        text = text_of(folder / "project.toml", LARGEST_PROJECT)
+    except (OSError, ValueError):
+        raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
+    there = [path for path in _places(folder) if path.parent.is_dir()]
+    there.sort(key=lambda path: _text(path) != text)  # the file itself first, then where it was
+    reason = ""
+    for path in (*there, folder / "project.toml"):
+        try:
+            return project_from_text(text, path, preset=result.get("preset"))
+        except NotTrusted:
+            if not trust:
+                raise
+            # there and nowhere else: it is the file that was named to be read
+            return project_from_text(text, path, preset=result.get("preset"), trust=True)
+        except FracidError as error:
+            reason = reason or str(error)
+    raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
+                     "or fit again: fracid fit PROJECT.")  # fmt: skip
+
+
+def _text(path: Path) -> str | None:
+    """What a project file says, None without one."""
+    try:
+        return text_of(path, LARGEST_PROJECT)
+    except (OSError, ValueError):
+        return None
+
+
+def _places(folder: Path) -> Iterator[Path]:
+    """Where the project file may lie: as the run names it, from here or above the run; or in fracid itself."""
+    said = [
+        *_optional(folder / "environment.json", "command", []),
+        *_optional(folder / "run.json", "options", {}).values(),
+    ]
+    words = [w for w in said[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
+    for word in dict.fromkeys(words):
+        yield from (place / word for place in (Path(), *folder.resolve().parents))
+    yield from (Path(__file__).parents[1] / "twins").glob("*.toml")  # the demo's
+
+
+def _optional(path: Path, key: str, otherwise: Any) -> Any:
+    """What a file says, where there is one."""
+    try:
+        found = json_of(text_of(path))[key]
+    except (OSError, ValueError, KeyError, TypeError):
+        return otherwise
+    return found if isinstance(found, type(otherwise)) else otherwise
+
+
+def _values(result: Mapping[str, Any]) -> dict[str, float]:
+    """Name of each unknown → its value in result.json."""
+    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result.get(block, {}).items()}
+    for name, r in result.get("recordings", {}).items():
+        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
+        shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
+    return {n: float(v) for n, v in shared.items() if v is not None}
+
+
+def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
+    """What a result does not name (a search that failed) stays at its start."""
+    return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
+
+
+def _estimate(said: Mapping[str, Any]) -> Estimate:
+    """What result.json says of a value; what a result of an older version does not say is as by default."""
+    known = {f.name: said[f.name] for f in fields(Estimate) if f.name in said}
+    known = {n: tuple(v) if isinstance(v, list) else v for n, v in known.items()}
+    return Estimate(**known | {"value": math.nan if said.get("value") is None else said["value"]})
+
+
+def _start(said: Mapping[str, Any], problem: Problem) -> Start:
+    """What result.json says of a start."""
+    point, end = (np.array([said[key].get(n, np.nan) for n in problem.names]) for key in ("start", "end"))
+    first = math.inf if said["cost_on_first_swing"] is None else said["cost_on_first_swing"]
+    return Start(said["origin"], point, first, end, said["cost"], said["ended"], said["evaluations"], said["joined"])

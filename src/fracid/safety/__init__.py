@@ -1,0 +1,1 @@
+"""What strangers send: texts, paths, JSON and code that may be wrong or hostile."""

@@ -1,0 +1,143 @@
+"""A path that is not what was expected of it: what it is, and what to type in its place.
+
+==============  =============================================================
+kind            how it is known
+==============  =============================================================
+``project``     a file that ends in .toml
+``recording``   a file with another ending that :mod:`fracid.recording` reads
+``run``         a folder with a ``result.json``, or a ``run.json`` of a fit
+``study``       a folder with a ``compare.json`` or ``noise.json``
+==============  =============================================================
+
+:func:`refuse_mistaken` raises where a path is of another kind than was asked for, or is not there at all; the sentence
+ends with a command.  Whoever reads a kind of path calls it first, so that library and program say the same.
+"""
+
+from __future__ import annotations
+
+import difflib
+import shlex
+from pathlib import Path
+from typing import Literal
+
+from fracid.errors import InputError
+from fracid.safety.schema import read_as
+
+__all__ = ["Kind", "kind_of", "refuse_mistaken"]
+
+Kind = Literal["project", "recording", "run", "study"]
+
+RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet")
+"""Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
+
+STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise"}
+
+INSTEAD = {
+    ("project", "recording"): "a recording, not a project. Write a project of it: fracid init {path}",
+    ("project", "run"): "the folder of a run, not a project. Look at it: fracid resid {path}; or fit again: fracid fit "
+                        "{project}",
+    ("project", "study"): "the folder of a study, not a project. Give the project file: {study} {project}",
+    ("recording", "project"): "a project, not a recording. Fit it: fracid fit {path}",
+    ("recording", "run"): "the folder of a run, not a recording. Look at it: fracid resid {path}",
+    ("recording", "study"): "the folder of a study, not a recording. Give the file of the recording",
+    ("run", "project"): "a project, not the folder of a run. Fit it first: fracid fit {path}{fitted}",
+    ("run", "recording"): "a recording, not the folder of a run. Begin with: fracid check {path}",
+    ("run", "study"): "the folder of {study}, not of a fit. Give one that fracid fit wrote",
+}  # fmt: skip
+"""(What is wanted, what it is) → what to say."""
+
+WORDS = {"project": "a project file", "recording": "a recording", "run": "the folder of a run", "study": "a study"}
+
+
+def kind_of(path: Path) -> Kind | None:
+    """What there is at a path; None for nothing, or for what fracid does not know.
+
+    Examples
+    --------
+    >>> kind_of(Path("/nowhere/rig.toml")) is None
+    True
+    """
+    if path.is_dir():
+        if (path / "result.json").exists() or (path / "run.json").exists():
+            return "run"
+        return "study" if any((path / name).exists() for name in STUDIES) else None
+    if not path.is_file():
+        return None
+    if path.suffix.lower() == ".toml":
+        return "project"
+    return "recording" if path.suffix.lower() in RECORDINGS else None
+
+
+def refuse_mistaken(path: Path, wanted: Kind) -> None:
+    """Raise, with what to type, if a path is of another kind, or not there.
+
+    Parameters
+    ----------
+    path : Path
+    wanted : str
+        ``project``, ``recording`` or ``run``.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> (folder / "swing.csv").touch()
+    >>> refuse_mistaken(folder / "swing.csv", "project")
+    Traceback (most recent call last):
+    fracid.errors.InputError: .../swing.csv is a recording, not a project. Write a project of it: fracid init
+    .../swing.csv.
+    >>> refuse_mistaken(folder / "swong.csv", "recording")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no .../swong.csv. Did you mean .../swing.csv?
+    """
+    kind = kind_of(path)
+    if kind == wanted:
+        return
+    if kind is not None:
+        raise InputError(f"{path} is {_instead(path, wanted, kind)}.")
+    if not path.exists():
+        raise InputError(f"There is no {path}. {_nearest(path, wanted)}")
+
+
+def _instead(path: Path, wanted: Kind, kind: Kind) -> str:
+    """What it is, and what to type."""
+    run = Path("runs") / path.stem
+    study = next((command for name, command in STUDIES.items() if (path / name).exists()), "")
+    fitted = f"; its run may be {_typed(run)}" if kind_of(run) == "run" else ""
+    return INSTEAD[wanted, kind].format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
+
+
+def _project_of(folder: Path) -> str:
+    """The project that a run was made of, as it was typed."""
+    try:
+        words = read_as(folder / "environment.json", {"command": [str]}, "")["command"]
+        return _typed(Path(next(word for word in words if word.endswith(".toml"))))
+    except (OSError, InputError, StopIteration):
+        return "PROJECT"
+
+
+def _nearest(path: Path, wanted: Kind) -> str:
+    """The one meant, or what there is to choose from."""
+    beside = path.parent
+    if not beside.is_dir():
+        return f"There is no folder {beside} either; paths begin at {Path.cwd()}."
+    there = {p.name: p for p in sorted(beside.iterdir()) if not p.name.startswith(".") and kind_of(p) == wanted}
+    by_stem = {Path(name).stem: p for name, p in there.items()}
+    if close := difflib.get_close_matches(path.stem, by_stem, n=1):
+        return f"Did you mean {_typed(by_stem[close[0]])}?"
+    if not there and wanted == "run":
+        there = {p.name: p for p in sorted((beside / "runs").glob("*")) if kind_of(p) == "run"}
+    if not there:
+        missing = {"project": "Write one: fracid init RECORDING", "run": "Fit one: fracid fit PROJECT"}
+        return f"No other {wanted} is in {beside.resolve()}. {missing.get(wanted, 'Check the path')}."
+    names = [_typed(p) for p in there.values()]
+    return f"There {'is' if len(names) == 1 else 'are'} {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}."
+
+
+def _typed(path: Path) -> str:
+    """A path as one types it."""
+    return shlex.quote(str(path))

@@ -1,0 +1,161 @@
+"""Text that came from a file: made fit for a terminal, for one line, and for the name of another file.
+
+A project and a recording come from anywhere, and what they call their recordings and columns is printed, drawn, put
+into a page, into programs, and into names of files.
+
+=========================  ===========================================================================================
+where it goes              what makes it fit
+=========================  ===========================================================================================
+a terminal, a message      :func:`printable`: what cannot be seen, a terminal's commands among it, is written out
+JSON on a terminal         :func:`json_text`: the same, by JSON's own escapes
+a result, a page, a plot   :func:`refuse_unseen`, at the entrance: no recording's name holds such a thing
+a file's name              :func:`file_stems`: letters, digits and dashes, not too long, and no two alike
+HTML, JSON in HTML         Jinja's autoescape and an escaped ``<``: :mod:`fracid.report`
+a figure's letters         ``$`` is no formula's: :mod:`fracid.plots.appearance`
+a spreadsheet              :func:`csv_cell`: is no formula
+a comment in MATLAB or C   on one line, without its end: :mod:`fracid.export`
+=========================  ===========================================================================================
+
+What cannot be seen are Unicode's categories Cc (controls, the terminal's ESC among them), Cf (formats, the turning of
+the direction of reading among them), Zl and Zp (ends of lines and paragraphs) and Cs (halves of characters).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import unicodedata
+from collections.abc import Iterable
+from typing import Any
+
+from fracid.errors import InputError
+
+__all__ = ["ascii_short", "csv_cell", "file_stems", "json_text", "printable", "refuse_unseen", "shortened"]
+
+UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
+"""Categories of Unicode."""
+
+LONGEST_NAME = 200
+"""Characters of a name, of a recording or a column."""
+
+LONGEST_STEM = 60
+"""Characters of a file's name without what stands before and behind: every file system takes 255 bytes of it all."""
+
+RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10))}
+"""What Windows takes for a device."""
+
+
+def printable(text: str) -> str:
+    r"""Write out what cannot be seen, but for the ends of lines and tabs; the rest stays.
+
+    Examples
+    --------
+    >>> print(printable("release \x1b[31m92°\u202e"))
+    release \x1b[31m92°\u202e
+    """
+    if text.isascii() and text.isprintable():  # nearly always
+        return text
+    return "".join(c if c in "\n\t" or not _unseen(c) else c.encode("unicode_escape").decode() for c in text)
+
+
+def json_text(value: Any) -> str:
+    r"""JSON for a terminal: what cannot be seen in its texts is written as JSON's own escapes, which mean the same.
+
+    Examples
+    --------
+    >>> print(json_text({"name": "λ\u202e\x9b"}))
+    {
+      "name": "λ\u202e\u009b"
+    }
+    """
+    text = json.dumps(value, indent=2, ensure_ascii=False)
+    if text.isascii() and "\x7f" not in text:
+        return text
+    return "".join(_escaped(c) if c != "\n" and _unseen(c) else c for c in text)
+
+
+def _escaped(character: str) -> str:
+    return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]
+
+
+def refuse_unseen(what: str, text: str) -> str:
+    r"""Give the text back if it is a name that can be read, on one line.
+
+    Raises
+    ------
+    InputError
+        If something in it cannot be seen, or nothing can; or if it is too long.
+
+    Examples
+    --------
+    >>> refuse_unseen("the recording's name", "release 92°")
+    'release 92°'
+    >>> refuse_unseen("the recording's name", "release\n92°")
+    Traceback (most recent call last):
+    fracid.errors.InputError: the recording's name 'release\n92°' holds U+000A, which cannot be seen; leave it out.
+    """
+    if found := next((c for c in text if _unseen(c)), None):
+        raise InputError(f"{what} {ascii_short(text)} holds U+{ord(found):04X}, which cannot be seen; leave it out.")
+    if not text.strip():
+        raise InputError(f"{what} is empty; expected something to call it by.")
+    if len(text) > LONGEST_NAME:
+        raise InputError(f"{what} has {len(text)} characters, {ascii_short(text)}; expected {LONGEST_NAME} at most.")
+    return text
+
+
+def ascii_short(text: str) -> str:
+    """In quotes, with what cannot be seen written out, and not longer than a message bears.
+
+    Examples
+    --------
+    >>> print(ascii_short("x" * 99))
+    'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
+    """
+    return repr(shortened(text))
+
+
+def shortened(text: str) -> str:
+    """Not longer than a message bears.
+
+    Examples
+    --------
+    >>> shortened("alpha"), len(shortened("x" * 999))
+    ('alpha', 43)
+    """
+    return text if len(text) <= 60 else f"{text[:40]}..."
+
+
+def file_stems(names: Iterable[str]) -> dict[str, str]:
+    """A file name for each, without ending, of letters, digits, underscores and dashes; no two alike on any system.
+
+    Examples
+    --------
+    >>> file_stems(["release 92°", "Release-92", "../..", "aux"])
+    {'release 92°': 'release-92', 'Release-92': 'Release-92-2', '../..': 'recording', 'aux': 'aux-'}
+    """
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in dict.fromkeys(names):
+        whole = re.sub(r"[^0-9A-Za-z_]+", "-", name).strip("-")[:LONGEST_STEM] or "recording"
+        first = stem = f"{whole}-" if whole.lower() in RESERVED else whole
+        number = 2
+        while stem.lower() in taken:
+            stem, number = f"{first}-{number}", number + 1
+        taken.add(stem.lower())
+        found[name] = stem
+    return found
+
+
+def csv_cell(text: str) -> str:
+    """Keep a spreadsheet from taking a text for a formula: with an apostrophe before; a signed number stays.
+
+    Examples
+    --------
+    >>> csv_cell("=1+1"), csv_cell("-15°")
+    ("'=1+1", '-15°')
+    """
+    return f"'{text}" if re.match(r"[=@]|[+-](?![\d.])", text) else text
+
+
+def _unseen(character: str) -> bool:
+    return unicodedata.category(character) in UNSEEN

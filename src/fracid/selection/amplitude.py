@@ -1,0 +1,477 @@
+r"""Is an order friction in disguise?  One of the equations stays as the swing dies; an imitation drifts.
+
+In a swing of amplitude A against a stiffness k, a viscous friction b, a dry friction F and a drag d take in one period
+
+.. math::  W = π b ω A^2, \qquad W = 4 F A, \qquad W = \tfrac83 d\, ω^2 A^3,
+
+and a damping ratio ζ takes :math:`W = 2π ζ k A^2`.  Two states of order q next to 1 turn the root iω by
+:math:`\tfrac{π}{2}(1 - q)` out of the imaginary axis.  So a model of viscous friction whose order is free finds, next
+to a swing of amplitude A,
+
+.. math::  \frac{π}{2}\,(1 - q) = ζ_b' + \frac{2F}{π k A} + \frac{4 d\,ω^2 A}{3π k},
+
+where :math:`ζ_b'` is what the viscous friction of the model lacks: **dry friction makes the order fall as the swing
+dies, as 1/A, a drag makes it rise; an order that is real stays.**
+
+The test takes the viscous friction of a fit as it is, cuts each recording into windows of falling amplitude, and in
+each fits the orders again, with the initial state, with the constants that are no friction (a frequency must not speak
+for the damping), and with other friction that the model has, as near to its value as the fit knows it.  What came
+before a window enters its memory (:mod:`fracid.problem.problem`).  Recordings of different heights are compared as
+wholes too.  With orders :math:`q_i`, standard errors :math:`s_i` and their weighted mean q,
+
+.. math::  Q = \sum_i (q_i - q)^2 / s_i^2
+
+is a χ² of n − 1 degrees where the order is one [C]_.  An order **drifts with amplitude** if Q has a probability below
+1 %, if a line in 1/A or in A takes at least half of it, and if it changes by 0.002 or more.
+
+Driven recordings have no amplitude that falls, and are left out.
+
+References
+----------
+.. [C] W. Cochran, Biometrics 10 (1954) 101: the combination of estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.horizons import Watch, growing, refined
+from fracid.figures import Style, draw
+from fracid.problem import Experiment, Free, Prior, Problem, Tied
+from fracid.problem.unknowns import Value
+from fracid.selection.ladder import FRICTION, ORDER, RUNGS
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import envelope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["AmplitudeTest", "Drift", "Window", "amplitude_test"]
+
+PROBABILITY = 0.01
+"""Orders differ where chance would make them differ so much less often than this."""
+
+EXPLAINED = 0.5
+"""The part of their differences that amplitude must explain."""
+
+CHANGE = 2e-3
+"""An order that changes by less does not matter."""
+
+FLOOR = 0.03
+"""Below this part of the largest amplitude the swing has died."""
+
+COUNTS = 5.0
+"""Below so many steps of its encoder an output stands still, and tells of no order."""
+
+SWINGS = 2.0
+"""A window has so many at least."""
+
+TIGHT = 0.05
+"""Standard deviation of the prior that holds a constant near its fitted value, relative to it: it decides only what
+the window does not see."""
+
+VISCOUS = RUNGS["viscous"]
+"""What is held: it and the order are one to a single swing, and an error of it moves the order of all windows alike."""
+
+RELEASES = "releases"
+"""The drift over whole recordings."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A stretch of a recording, and the orders found in it."""
+
+    recording: str
+    start: float
+    """On the recording's own clock [s]."""
+    end: float
+    """[s]"""
+    whole: bool
+    """Whether it is the recording as it was fitted."""
+    amplitude: Mapping[str, float]
+    """Order → mean amplitude of the outputs whose states have it [rad]."""
+    orders: Mapping[str, float]
+    standard_errors: Mapping[str, float]
+    """Infinite where the window does not tell."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How an order goes with amplitude."""
+
+    order: str
+    over: str
+    """A recording, over its windows; or ``releases``."""
+    amplitudes: tuple[float, ...]
+    """Falling [rad]."""
+    values: tuple[float, ...]
+    """The order at each."""
+    standard_errors: tuple[float, ...]
+    probability: float
+    """Of differences as great as these, if the order were one."""
+    explained: float
+    """The part of them that a line in 1/A or in A takes."""
+    change: float
+    """Along that line, from the largest amplitude to the smallest."""
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it changes with amplitude by more than its intervals."""
+        return self.differs and self.explained >= EXPLAINED and abs(self.change) >= CHANGE
+
+    @property
+    def differs(self) -> bool:
+        """Whether it is not one number, whatever the reason."""
+        return self.probability < PROBABILITY and max(self.values) - min(self.values) >= CHANGE
+
+    @property
+    def sentence(self) -> str:
+        """What it means."""
+        where = "over the releases" if self.over == RELEASES else f"within {self.over}"
+        ends = f"from {self.values[0]:.4g} at {_degrees(self.amplitudes[0])} to {self.values[-1]:.4g} at " \
+               f"{_degrees(self.amplitudes[-1])}"  # fmt: skip
+        if self.drifts and self.change < 0:
+            return (
+                f"{self.order} falls with the amplitude {where}, {ends}: friction in disguise, as dry friction "
+                "that the model lacks makes it."
+            )
+        if self.drifts:
+            return (
+                f"{self.order} rises as the swing dies {where}, {ends}: friction in disguise, as a drag that the model "
+                "lacks makes it, or dry friction that is too strong in it."
+            )
+        if self.differs:
+            return (
+                f"{self.order} differs {where}, {min(self.values):.4g} … {max(self.values):.4g}, by more than its "
+                "intervals, but does not go with the amplitude: the model lacks something else."
+            )
+        spread = max(self.values) - min(self.values)
+        return f"{self.order} does not drift with amplitude {where}: {spread:.2g} of change, within its intervals."
+
+
+@dataclass(frozen=True)
+class AmplitudeTest:
+    """The result of :func:`amplitude_test`."""
+
+    windows: tuple[Window, ...]
+    drifts: tuple[Drift, ...]
+    notes: tuple[str, ...] = ()
+    """What could not be tested."""
+
+    @property
+    def disguised(self) -> bool:
+        """Whether any order drifts."""
+        return any(d.drifts for d in self.drifts)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What it means, in words."""
+        return (*(d.sentence for d in self.drifts), *self.notes)
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Each order over amplitude; see :func:`fracid.plots.amplitudes`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+        Examples
+        --------
+        >>> drift = Drift("mu", "release", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)
+        >>> AmplitudeTest((), (drift,)).plot().axes[0].get_ylabel()
+        'order $\\\\mu$ [–]'
+        """
+        return draw("amplitudes", self, style=style)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values; angles in radians."""
+        return {
+            "friction_in_disguise": self.disguised,
+            "sentences": list(self.sentences),
+            "windows": [_window_json(w) for w in self.windows],
+            "drifts": [_drift_json(d) for d in self.drifts],
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> AmplitudeTest:
+        """The same from :meth:`to_json`.
+
+        Examples
+        --------
+        >>> test = AmplitudeTest((), (), ("nothing swings",))
+        >>> AmplitudeTest.of_json(test.to_json()) == test
+        True
+        """
+        windows = tuple(_window_of(w) for w in said["windows"])
+        return cls(windows, tuple(_drifts(windows)), tuple(said["notes"]))
+
+
+def amplitude_test(
+    problem: Problem, x: FloatArray, *, others: Sequence[Experiment] = (), windows: int = 5, jobs: int = 1
+) -> AmplitudeTest:
+    """Fit the orders in windows of falling amplitude, and over recordings, with the friction of a fit.
+
+    Parameters
+    ----------
+    problem : Problem
+        Any structure; where its orders are fixed they are freed.
+    x : array, shape (n_unknowns,)
+        Its fit.
+    others : sequence of Experiment
+        Recordings that were not fitted.
+    windows : int
+        Of each recording at most; fewer where it has less than two swings for each.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    AmplitudeTest
+
+    Raises
+    ------
+    InputError
+        For fewer than two windows, or a cost of a user's own, which has no intervals.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("stepper-freeswing", coulomb_alpha=5e-5)
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.5}, step=1e-2, end=14.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((1401, 1))
+    >>> swing = Experiment("swing", 1e-2, run.states[:, [2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.5})
+    >>> viscous = {"b_alpha": Free(1e-5, 0.0, 1e-3), "coulomb_alpha": 0.0, "C1": Free(1e-4, 1e-5, 1e-3)}
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.8, 1.2)}, viscous, outputs=("alpha",),
+    ...                   initial_state="held")
+    >>> fit = fracid.identify(problem)
+    >>> test = amplitude_test(problem, fit.x, windows=3)
+    >>> test.disguised, test.drifts[0].values[0] > test.drifts[0].values[-1]
+    (True, True)
+    """
+    at_least("windows", windows, 2)
+    if problem.cost_function.loss is None:
+        raise InputError(
+            f"The cost {problem.cost_function.name} is a user's own, which has no intervals, and so no test of a "
+            "drift: take a built-in one."
+        )
+    fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
+    known = uncertainty(problem, x, jobs=jobs)
+    errors = {} if isinstance(known, str) else dict(zip(problem.names, known.standard_error.tolist(), strict=True))
+    found: list[Window] = []
+    notes: list[str] = []
+    for fitted, at, e in fits:
+        spans = _spans(e, windows)
+        if isinstance(spans, str):
+            notes.append(spans)
+            continue
+        for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
+            window = _window(fitted, at, e, span, errors, jobs)
+            if isinstance(window, str):
+                notes.append(window)
+            else:
+                found.append(window)
+    return AmplitudeTest(tuple(found), tuple(_drifts(found)), tuple(notes))
+
+
+# --- windows -----------------------------------------------------------------------------------------------
+
+
+def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
+    """A recording that was not fitted, with its own unknowns found."""
+    alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
+    own = growing(alone, alone.start, jobs, Watch()).best.point if alone.names else alone.start
+    values = dict(zip((*problem.names, *alone.names), (*x.tolist(), *own.tolist()), strict=True))
+    return whole, np.array([values[n] for n in whole.names]), e
+
+
+def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
+    """First and last + 1 sample of windows of equal length while the swing lives; or why there are none."""
+    if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
+        return f"{e.name} is driven: it has no amplitude that falls."
+    swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
+    period = _period(swing)
+    size = envelope(swing, period)
+    floor = max(FLOOR * float(size.max()), COUNTS * (resolution(swing) or 0.0))
+    alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
+    count = min(windows, int(alive / (SWINGS * period)))
+    if count < 2:
+        return f"{e.name} has too few swings for windows of falling amplitude: two of {SWINGS:.0f} swings at least."
+    ends = np.linspace(0, alive, count + 1).round().astype(int).tolist()
+    return list(pairwise(ends))
+
+
+def _period(swing: FloatArray) -> int:
+    """The period of the strongest oscillation of the speed [samples]: it knows of no plateau and no drift."""
+    speed = np.diff(swing)
+    spectrum = np.abs(np.fft.rfft(speed - speed.mean()))
+    return max(2, round(len(speed) / max(1, int(np.argmax(spectrum)))))
+
+
+def _piece(
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], errors: Mapping[str, float]
+) -> Problem:
+    """The window's own problem: orders, initial state and constants free, viscous friction as fitted."""
+    (first, last), (orders, parameters) = span, _window_values(problem, x, e, errors)
+    inputs = e.inputs if len(e.inputs) == 1 else e.inputs[first:last]
+    part = replace(e, measured=e.measured[first:last], inputs=inputs, start=e.start + first * e.step,
+                   release_time=problem.release(x, e))  # fmt: skip
+    state = problem.initial_state
+    if first > 0:
+        before = e.measured[:first] if e.past is None else np.vstack([e.past, e.measured[:first]])
+        part = replace(part, past=before, past_inputs=inputs[:1], initial={}, release_time=0.0)
+        state = "estimate"
+    piece = partial(replace, problem, orders=orders, parameters=parameters, per_recording=(), initial_state=state)
+    try:
+        return piece(experiments=(part,))
+    except InputError:  # a past that does not tell every state: the window's memory begins with it
+        return piece(experiments=(replace(part, past=None, past_inputs=None),))
+
+
+def _window_values(
+    problem: Problem, x: FloatArray, e: Experiment, errors: Mapping[str, float]
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
+    found, values, _ = problem.unpack(x, e)
+    at = dict(zip(problem.model.orders, found.tolist(), strict=True))
+    freed = any(isinstance(v, Free) for v in problem.orders.values())
+    orders: dict[str, Value] = {}
+    for name, v in problem.orders.items():
+        span = v if isinstance(v, Free) else ORDER
+        fixed = isinstance(v, Tied) or (freed and not isinstance(v, Free))
+        orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
+    parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
+    for name, v in problem.parameters.items():
+        if isinstance(v, Tied):
+            parameters[name] = v
+        elif isinstance(v, Free) and not name.startswith(VISCOUS) and name not in problem.per_recording:
+            value = float(values[problem.model.parameter_names.index(name)])
+            sd = TIGHT * max(abs(value), 1e-3 * min(v.upper - v.lower, 1.0))
+            sd = errors.get(name, math.nan) if name.startswith(FRICTION) else sd
+            if sd > 0:
+                parameters[name] = replace(_around(value, v), prior=Prior(value, sd))
+    return orders, parameters
+
+
+def _around(value: float, span: Free) -> Free:
+    return Free(value, min(span.lower, value), max(span.upper, value), scale=span.scale)
+
+
+def _window(
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], known: Mapping[str, float], jobs: int
+) -> Window | str:
+    """The fit of one window, or that its run fails."""
+    piece, times = _piece(problem, x, e, span, known), e.start + e.step * np.array([span[0], span[1] - 1])
+    fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
+    start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
+    best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
+    if not math.isfinite(best.cost):
+        return f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s: no order was found, the run fails."
+    found = uncertainty(piece, best.point, jobs=jobs)
+    errors = {} if isinstance(found, str) else dict(zip(piece.names, found.standard_error.tolist(), strict=True))
+    orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
+    sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
+    told = {n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders}
+    whole = span == (0, len(e.measured))
+    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, told)
+
+
+def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
+    """Order → the mean amplitude of the scored outputs that have it, of all where none has."""
+    measured = piece.experiments[0].measured
+    period = _period(measured[:, np.argmax(np.std(measured, axis=0))])
+    sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
+    of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
+    return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
+
+
+def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
+    """Order → the amplitude below which its output stands still [rad]."""
+    of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
+    steps = {o: COUNTS * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
+    return {n: max([s for o, s in steps.items() if of[o] == n] or [0.0]) for n in orders}
+
+
+# --- drifts --------------------------------------------------------------------------------------------------
+
+
+def _drifts(windows: Sequence[Window]) -> list[Drift]:
+    groups = {name: [w for w in windows if w.recording == name and not w.whole] for name in
+              dict.fromkeys(w.recording for w in windows)}  # fmt: skip
+    groups |= {RELEASES: [w for w in windows if w.whole]}
+    found = [_drift(order, over, group) for over, group in groups.items()
+             for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip
+    return [d for d in found if d is not None]
+
+
+def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
+    """How an order goes with amplitude over windows; None where fewer than two tell it."""
+    told = [w for w in group if math.isfinite(w.standard_errors.get(order, math.inf))]
+    told.sort(key=lambda w: -w.amplitude[order])
+    if len(told) < 2:
+        return None
+    A, q, s = (np.array([getattr(w, name)[order] for w in told]) for name in ("amplitude", "orders", "standard_errors"))
+    probability, explained, change = trend(A, q, s)
+    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), tuple(s.tolist()), probability, explained, change)
+
+
+def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, float]:
+    """Probability of Q, the part of Q that a line in 1/A or A takes, and the change along it from first to last.
+
+    Examples
+    --------
+    >>> A = np.array([0.8, 0.4, 0.2, 0.1])
+    >>> probability, explained, change = trend(A, 1 - 0.004 / A, np.full(4, 1e-3))
+    >>> probability < 1e-6, round(explained, 3), round(change, 4)
+    (True, 1.0, -0.035)
+    """
+    from scipy.stats import chi2
+
+    def about(*columns: FloatArray) -> tuple[float, FloatArray]:
+        rows = np.column_stack([np.ones_like(q), *columns]) / s[:, None]
+        line = np.column_stack([np.ones_like(q), *columns]) @ np.linalg.lstsq(rows, q / s, rcond=None)[0]
+        return float(np.sum(((q - line) / s) ** 2)), line
+
+    Q, _ = about()
+    rest, line = min((about(1 / A), about(A)), key=lambda fit: fit[0])
+    return float(chi2.sf(Q, len(q) - 1)), 1 - rest / Q if Q > 1e-9 else 0.0, float(line[-1] - line[0])
+
+
+def _degrees(angle: float) -> str:
+    return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
+
+
+# --- as JSON -------------------------------------------------------------------------------------------------
+
+
+def _window_json(w: Window) -> dict[str, Any]:
+    errors = {n: s if math.isfinite(s) else None for n, s in w.standard_errors.items()}
+    return {
+        "recording": w.recording, "from": w.start, "to": w.end, "whole": w.whole, "amplitude": dict(w.amplitude),
+        "orders": dict(w.orders), "standard_errors": errors,
+    }  # fmt: skip
+
+
+def _window_of(said: Mapping[str, Any]) -> Window:
+    errors = {n: math.inf if s is None else float(s) for n, s in said["standard_errors"].items()}
+    return Window(said["recording"], said["from"], said["to"], said["whole"], dict(said["amplitude"]),
+                  dict(said["orders"]), errors)  # fmt: skip
+
+
+def _drift_json(d: Drift) -> dict[str, Any]:
+    return {
+        "order": d.order, "over": d.over, "amplitudes": list(d.amplitudes), "values": list(d.values),
+        "standard_errors": list(d.standard_errors), "probability": d.probability, "explained": d.explained,
+        "change": d.change, "drifts": d.drifts, "sentence": d.sentence,
+    }  # fmt: skip

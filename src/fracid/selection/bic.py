@@ -1,0 +1,81 @@
+r"""How two models of the same recordings are compared: Schwarz's criterion, with the samples that residuals are worth.
+
+.. math::  \mathrm{BIC} = -2\log L + k \ln n_{eff} = c\,n_{eff} \ln \sum r^2 + k \ln n_{eff} + \text{const}
+
+with the rows r of the cost and k parameters: c = 1 for normal errors, whose level was maximised out, and 2 for those of
+Laplace (iae, itae), whose rows' squares add up to :math:`\sum |e|` [1]_.  Samples count for what they are worth: where
+the residuals are correlated over a time τ, n of them count as n/τ.  Both models must be given the same
+:math:`n_{eff}`, that of the better one's residuals.  A difference above 10 is strong evidence [2]_.
+
+References
+----------
+.. [1] G. Schwarz, Annals of Statistics 6 (1978) 461.
+.. [2] R. Kass, A. Raftery, J. American Statistical Association 90 (1995) 773.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.problem.costs import ABSOLUTE, Cost
+from fracid.signals.correlation import sokal_bandwidth
+
+__all__ = ["STRONG", "effective_samples", "schwarz"]
+
+STRONG = 10.0
+"""A difference above this is strong evidence [2]_."""
+
+
+def effective_samples(errors: list[FloatArray]) -> float:
+    """As how many independent samples correlated residuals count, 2 at least.
+
+    Parameters
+    ----------
+    errors : list of array, shape (n_samples, n_outputs)
+        The residuals of each recording; each output counts by its own scatter.
+
+    Returns
+    -------
+    float
+        n/τ with n samples of all outputs, and τ the correlation time of all together [samples].
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
+    >>> 8_000 < effective_samples([noise]) <= 10_000
+    True
+    >>> effective_samples([np.repeat(noise, 10, axis=0)]) < 15_000  # each sample ten times: nothing new
+    True
+    """
+    together = np.concatenate(errors)
+    spread = np.std(together, axis=0)
+    time = max(1.0, sokal_bandwidth(together / np.where(spread > 0, spread, 1.0)) / 5)  # five correlation times
+    return max(2.0, together.size / time)
+
+
+def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> float:
+    """BIC, up to what all models of the same recordings have in common.
+
+    Parameters
+    ----------
+    squares : float
+        Sum of the squares of the cost's rows at the minimum.
+    parameters : int
+        k.
+    samples : float
+        n_eff, the same for all models that are compared.
+    cost : Cost
+        Tells the likelihood of the errors.
+
+    Examples
+    --------
+    >>> from fracid.problem.costs import COSTS
+    >>> worse, better = schwarz(1.1, 3, 1000.0, COSTS["rmse"]), schwarz(1.0, 4, 1000.0, COSTS["rmse"])
+    >>> round(worse - better)
+    88
+    """
+    factor = 2 if cost.loss is ABSOLUTE else 1
+    return factor * samples * math.log(max(squares, 1e-300)) + parameters * math.log(samples)

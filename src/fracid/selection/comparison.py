@@ -1,0 +1,769 @@
+r"""A fair trial of the fractional model: the ladder of structures, fitted alike and judged on recordings not fitted.
+
+Every structure of :mod:`fracid.selection.ladder` is
+
+1. **fitted** to the same recordings by the same search: least squares on a growing horizon from the problem's start
+   (and more starts, if asked), and from the optima of the structures that it holds, so that a richer one is never worse
+   for a bad search;
+2. **scored in sample** by the root mean square error and the fit of each output, ITAE, and Schwarz's criterion with the
+   samples that correlated residuals are worth (:mod:`fracid.selection.bic`);
+3. **scored on recordings not fitted**: those with ``use = "validate"``, or each in turn (*leave one out*).  There the
+   initial state, and what each recording has for itself, such as its rests, are found again; all else is fixed.
+
+**The verdict.**  A structure's error on a recording is the geometric mean of its outputs' RMSE, and over recordings the
+geometric mean again: what counts are ratios, and no output or recording rules by its size.  The best structure with
+orders free is held against the best with orders 1, as many of one kind as of the other:
+
+=========================================================  ============================================================
+held out                                                   verdict
+=========================================================  ============================================================
+lower by 2 % or more, on most recordings                   orders help on n of N held-out recordings, by p %
+no lower, but orders help viscous friction alone, and      orders replace Coulomb friction and lose to it
+viscous + Coulomb with orders 1 predicts better than that
+within 2 %                                                 orders make no difference: the integer-order model predicts
+                                                           as well
+higher                                                     orders fit better and predict worse
+=========================================================  ============================================================
+
+Without held-out recordings Schwarz's criterion has to do, and the verdict says so: what a model gains in sample, it may
+lose elsewhere.
+
+The fits are tasks of :func:`fracid.tasks.tasks.run_tasks`, in waves, for a structure waits for those that it holds.
+Its numbers are the same to the bit for any executor and any number of jobs, after a resumption too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.horizons import Watch, growing, minimised, refined
+from fracid.estimation.records import RecordingFit
+from fracid.estimation.search import search
+from fracid.figures import Style, draw
+from fracid.optimise import Evaluation, nelder_mead
+from fracid.problem import Experiment, Problem
+from fracid.problem.costs import COSTS
+from fracid.problem.project import Project, load_project
+from fracid.selection.amplitude import AmplitudeTest, amplitude_test
+from fracid.selection.bic import STRONG, effective_samples, schwarz
+from fracid.selection.ladder import Ladder, Structure, ladder
+from fracid.tasks.job import Progress, Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import run_tasks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Comparison", "Row", "Score", "compare"]
+
+MARGIN = 0.02
+"""Errors that differ by less than this part are the same."""
+
+WARM = 15
+"""Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How near a structure comes to one recording."""
+
+    rmse: Mapping[str, float]
+    """Per output [rad]; infinite where the run fails."""
+    fit_percent: Mapping[str, float]
+    """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output."""
+    itae: Mapping[str, float]
+    """∫ t|e| dt, per output [rad s²]."""
+    failed: str = ""
+    """Why the run fails."""
+
+    @property
+    def error(self) -> float:
+        """The geometric mean of the outputs' RMSE [rad]."""
+        return float(np.exp(np.mean(np.log(np.maximum([*self.rmse.values()], 1e-300)))))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One structure, fitted and scored."""
+
+    friction: str
+    """``viscous + Coulomb``."""
+    fractional: bool
+    name: str
+    """``viscous + Coulomb, orders free``."""
+    paper: bool
+    """Whether this is the paper's structure."""
+    cost: float
+    """The problem's own, on the fitted recordings; infinite where every run fails."""
+    parameters: int
+    """How many the fitted recordings tell, initial states included."""
+    bic: float
+    """Schwarz's criterion, less that of the best row."""
+    orders: Mapping[str, tuple[float, tuple[float, float] | None]]
+    """Each order with its 95 % interval; None for a fixed one, or where there is none."""
+    values: Mapping[str, float]
+    """Every unknown by its name [SI]."""
+    at_bound: tuple[str, ...]
+    """Unknowns that lie at a bound."""
+    in_sample: Mapping[str, Score]
+    """Fitted recording → score."""
+    held_out: Mapping[str, Score]
+    """Recording that was not fitted → score."""
+    outcome: str
+    """How the search ended, and from where it came."""
+
+    @property
+    def error(self) -> float:
+        """The geometric mean of the held-out errors [rad]; infinite where a run fails; NaN without any."""
+        errors = [s.error for s in self.held_out.values()]
+        return float(np.exp(np.mean(np.log(errors)))) if errors else math.nan
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The result of :func:`compare`."""
+
+    rows: tuple[Row, ...]
+    """From the poorest structure to the richest, each with orders 1 and with orders free."""
+    verdict: str
+    """A sentence or two to act on."""
+    notes: tuple[str, ...]
+    """What was left out or changed."""
+    outputs: tuple[str, ...]
+    effective_samples: float
+    """What the correlated residuals are worth in BIC."""
+    leave_one_out: bool
+    cost_name: str
+    seed: int
+    starts: int
+    amplitude: Mapping[str, AmplitudeTest] = field(default_factory=dict)
+    """Structure → whether its orders drift with amplitude, where that was asked for."""
+
+    def __getitem__(self, name: str) -> Row:
+        """The row of that structure; an InputError names those that there are."""
+        rows = {row.name: row for row in self.rows}
+        if name not in rows:
+            raise unknown_name("structure", name, tuple(rows))
+        return rows[name]
+
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """Names of the recordings that were not fitted."""
+        return tuple(self.rows[0].held_out)
+
+    def best(self, *, fractional: bool) -> Row:
+        """The best row with orders free, or with orders 1: on held-out recordings, by BIC where there are none."""
+        return _best([row for row in self.rows if row.fractional == fractional])
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values; angles in radians, what is not finite as null."""
+        return {
+            "verdict": self.verdict,
+            "notes": list(self.notes),
+            "outputs": list(self.outputs),
+            "held_out": list(self.held_out),
+            "leave_one_out": self.leave_one_out,
+            "cost": self.cost_name,
+            "effective_samples": _number(self.effective_samples),
+            "best": {"integer": self.best(fractional=False).name, "fractional": self.best(fractional=True).name},
+            "structures": [_row_json(row) for row in self.rows],
+            "amplitude": {name: test.to_json() for name, test in self.amplitude.items()},
+            "seed": self.seed,
+            "starts": self.starts,
+        }
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> Comparison:
+        """The same from :meth:`to_json`, or from compare.json."""
+        amplitude = {n: AmplitudeTest.of_json(test) for n, test in said["amplitude"].items()}
+        return cls(tuple(map(_row_of, said["structures"])), said["verdict"], tuple(said["notes"]),
+                   tuple(said["outputs"]), said["effective_samples"] or math.nan, said["leave_one_out"],
+                   said["cost"], said["seed"], said["starts"], amplitude)  # fmt: skip
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+        """
+        return draw("ladder", self, style=style)
+
+    def table(self) -> list[dict[str, Any]]:
+        """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""
+        return [line for row in self.rows for line in _lines(row, self.outputs)]
+
+
+def compare(
+    problem: Problem | Project,
+    *,
+    validation: Sequence[Experiment] = (),
+    leave_one_out: bool = False,
+    keep: Collection[str] = (),
+    amplitude: bool = False,
+    seed: int | None = None,
+    starts: int | None = None,
+    executor: str = "threads",
+    jobs: int = 1,
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Comparison:
+    """Fit every structure of the ladder, and judge each on recordings that it was not fitted to.
+
+    Parameters
+    ----------
+    problem : Problem or Project
+        A project brings its own validation recordings, seed and starts.
+    validation : sequence of Experiment
+        Recordings that are not fitted.
+    leave_one_out : bool
+        Whether each recording, fitted or not, is held out once while all others are fitted.
+    keep : collection of str
+        Parameters of friction that stay as the problem has them.
+    amplitude : bool
+        Whether the orders of the paper's structure and of the best fractional one are tested for a drift with
+        amplitude (:mod:`fracid.selection.amplitude`).
+    seed, starts : int, optional
+        Of each search; 1, or as the project says.
+    executor, jobs, journal, progress
+        As in :func:`fracid.tasks.tasks.run_tasks`.  Processes and clusters load the project's file themselves.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If there is no ladder, one recording is too few, or a problem in memory is to be sent to processes.
+    Unfinished
+        As :func:`fracid.tasks.tasks.run_tasks` does.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Free
+    >>> rig = fracid.rotary_pendulum("stepper-freeswing", coulomb_alpha=1e-4)
+    >>> def swing(angle):
+    ...     run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": angle}, step=1e-2, end=5.0)
+    ...     return Experiment(f"{angle} rad", 1e-2, run.states[:, [2]], np.zeros((1, 1)), initial={"alpha": angle})
+    >>> problem = Problem(rig, (swing(0.5),), {"lambda": 1.0, "mu": Free(1.0, 0.8, 1.2)}, outputs=("alpha",),
+    ...                   initial_state="held")
+    >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
+    'Orders make no difference, an integer-order model predicts as well'
+    """
+    origin = _origin(problem, validation, tuple(sorted(keep)), executor)
+    base, others = origin.load()
+    if isinstance(problem, Project):
+        seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
+    seed, starts = 1 if seed is None else seed, starts or 1
+    folds = _folds(base, others, leave_one_out)
+    study = _Study(origin, folds, leave_one_out, seed, starts, executor, jobs, journal, progress)
+    fitted = study.fit()
+    rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
+    found = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
+                       base.cost_function.name, seed, starts)  # fmt: skip
+    tests = study.amplitude(found) if amplitude else {}
+    integers = {n: base.model.integer_order(n) for n in base.orders}
+    return replace(found, verdict=_verdict(found, integers), amplitude=tests)
+
+
+# --- which recordings are fitted, and which are held out ---------------------------------------------
+
+WHOLE = ""
+"""The fold that fits all the recordings that are to be fitted."""
+
+
+def _folds(problem: Problem, others: Sequence[Experiment], leave_one_out: bool) -> dict[str, tuple[str, ...]]:
+    """Fold → the names of the recordings that it holds out."""
+    if not leave_one_out:
+        return {WHOLE: tuple(e.name for e in others)}
+    names = [e.name for e in (*problem.experiments, *others)]
+    if len(names) < 2:
+        raise InputError("To leave one recording out takes two at least: add another [[recording]].")
+    return {WHOLE: ()} | {name: (name,) for name in names}
+
+
+@dataclass(frozen=True, eq=False)
+class _InMemory:
+    """A problem as it is given; for threads."""
+
+    problem: Problem
+    validation: tuple[Experiment, ...]
+    keep: tuple[str, ...]
+    folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
+
+    def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
+        return self.problem, self.validation
+
+
+@dataclass(frozen=True)
+class _OfFile:
+    """A project file, which other processes load themselves: a model's compiled code does not travel."""
+
+    path: str
+    preset: str | None
+    sha256: str
+    keep: tuple[str, ...]
+    trust: bool
+
+    def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
+        project = load_project(self.path, preset=self.preset, trust=self.trust)
+        if hashlib.sha256(project.text.encode()).hexdigest() != self.sha256:
+            raise InputError(f"{self.path} has changed since the comparison began; begin it again.")
+        return project.problem, project.validation
+
+
+def _origin(
+    problem: Problem | Project, validation: Sequence[Experiment], keep: tuple[str, ...], executor: str
+) -> _InMemory | _OfFile:
+    if isinstance(problem, Project) and executor != "threads":
+        digest = hashlib.sha256(problem.text.encode()).hexdigest()
+        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, keep, bool(problem.own_code))
+    if isinstance(problem, Project):
+        return _InMemory(problem.problem, (*problem.validation, *validation), keep)
+    if executor != "threads":
+        raise InputError(
+            f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
+            f'executor = "threads" in place of {executor!r}.'
+        )
+    return _InMemory(problem, tuple(validation), keep)
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """What is fitted and what is held out, with the ladder of it."""
+
+    held_out: tuple[Experiment, ...]
+    ladder: Ladder
+
+
+def _fold(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
+    """A fold; a process makes it once."""
+    if isinstance(origin, _OfFile):
+        return _fold_of_file(origin, held_out, leave_one_out)
+    if held_out not in origin.folds:
+        origin.folds[held_out] = _made(origin, held_out, leave_one_out)
+    return origin.folds[held_out]
+
+
+def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
+    problem, validation = origin.load()
+    every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
+    fitted = tuple(e for e in every if e.name not in held_out)
+    others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
+    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=origin.keep, others=others))
+
+
+_fold_of_file = lru_cache(maxsize=32)(_made)
+
+
+# --- one structure -------------------------------------------------------------------------------------
+
+
+def _fit_structure(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
+    below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
+) -> dict[str, Any]:  # fmt: skip
+    """Fit one structure and score it: a task, whose result is plain JSON."""
+    fold = _fold(origin, held_out, leave_one_out)
+    structure, others = fold.ladder[name], fold.held_out
+    problem = structure.problem
+    best, outcome = _fitted(structure, below, seed, starts, jobs)
+    values = dict(zip(problem.names, best.point.tolist(), strict=True))
+    errors = problem.errors(best.point)
+    if isinstance(errors, str):
+        failed = {e.name: _score(problem, e, errors) for e in problem.experiments}
+        return {"values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
+                "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
+                "squares": None, "samples": 2.0}  # fmt: skip
+    known = uncertainty(problem, best.point, jobs=jobs)
+    told = [] if isinstance(known, str) else [known.interval(best.point, i) for i in range(len(values))]
+    return {
+        "values": values,
+        "cost": best.cost,
+        "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
+        "samples": effective_samples(errors),
+        "parameters": len(values) - (0 if isinstance(known, str) else len(known.confounded)),
+        "at_bound": [] if isinstance(known, str) else [problem.names[i] for i in np.flatnonzero(known.at_bound)],
+        "orders": {problem.names[i]: told[i] if told else None for i in problem.order_indices},
+        "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
+        "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
+        "outcome": outcome,
+    }
+
+
+def _fitted(
+    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, jobs: int
+) -> tuple[Evaluation, str]:
+    """The lowest that the search comes to, from the problem's start and from the structures below."""
+    problem, watch = structure.problem, Watch()
+    name = "differential-evolution" if problem.cost_function.loss is None else "multistart"
+    result, _ = search(problem, name, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
+    ends = [(result.best, f"from its own start, {result.outcome.value}")]
+    for origin, values in below.items():
+        x = structure.embed(values)
+        began = problem.evaluate(x)
+        if not math.isfinite(began.cost):
+            continue
+        onward = _descended(problem, x, jobs, watch, budget=WARM)
+        ends.append((min(began, onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
+    best, how = min(ends, key=lambda end: end[0].cost)
+    if how != ends[0][1] or problem.cost_function.loss is None:
+        best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
+    return best, how
+
+
+def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
+    if problem.cost_function.loss is None:
+        space = replace(problem.space, start=np.clip(x, problem.space.lower, problem.space.upper))
+        return minimised(problem, nelder_mead(space, None), jobs, watch).best
+    return refined(problem, x, jobs, watch, **({"tolerance": 1e-5} | options)).best
+
+
+def _predicted(structure: Structure, values: Mapping[str, float], e: Experiment, jobs: int) -> dict[str, Any]:
+    """The score on a recording that was not fitted, its own unknowns found again."""
+    alone = structure.on(values, e)
+    x = alone.start
+    if alone.names and alone.cost_function.loss is None:
+        x = _descended(alone, x, jobs, Watch()).point
+    elif alone.names:
+        x = growing(alone, x, jobs, Watch()).best.point
+    errors = alone.errors(x)
+    return _score(alone, e, errors if isinstance(errors, str) else errors[0])
+
+
+def _score(problem: Problem, e: Experiment, error: FloatArray | str) -> dict[str, Any]:
+    if isinstance(error, str):
+        nothing = dict.fromkeys(problem.outputs)
+        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": error}
+    measured = dict(zip(problem.outputs, e.measured.T, strict=True))
+    fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
+    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)
+    itae = {n: COSTS["itae"].value(e.time, error[:, [o]]) for o, n in enumerate(problem.outputs)}
+    return {"rmse": fit.rmse, "fit_percent": {n: _number(v) for n, v in fit.fit_percent.items()}, "itae": itae,
+            "failed": ""}  # fmt: skip
+
+
+# --- all of them -----------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Study:
+    """The fits of all folds, in waves."""
+
+    origin: _InMemory | _OfFile
+    folds: Mapping[str, tuple[str, ...]]
+    leave_one_out: bool
+    seed: int
+    starts: int
+    executor: str
+    jobs: int
+    journal: Journal | None
+    progress: Callable[[Progress], None] | None
+    done: int = 0
+
+    def ladder(self, fold: str) -> Ladder:
+        return _fold(self.origin, self.folds[fold], self.leave_one_out).ladder
+
+    def fit(self) -> dict[tuple[str, str], dict[str, Any]]:
+        """(Fold, structure) → what :func:`_fit_structure` gave."""
+        self.total = sum(len(self.ladder(fold).structures) for fold in self.folds)
+        found: dict[tuple[str, str], dict[str, Any]] = {}
+        for wave in self._waves():
+            tasks = [Task(_key(fold, s), self._arguments(fold, s, found, len(wave))) for fold, s in wave]
+            ended = self._run(_fit_structure, tasks)
+            found |= {(fold, s.name): ended[_key(fold, s)] for fold, s in wave}
+        return found
+
+    def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
+        """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
+        waves: dict[int, list[tuple[str, Structure]]] = {}
+        for fold in self.folds:
+            found = self.ladder(fold)
+            for s in found.structures:
+                waves.setdefault(found.frictions.index(s.friction) + s.fractional, []).append((fold, s))
+        return iter(waves[k] for k in sorted(waves))
+
+    def _arguments(
+        self, fold: str, s: Structure, found: Mapping[tuple[str, str], dict[str, Any]], beside: int
+    ) -> tuple[Any, ...]:
+        below = {n: found[fold, n]["values"] for n in s.below if found[fold, n]["cost"] is not None}
+        return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
+                max(1, self.jobs // beside))  # fmt: skip
+
+    def _run(self, work: Callable[..., Any], tasks: list[Task]) -> dict[str, Any]:
+        before = self.done
+
+        def told(p: Progress) -> None:
+            if self.progress is not None:
+                self.progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
+
+        ended = run_tasks(work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=told)
+        self.done += len(tasks)
+        return ended
+
+    def amplitude(self, found: Comparison) -> dict[str, AmplitudeTest]:
+        """The amplitude test of the paper's structure and of the best fractional one."""
+        rows = [row for row in found.rows if row.paper] + [found.best(fractional=True)]
+        names = dict.fromkeys(row.name for row in rows if math.isfinite(row.cost))
+        tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
+                                              dict(found[name].values), max(1, self.jobs // len(names))))
+                 for name in names]  # fmt: skip
+        ended = self._run(_test_amplitude, tasks)
+        return {name: AmplitudeTest.of_json(ended[f"amplitude | {name}"]) for name in names}
+
+
+def _key(fold: str, s: Structure) -> str:
+    return f"{s.name} | without {fold}" if fold else s.name
+
+
+def _test_amplitude(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
+    values: Mapping[str, float], jobs: int,
+) -> dict[str, Any]:  # fmt: skip
+    fold = _fold(origin, held_out, leave_one_out)
+    problem = fold.ladder[name].problem
+    x = np.array([values[n] for n in problem.names])
+    return amplitude_test(problem, x, others=fold.held_out, jobs=jobs).to_json()
+
+
+# --- from results to rows and a verdict --------------------------------------------------------------------
+
+
+def _rows(
+    found: Ladder, fitted: Mapping[tuple[str, str], dict[str, Any]], folds: Mapping[str, tuple[str, ...]],
+    problem: Problem,
+) -> tuple[tuple[Row, ...], float]:  # fmt: skip
+    """The table's rows, and the samples that the residuals of the best in sample are worth."""
+    whole = {s.name: fitted[WHOLE, s.name] for s in found.structures}
+    counted = [r for r in whole.values() if r["cost"] is not None]
+    samples = min(counted, key=lambda r: float(r["cost"]))["samples"] if counted else 2.0
+    criteria = {n: schwarz(r["squares"], r["parameters"], samples, problem.cost_function)
+                if r["squares"] is not None else math.inf for n, r in whole.items()}  # fmt: skip
+    lowest = min(criteria.values())
+    rows = []
+    for s in found.structures:
+        r, free = whole[s.name], s.problem.orders
+        orders = {n: (_order(s, r["values"], n), _pair(r["orders"].get(s.problem.ties.get(n, n)))) for n in free}
+        held_out = {n: score for fold in folds for n, score in
+                    fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
+        rows.append(Row(
+            s.friction, s.fractional, s.name, s.paper, _infinite(r["cost"]), r["parameters"],
+            criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r["values"], tuple(r["at_bound"]),
+            {n: _score_of(v) for n, v in r["in_sample"].items()}, {n: _score_of(v) for n, v in held_out.items()},
+            r["outcome"],
+        ))  # fmt: skip
+    return tuple(rows), samples
+
+
+def _order(s: Structure, values: Mapping[str, float], name: str) -> float:
+    root = s.problem.ties.get(name, name)
+    return float(values.get(root, s.problem.order_starts[root]))
+
+
+def _pair(ends: Sequence[float] | None) -> tuple[float, float] | None:
+    return None if ends is None else (ends[0], ends[1])
+
+
+def _score_of(said: Mapping[str, Any]) -> Score:
+    rmse = {n: _infinite(v) for n, v in said["rmse"].items()}
+    fit = {n: -math.inf if v is None else float(v) for n, v in said["fit_percent"].items()}
+    return Score(rmse, fit, {n: _infinite(v) for n, v in said["itae"].items()}, said["failed"])
+
+
+def _best(rows: Sequence[Row]) -> Row:
+    if rows[0].held_out:
+        return min(rows, key=lambda row: (row.error, row.bic))
+    return min(rows, key=lambda row: row.bic)
+
+
+def _verdict(found: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
+    """In words; `integers` are the orders' integer values, 1 for those left out."""
+    integer, fractional = found.best(fractional=False), found.best(fractional=True)
+    if not found.held_out:
+        return _verdict_in_sample(integer, fractional)
+    if not math.isfinite(min(integer.error, fractional.error)):
+        return "No structure predicts every held-out recording: their runs fail."
+    ones = _ones(fractional, integers or {})
+    said = (_verdict_held_out(found, integer, fractional), ones, _paper_beside(found, integer, fractional))
+    return " ".join(sentence for sentence in said if sentence)
+
+
+def _verdict_held_out(found: Comparison, integer: Row, fractional: Row) -> str:
+    ratio, N = _ratio(fractional, integer), len(found.held_out)
+    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in found.held_out)
+    against = f"{fractional.name} ({_errors(fractional)}) against {integer.name} ({_errors(integer)})"
+    few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
+    if ratio < 1 - MARGIN and helped > N / 2:
+        return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
+    if (sentence := _replaced(found)) and ratio > 1 - MARGIN:
+        return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
+    if abs(ratio - 1) <= MARGIN:
+        return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
+    if ratio < 1:
+        return (
+            f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them: {against}.{few}"
+        )
+    if not math.isfinite(ratio):
+        return f"Orders fit better and do not predict: {against}.{few}"
+    return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
+
+
+def _replaced(found: Comparison) -> str:
+    """Orders help where viscous friction is alone, but dry friction helps more."""
+    rows = {row.name: row for row in found.rows}
+    names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
+    if not all(name in rows for name in names):
+        return ""
+    plain, paper, dry = (rows[name] for name in names)
+    if not (_ratio(paper, plain) < 1 - MARGIN and _ratio(dry, paper) < 1 - MARGIN):
+        return ""
+    return (
+        f"Orders replace Coulomb friction and lose to it: {_errors(paper)} held out with viscous friction and free "
+        f"orders, {_errors(dry)} with viscous and Coulomb friction and orders 1."
+    )
+
+
+def _change(ratio: float) -> str:
+    if abs(ratio - 1) <= MARGIN:
+        return "make no difference"
+    return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
+
+
+def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
+    """Where every interval of its free orders holds 1, or what else the model says is integer."""
+    told = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
+    values = [integers.get(n, 1.0) for n, _, _ in told]
+    held = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, told, strict=True)]
+    if not told or not all(held):
+        return ""
+    orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in told)
+    what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
+    return f"There the orders are {what} within their intervals ({orders})."
+
+
+def _paper_beside(found: Comparison, integer: Row, fractional: Row) -> str:
+    """How the paper's structure does, where it is not the best."""
+    best = integer if _ratio(fractional, integer) > 1 - MARGIN else fractional
+    paper = [row for row in found.rows if row.paper and row is not best]
+    if not paper or not _ratio(best, paper[0]) < 1 - MARGIN:
+        return ""
+    if not math.isfinite(paper[0].error):
+        return "The paper's structure (viscous friction, free orders) does not predict every one: a run fails."
+    times = 1 / _ratio(best, paper[0])
+    more = f"{times:.2g} times the error" if times >= 1.5 else f"{100 * (times - 1):.2g} % more error"
+    return f"The paper's structure (viscous friction, free orders) has {more} of {best.name}."
+
+
+def _verdict_in_sample(integer: Row, fractional: Row) -> str:
+    gain = integer.bic - fractional.bic
+    if not math.isfinite(gain):
+        return 'No recording is held out, and there is no criterion for this cost: hold some out (use = "validate").'
+    told = (
+        f"orders explain more in sample (BIC {gain:.3g} lower)" if gain > STRONG else
+        f"orders explain nothing that friction does not (BIC {-gain:+.3g} with them)"
+    )  # fmt: skip
+    return (
+        f"No recording was held out, so this is no proof: {told}, {fractional.name} against {integer.name}. "
+        'Hold some out (use = "validate"), or leave one out in turn (--leave-one-out).'
+    )
+
+
+def _ratio(one: Row, other: Row) -> float:
+    """By what factor one's held-out error is another's."""
+    if not math.isfinite(one.error):
+        return math.inf
+    return 0.0 if not math.isfinite(other.error) else one.error / other.error
+
+
+def _errors(row: Row) -> str:
+    """Its mean held-out RMSE, per output."""
+    if not math.isfinite(row.error):
+        return "a run fails"
+    return ", ".join(f"{n} {v:.2g}°" for n, v in mean_rmse(row.held_out).items())
+
+
+def mean_rmse(scores: Mapping[str, Score]) -> dict[str, float]:
+    """The mean RMSE over recordings, per output [degrees].
+
+    Examples
+    --------
+    >>> mean_rmse({"one": Score({"alpha": 0.0}, {}, {}), "two": Score({"alpha": np.pi / 90}, {}, {})})
+    {'alpha': 1.0}
+    """
+    outputs = next(iter(scores.values())).rmse if scores else {}
+    return {n: float(np.degrees(np.mean([s.rmse[n] for s in scores.values()]))) for n in outputs}
+
+
+# --- as JSON and CSV -----------------------------------------------------------------------------------------
+
+
+def _number(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _infinite(value: float | None) -> float:
+    return math.inf if value is None else float(value)
+
+
+def _score_json(s: Score) -> dict[str, Any]:
+    return {
+        "rmse": {n: _number(v) for n, v in s.rmse.items()},
+        "fit_percent": {n: _number(v) for n, v in s.fit_percent.items()},
+        "itae": {n: _number(v) for n, v in s.itae.items()},
+        "failed": s.failed,
+    }
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "friction": row.friction,
+        "fractional": row.fractional,
+        "paper": row.paper,
+        "cost": _number(row.cost),
+        "parameters": row.parameters,
+        "bic_above_best": _number(row.bic),
+        "held_out_error": _number(row.error),
+        "orders": {n: {"value": value, "interval95": None if ends is None else list(ends)}
+                   for n, (value, ends) in row.orders.items()},
+        "values": dict(row.values),
+        "at_bound": list(row.at_bound),
+        "outcome": row.outcome,
+        "in_sample": {n: _score_json(s) for n, s in row.in_sample.items()},
+        "held_out": {n: _score_json(s) for n, s in row.held_out.items()},
+    }  # fmt: skip
+
+
+def _row_of(said: Mapping[str, Any]) -> Row:
+    orders = {n: (o["value"], _pair(o["interval95"])) for n, o in said["orders"].items()}
+    in_sample, held_out = ({n: _score_of(s) for n, s in said[use].items()} for use in ("in_sample", "held_out"))
+    return Row(said["friction"], said["fractional"], said["name"], said["paper"], _infinite(said["cost"]),
+               said["parameters"], _infinite(said["bic_above_best"]), orders, said["values"], tuple(said["at_bound"]),
+               in_sample, held_out, said["outcome"])  # fmt: skip
+
+
+def _lines(row: Row, outputs: Sequence[str]) -> Iterator[dict[str, Any]]:
+    for use, scores in (("fit", row.in_sample), ("held out", row.held_out)):
+        for recording, s in scores.items():
+            for output in outputs:
+                yield {
+                    "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
+                    "use": use, "output": output, "rmse_deg": _number(math.degrees(s.rmse[output])),
+                    "fit_percent": _number(s.fit_percent[output]), "itae_rad_s2": _number(s.itae[output]),
+                    "parameters": row.parameters, "bic_above_best": _number(row.bic), "failed": s.failed,
+                    **{f"order_{n}": value for n, (value, _) in row.orders.items()},
+                }  # fmt: skip

@@ -1,0 +1,251 @@
+r"""Are the orders real, or friction that the model lacks?  The integer-order rival of a fractional fit.
+
+An order below 1 damps like a viscous friction of :math:`\zeta \approx \tfrac{\pi}{2}(1 - \mu)`, so whoever fixes the
+friction at a nominal value, or leaves dry friction out, finds fractional orders in the recording of an integer-order
+rig.  No interval shows it: the orders *are* the best of that model.  Another model has to be tried.
+
+So where a fit finds an order off 1, the same recordings are fitted again with every order 1 and with viscous and dry
+friction free on each joint, solved with ``pi2``, by the same search; and where all friction is free already, with
+every order 1 and nothing else, for of a hundred intervals of 95 % five miss 1 where it is true.  The two are compared
+by Schwarz's criterion, with the samples that correlated residuals are worth (:mod:`fracid.selection.bic`):
+
+.. math::  \text{gain} = \mathrm{BIC}_{integer} - \mathrm{BIC}_{fractional} .
+
+A gain above 10 is strong evidence for the fractional model against this one rival; below, the orders are no
+evidence of fractional dynamics, and the fit says so.
+
+**What is integer.**  A model says what its orders are without fractional calculus (``Model.integer_orders``), 1 where
+it says nothing.  With r = 1 − q, of a damper :math:`z = D^q x` written as :math:`D^r z = x'`, the dashpot is r = 0 and
+r = 1 a spring, no fair rival.  An order of which no integer value makes sense stays as free as it was, and where that
+is so of all there is no rival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fracid.estimation.horizons import Watch, growing
+from fracid.optimise import Evaluation
+from fracid.problem import Free, Problem
+from fracid.problem.unknowns import Value
+from fracid.selection.bic import STRONG, effective_samples, schwarz
+
+__all__ = ["Alternative", "freed_friction", "integer_alternative", "integer_values", "is_off"]
+
+UNSEEN = 1e-2
+"""A friction that changes the residuals by less than this part is not seen."""
+
+OFF = 1e-3
+"""Orders nearer to their integer value than this are integer."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """The integer-order model with free friction, beside the fractional one that was asked for."""
+
+    structure: str
+    """In words."""
+    orders: tuple[str, ...]
+    """The orders that were found off their integer values, and those tied to them."""
+    cost: float
+    """Its cost, beside :attr:`fracid.fit.Fit.cost`."""
+    parameters: Mapping[str, float]
+    """The friction that it finds beside what was free already [SI]; empty where all was."""
+    gain: float
+    """BIC of this one minus that of the fractional fit; above 10 the fractional one has it."""
+    effective_samples: float
+    """What the correlated residuals are worth."""
+    warning: str = ""
+    """A sentence, where the fractional model does not win."""
+
+
+def integer_alternative(
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1
+) -> Alternative | None:
+    """Fit the integer-order rival of a fractional fit, where there is one to be tried.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Evaluation
+        Its minimum.
+    widths : mapping
+        Half the 95 % interval of each free order.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Alternative or None
+        None where every order is integer within its interval, or no run of the rival ends.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, parameters={"coulomb_alpha": 2e-3},
+    ...                       initial={"alpha": 0.5}, step=4e-3, end=4.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(0.97, 0.5, 1.2)}, initial_state="held")
+    >>> rival = integer_alternative(problem, problem.evaluate(problem.start), {"mu": 0.001})
+    >>> round(rival.parameters["coulomb_alpha"], 5), rival.gain < 0
+    (0.002, True)
+    """
+    found = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
+    off = {n: v for n, v in found.items() if is_off(problem, n, v, widths.get(n, 0.0))}
+    if not off or best.residuals is None:
+        return None
+    freed = _seen(problem, best, freed_friction(problem))
+    rival = replace(problem, parameters={**problem.parameters, **freed}, method="pi2", orders=integer_values(problem))
+    kept = dict(zip(problem.names, best.point.tolist(), strict=True))
+    as_found = np.array([kept.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
+    if rival.names:
+        result = growing(rival, rival.start, jobs, Watch(), also=(as_found,))
+        if result.interrupted:
+            raise KeyboardInterrupt
+        integer = result.best
+    else:
+        integer = rival.evaluate(rival.start)
+    if integer.residuals is None:
+        return None
+    values = dict(zip(rival.names, integer.point.tolist(), strict=True))
+    n, gain = _gain(problem, best, rival, integer)
+    friction = {name: values[name] for name in freed}
+    orders = _in_words(problem)
+    structure = f"{orders}; {', '.join(freed)} free" if freed else orders
+    return Alternative(
+        structure, (*off, *(n for n, to in problem.ties.items() if to in off)),
+        integer.cost, friction, gain, n, _warning(orders, off, friction, best.cost, integer.cost, gain),
+    )  # fmt: skip
+
+
+def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
+    """Whether an order is off its integer value by more than half its interval; not where it has none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> is_off(problem, "mu", 0.97, 0.01), is_off(problem, "mu", 0.97, 0.05)
+    (True, False)
+    """
+    integer = problem.model.integer_order(order)
+    return integer is not None and abs(value - integer) > max(OFF, half)
+
+
+def integer_values(problem: Problem) -> dict[str, Value]:
+    """Each order as the integer-order model has it: what is free at its integer value; what has none as it was.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> integer_values(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
+    {'lambda': 0.9, 'mu': 1.0}
+    """
+    found: dict[str, Value] = {}
+    for n, v in problem.orders.items():
+        solved = problem.model.solved_at(n)
+        searched = isinstance(problem.orders.get(problem.ties.get(n, n)), Free)
+        found[n] = solved if searched and solved is not None else v
+    return found
+
+
+def _in_words(problem: Problem) -> str:
+    """``every order 1``, or what each is, and which stay free."""
+    searched = [n for n, v in problem.orders.items() if isinstance(problem.orders.get(problem.ties.get(n, n), v), Free)]
+    values = {n: problem.model.integer_order(n) for n in searched}
+    if all(v == 1 for v in values.values()):
+        return "every order 1"
+    fixed = ", ".join(f"{n} = {v:g}" for n, v in values.items() if v is not None)
+    stay = [n for n, v in values.items() if v is None]
+    return f"{fixed} ({' and '.join(stay)} free, for its model gives it no integer value)" if stay else fixed
+
+
+def freed_friction(problem: Problem, prefixes: tuple[str, ...] = ("b_", "coulomb_")) -> dict[str, Free]:
+    """Constants of friction that the problem fixes, freed: up to half of gravity's torque, from where they are.
+
+    Parameters
+    ----------
+    problem : Problem
+    prefixes : tuple of str
+        How their names begin; dry friction begins a little off 0.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> swing = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (swing,), {"lambda": 1.0, "mu": 1.0})
+    >>> [*freed_friction(problem, ("coulomb_",))]
+    ['coulomb_theta', 'coulomb_alpha']
+    """
+    own = {p.name: problem.parameters.get(p.name, p.value) for p in problem.model.parameters}
+    torques = {p.name: p.value for p in problem.model.parameters if p.unit == "N m"} | problem.parameter_starts
+    reach = 0.5 * max((abs(torques[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
+    freed = {}
+    for name, value in own.items():
+        if not name.startswith(prefixes) or not isinstance(value, float | int):
+            continue
+        start = max(float(value), 2e-3 * reach) if name.startswith("coulomb_") else float(value)
+        freed[name] = Free(start, min(0.0, start), max(reach, 2 * start))
+    return freed
+
+
+def _seen(problem: Problem, best: Evaluation, freed: Mapping[str, Free]) -> dict[str, Free]:
+    """Those that change the residuals when a hundredth of their reach is added: not the arm's if it is clamped."""
+    errors = problem.errors(best.point)
+    if isinstance(errors, str):
+        return {}
+    here, seen = np.concatenate([e.ravel() for e in errors]), {}
+    for name, value in freed.items():
+        more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
+        errors = more.errors(best.point)
+        if isinstance(errors, str):  # it even ends the run
+            seen[name] = value
+            continue
+        change = np.concatenate([e.ravel() for e in errors]) - here
+        if np.linalg.norm(change) > UNSEEN * np.linalg.norm(here):
+            seen[name] = value
+    return seen
+
+
+def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Evaluation) -> tuple[float, float]:
+    """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion."""
+    better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival, integer.point)
+    errors = better.errors(x)
+    assert not isinstance(errors, str)
+    n = effective_samples(errors)
+
+    def criterion(e: Evaluation, unknowns: int) -> float:
+        assert e.residuals is not None
+        return schwarz(float(e.residuals @ e.residuals), unknowns, n, problem.cost_function)
+
+    return n, criterion(integer, len(rival.names)) - criterion(fractional, len(problem.names))
+
+
+def _warning(
+    integers: str, off: Mapping[str, float], friction: Mapping[str, float], cost: float, rival: float, gain: float
+) -> str:
+    if gain > STRONG:
+        return ""
+    orders = " and ".join(f"{n} = {v:.4g}" for n, v in off.items())
+    with_what = ", ".join(f"{n} = {v:.3g}" for n, v in friction.items())
+    if not friction:
+        return (
+            f"{orders}: no evidence of fractional dynamics. With {integers} the same model explains the recordings "
+            f"as well: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
+        )
+    told = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
+    return (
+        f"{orders}: no evidence of fractional dynamics. The integer-order model with friction free ({with_what}) "
+        f"{told}: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders stand in "
+        f"for friction that the model lacks or fixes; free {', '.join(friction)}."
+    )

@@ -1,0 +1,380 @@
+r"""The ladder of structures: how much friction a model has, and whether its orders are free.
+
+An order below 1 damps like a viscous friction of :math:`ζ = \tfrac{π}{2}(1 - μ)`, so a fractional model must be held
+against integer-order ones with all the friction that a rig may have.  From one :class:`~fracid.Problem` come
+
+==============================  ====================================  ==================================================
+rung                            what is free beside the constants     parameters of the model by the names
+==============================  ====================================  ==================================================
+viscous                         :math:`b\,v`                          ``b_…``
+viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_…``
+viscous + Coulomb + drag        :math:`d\,v|v|` too                   ``drag_…``
+… + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
+==============================  ====================================  ==================================================
+
+each with every order 1, and with orders free.  *Viscous, orders free* is the paper's structure.  Where a model says
+that an order is another integer (``Model.integer_orders``) *orders 1* stands for that, and a note says so; an order
+without integer value is free in every structure.
+
+What a rung frees has the range that the problem gives it, else one up to half of gravity's torque; on the rungs below
+it is 0.  All else that the problem leaves free stays so: inertias, rests (each recording its own), initial states.
+Orders are free as the problem has them; where it fixes all, all are freed.  Ranges are widened to hold 0, and 1 for
+orders, so that each rung holds the ones below it, and can never fit worse.
+
+What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) is 0 if it
+is friction, else it keeps its start; it is no parameter of the fit, and that is said.  A rung of which the recordings
+see nothing, or that the model does not have, is left out.
+
+All structures are solved by one method, of second order or better: a scheme of first order manufactures orders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.models import Model
+from fracid.problem import Experiment, Free, Problem, Tied
+from fracid.selection.integer_rival import freed_friction
+from fracid.solver.methods import METHODS
+
+__all__ = [
+    "FRICTION",
+    "ORDER",
+    "PAPER",
+    "RUNGS",
+    "Ladder",
+    "Structure",
+    "has_friction",
+    "held",
+    "ladder",
+    "name_of",
+    "unseen",
+]
+
+RUNGS = {"viscous": ("b_",), "Coulomb": ("coulomb_",), "drag": ("drag_",), "cable": ("cable_", "spring_")}
+"""What each rung adds → how its parameters' names begin."""
+
+FRICTION = tuple(p for prefixes in RUNGS.values() for p in prefixes)
+"""How the names of all of them begin."""
+
+PAPER = ("viscous", True)
+"""The paper's structure: its friction, and that its orders are free."""
+
+ORDER = Free(1.0, 0.5, 1.2)
+"""The range of an order that the problem gives none."""
+
+MOVE = 1e-2
+"""An unknown is moved by this part of its range to see whether the recordings see it."""
+
+SEEN = 1e-4
+"""They do if that changes an output by this part of its scatter."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One model of the ladder."""
+
+    friction: str
+    """``viscous + Coulomb``."""
+    fractional: bool
+    """Whether orders are free."""
+    problem: Problem
+    """On the fitted recordings, without what they do not see."""
+    whole: Problem
+    """The same with it: a recording that is not fitted may see more."""
+    below: tuple[str, ...]
+    """Names of the structures that it holds, one rung down or with orders 1."""
+
+    @property
+    def name(self) -> str:
+        """``viscous + Coulomb, orders free``."""
+        return name_of(self.friction, self.fractional)
+
+    @property
+    def paper(self) -> bool:
+        """Whether it is the paper's."""
+        return (self.friction, self.fractional) == PAPER
+
+    def embed(self, values: Mapping[str, float]) -> FloatArray:
+        """The unknowns at which it is the structure below that has these `values`, shape (n_unknowns,).
+
+        Examples
+        --------
+        >>> import fracid
+        >>> from fracid.problem import Experiment
+        >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+        >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), {"lambda": 1.0, "mu": 1.0})
+        >>> paper = ladder(problem)["viscous, orders free"]
+        >>> paper.embed({"b_theta": 2e-3, "b_alpha": 1e-4})[:4].tolist()  # both orders 1
+        [1.0, 1.0, 0.002, 0.0001]
+        """
+        orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
+        friction = {u.name: 0.0 for u in self.problem.unknowns if u.kind != "order" and u.target.startswith(FRICTION)}
+        known = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
+        return np.array([known.get(u.name, u.range.start) for u in self.problem.unknowns])
+
+    def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
+        """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
+        x = np.array([values.get(u.name, u.range.start) for u in self.whole.unknowns])
+        alone = self.whole.with_shared(x, (recording,))
+        return held(alone, unseen(alone, 0.0))
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Structures from the poorest to the richest, each rung with orders 1 and with orders free."""
+
+    structures: tuple[Structure, ...]
+    notes: tuple[str, ...]
+    """What was left out or changed, in sentences."""
+
+    def __getitem__(self, name: str) -> Structure:
+        """The structure of that name; an InputError names those that there are."""
+        named = {s.name: s for s in self.structures}
+        if name not in named:
+            raise unknown_name("structure", name, tuple(named))
+        return named[name]
+
+    @property
+    def frictions(self) -> tuple[str, ...]:
+        """The rungs."""
+        return tuple(dict.fromkeys(s.friction for s in self.structures))
+
+
+def name_of(friction: str, fractional: bool) -> str:
+    """A structure's name."""
+    return f"{friction}, orders {'free' if fractional else '1'}"
+
+
+def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Experiment] = ()) -> Ladder:
+    """Make the ladder of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the recordings that are fitted.
+    keep : collection of str
+        Parameters of friction that stay as the problem has them, on all rungs.
+    others : sequence of Experiment
+        Recordings that are not fitted; a rung of which only they see something is there too.
+
+    Returns
+    -------
+    Ladder
+
+    Raises
+    ------
+    InputError
+        If the model has no friction by the names of the module's table, or `keep` names what it does not have.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.5}, step=4e-3, end=3.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> found = ladder(Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held"))
+    >>> found.frictions
+    ('viscous', 'viscous + Coulomb', 'viscous + Coulomb + drag', 'viscous + Coulomb + drag + cable')
+    >>> found["viscous + Coulomb, orders free"].problem.names
+    ('mu', 'b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha')
+    """
+    for name in keep:
+        if name not in problem.model.parameter_names:
+            raise unknown_name("parameter to keep", name, problem.model.parameter_names)
+    problem, notes = _solved_well(problem)
+    notes += _not_1(problem)
+    rungs, missing = _rungs(problem, keep)
+    top = _free(problem, rungs, tuple(rungs))
+    blind = unseen(top, SEEN)
+    nowhere = blind - {n for e in others for n in _seen_in(e, top)}
+    lost = {rung: names for rung, names in rungs.items() if set(names) <= nowhere}
+    rungs = {rung: names for rung, names in rungs.items() if rung not in lost}
+    if not rungs:
+        raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
+    notes += missing
+    notes += [f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in lost.items()]
+    alone = sorted(
+        blind - {n for names in lost.values() for n in (*names, *(["theta_rest"] if "cable" in lost else []))}
+    )
+    notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
+    return Ladder(tuple(_structures(problem, rungs, blind)), tuple(notes))
+
+
+def _seen_in(e: Experiment, top: Problem) -> set[str]:
+    """What a recording that is not fitted sees; nothing where the run fails."""
+    alone = replace(top, experiments=(e,))
+    if isinstance(alone.errors(alone.start), str):
+        return set()
+    return {u.target for u in alone.unknowns} - unseen(alone, SEEN)
+
+
+def _not_1(problem: Problem) -> list[str]:
+    """Where the model's integer orders are not 1 what "orders 1" stands for; refused where it has none at all."""
+    values = {n: problem.model.integer_order(n) for n in problem.orders}
+    stay = [n for n, v in values.items() if v is None]
+    if values and len(stay) == len(values):
+        raise InputError(
+            f"The model {problem.model.name} gives {' and '.join(stay)} no integer value (integer_orders), so there is "
+            "no integer-order model to compare with."
+        )
+    other = [f"{n} = {v:g}" for n, v in values.items() if v not in (None, 1.0)]
+    notes = [f"The model says which orders are integer: where a structure has orders 1, {', '.join(other)}."] * bool(
+        other
+    )
+    return notes + [f"{n} has no integer value by its model: it is free in every structure." for n in stay]
+
+
+def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
+    """One method for all, and each recording's own rests."""
+    rests = [u.target for u in problem.unknowns if u.target.endswith("_rest") and u.target not in problem.per_recording]
+    problem = replace(problem, per_recording=(*problem.per_recording, *dict.fromkeys(rests)))
+    if METHODS[problem.method].convergence_order >= 2:
+        return problem, []
+    return replace(problem, method="pi2"), [
+        f"{problem.method} is of first order and makes orders of its own: all structures are solved with pi2."
+    ]
+
+
+def has_friction(model: Model) -> bool:
+    """Whether a model has friction by the names that make a ladder.
+
+    Examples
+    --------
+    >>> from fracid.models import rotary_pendulum
+    >>> has_friction(rotary_pendulum())
+    True
+    """
+    return any(n.startswith(FRICTION) for n in model.parameter_names)
+
+
+def _rungs(problem: Problem, keep: Collection[str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
+    """Rung → the parameters that it adds; and in words what the model does not have."""
+    every = {rung: [n for n in problem.model.parameter_names if n.startswith(p)] for rung, p in RUNGS.items()}
+    rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
+    if not has_friction(problem.model):
+        raise InputError(
+            f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in FRICTION)}, "
+            "so there is no ladder: name the parameters of its friction so."
+        )
+    missing = [
+        f"The model {problem.model.name} has no parameter {' or '.join(p + '…' for p in RUNGS[rung])}: "
+        f"there is no rung + {rung}."
+        for rung, names in every.items() if not names
+    ]  # fmt: skip
+    return {rung: names for rung, names in rungs.items() if names}, missing
+
+
+def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: set[str]) -> Iterable[Structure]:
+    names = tuple(rungs)
+    for k in range(len(names)):
+        whole = _free(problem, rungs, names[: k + 1])
+        friction, lower = " + ".join(names[: k + 1]), " + ".join(names[:k])
+        for fractional in (False, True):
+            this = whole if fractional else replace(whole, orders=_integers(whole))
+            below = [name_of(lower, fractional)] * (k > 0) + [name_of(friction, False)] * fractional
+            yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, tuple(below))
+
+
+def _integers(problem: Problem) -> dict[str, float | Free | Tied]:
+    """Every order at its integer value, those fixed elsewhere too; what has none stays."""
+    values = {n: problem.model.solved_at(n) for n in problem.orders}
+    return {n: v if (at := values[n]) is None else at for n, v in problem.orders.items()}
+
+
+def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[str]) -> Problem:
+    """The problem with the friction of some rungs free, of the others 0, and with its orders free."""
+    ranges = freed_friction(problem, tuple(n for rung in on for n in rungs[rung]))
+    friction = [n for names in rungs.values() for n in names]
+    given = {n: _holding(v, 0.0) if n in friction else v for n, v in problem.parameters.items()}
+    off: dict[str, float | Free | Tied] = {n: 0.0 for rung, names in rungs.items() if rung not in on for n in names}
+    parameters = {**given, **ranges, **off}
+    rests = _rests(problem, parameters) if "cable" in on else {}
+    parameters |= rests
+    own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
+    orders = {n: _holding(v, problem.model.solved_at(n)) for n, v in problem.orders.items()}
+    if not any(isinstance(v, Free) for v in orders.values()):
+        orders = {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n))
+                  for n, v in orders.items()}  # fmt: skip
+    return replace(problem, orders=orders, parameters=parameters, per_recording=own)
+
+
+def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied]) -> dict[str, Free]:
+    """The rest of the cable's spring, which each recording has for itself, where the problem does not mention it."""
+    rests = [p for p in problem.model.parameters if p.name == "theta_rest" and p.name not in parameters]
+    return {p.name: Free(p.value, p.value - 1.0, p.value + 1.0) for p in rests}
+
+
+def _holding(value: float | Free | Tied, point: float | None) -> float | Free | Tied:
+    """A range widened to hold a point, where there is one."""
+    if not isinstance(value, Free) or point is None or value.lower <= point <= value.upper:
+        return value
+    return replace(value, lower=min(value.lower, point), upper=max(value.upper, point))
+
+
+def _instead(problem: Problem, name: str) -> str:
+    if name in problem.orders:
+        integer = problem.model.integer_order(name)
+        return "it keeps its start" if integer is None else f"it is {integer:g}"
+    if name.startswith(FRICTION):
+        return "it is 0"
+    if name in problem.per_recording:
+        return "it is found where a recording sees it"
+    return f"it keeps {problem.parameter_starts[name]:.4g}"
+
+
+def held(problem: Problem, names: Collection[str]) -> Problem:
+    """The problem with some values fixed: orders at their integers, friction at 0, others where a search would start.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> free = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+    >>> held(Problem(fracid.rotary_pendulum(), (still,), free, initial_state="held"), {"mu"}).names
+    ('lambda',)
+    """
+    integer = {n: v.start if (at := problem.model.solved_at(n)) is None else at
+               for n, v in problem.orders.items() if isinstance(v, Free)}  # fmt: skip
+    orders = {n: integer[n] if n in names and n in integer else v for n, v in problem.orders.items()}
+    parameters = {n: (0.0 if n.startswith(FRICTION) else v.start) if n in names and isinstance(v, Free) else v
+                  for n, v in problem.parameters.items()}  # fmt: skip
+    own = tuple(n for n in problem.per_recording if n not in names)
+    return replace(problem, orders=orders, parameters=parameters, per_recording=own)
+
+
+def unseen(problem: Problem, threshold: float) -> set[str]:
+    """Free orders and parameters whose move changes no output by more than `threshold` of its scatter.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = Experiment("swing", 1e-2, np.column_stack([np.zeros(99), np.cos(np.arange(99) / 15)]), np.zeros((1, 1)))
+    >>> free = {"b_alpha": Free(1e-4, 0.0, 1.0), "torque_per_volt": Free(-0.1, -1.0, 0.0)}
+    >>> unseen(Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, free), 0.0)  # no voltage
+    {'torque_per_volt'}
+    """
+    low, high = problem.space.lower, problem.space.upper
+    step = MOVE * np.where(np.isfinite(high - low), high - low, np.maximum(np.abs(problem.start), 1.0))
+    step = np.where(problem.start + 2 * step > high, -step, step)
+    x = np.where(problem.start == 0.0, step, problem.start)  # a spring of stiffness 0 has no rest to be seen
+    here = problem.errors(x)
+    if isinstance(here, str):
+        return set()
+    scatter = [np.std(e.measured, axis=0) for e in problem.experiments]
+    floors = [np.maximum(s, 1e-3 * max(float(np.max(s)), 1e-300)) for s in scatter]  # an arm that stands still
+
+    def change(target: str) -> float:
+        there = problem.errors(x + step * np.array([u.target == target for u in problem.unknowns]))
+        if isinstance(there, str):
+            return np.inf
+        return max(float(np.max(np.sqrt(np.mean((a - b) ** 2, axis=0)) / f))
+                   for a, b, f in zip(here, there, floors, strict=True))  # fmt: skip
+
+    targets = dict.fromkeys(u.target for u in problem.unknowns if u.kind in ("order", "parameter"))
+    return {target for target in targets if change(target) <= threshold}

@@ -1,0 +1,1 @@
+"""Facts of a sampled signal, each defined once: swing, noise, resolution, correlation."""

@@ -1,0 +1,145 @@
+"""The correlation of a sampled signal: autocorrelation, correlation time, long-run variance, spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+
+__all__ = [
+    "autocorrelation",
+    "bartlett_long_run",
+    "correlation_time",
+    "longest_stretch",
+    "neighbour_sums",
+    "power_spectrum",
+    "products_by_lag",
+    "sokal_bandwidth",
+]
+
+
+def longest_stretch(known: NDArray[np.bool_]) -> slice:
+    """The longest stretch without a gap.
+
+    Examples
+    --------
+    >>> longest_stretch(np.array([True, False, True, True, False]))
+    slice(2, 4, None)
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    starts, ends = edges[::2], edges[1::2]
+    if not starts.size:
+        return slice(0, 0)
+    at = int(np.argmax(ends - starts))
+    return slice(int(starts[at]), int(ends[at]))
+
+
+# --- whiteness -------------------------------------------------------------------------------------
+
+
+def autocorrelation(x: FloatArray) -> FloatArray:
+    """ρ at lags 0 … n/4, about the mean, shape (n//4 + 1,).
+
+    Examples
+    --------
+    >>> ρ = autocorrelation(np.sin(2 * np.pi * np.arange(4000) / 100))
+    >>> round(float(ρ[50]), 1), round(float(ρ[100]), 1)
+    (-1.0, 1.0)
+    """
+    from statsmodels.tsa.stattools import acf  # type: ignore[import-untyped]
+
+    return np.asarray(acf(x, nlags=x.size // 4, fft=True))
+
+
+def correlation_time(ρ: FloatArray) -> float:
+    """The longer of T₁ and T₂, in samples, at least 1; see the module's first screen.
+
+    Parameters
+    ----------
+    ρ : array, shape (n_lags + 1,)
+        From :func:`autocorrelation`.
+
+    Examples
+    --------
+    >>> fading = 0.9 ** np.arange(1000)  # T₁ = (1 + 0.9)/(1 − 0.9) = 19 samples
+    >>> swinging = np.cos(np.arange(1000))  # T₁ is nothing, T₂ as long as you look: 1 + 999/1
+    >>> round(correlation_time(fading), 1), round(correlation_time(swinging))
+    (19.0, 1000)
+    """
+    lags = np.arange(ρ.size)
+
+    def time(terms: FloatArray) -> float:
+        sums = 2 * np.cumsum(terms) - 1
+        wide_enough = np.flatnonzero(lags >= 5 * sums)
+        return float(sums[wide_enough[0] if wide_enough.size else -1])
+
+    return max(1.0, time(ρ), time(ρ**2))
+
+
+# --- spectrum --------------------------------------------------------------------------------------
+
+
+def power_spectrum(x: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Frequencies [Hz] and the density of the power about the mean [unit²/Hz], each of shape (n//2 + 1,).
+
+    Without a window, which would hide the first swings after a release: the densities add up to the variance.
+
+    Examples
+    --------
+    >>> f, S = power_spectrum(np.random.default_rng(1).normal(size=10_000), 1e-3)
+    >>> round(float(np.sum(S) * f[1]), 1)  # the variance
+    1.0
+    """
+    from scipy.signal import periodogram
+
+    f, S = periodogram(x, fs=1 / step, detrend="constant")
+    return np.asarray(f), np.asarray(S)
+
+
+def sokal_bandwidth(scores: FloatArray) -> float:
+    """B: the first lag that is 5 times the correlation time of the scores up to it [S]_, at most n/4.
+
+    The correlation time up to lag k is 1 + 2·Σ ρ_j over j ≤ k, ρ from all columns together.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
+    >>> sokal_bandwidth(noise) < 10 < sokal_bandwidth(np.cumsum(noise, axis=0))
+    True
+    """
+    n = len(scores)
+    covariance = sum((products_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1))
+    times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
+    wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
+    return float(wide_enough[0] if len(wide_enough) else n // 4)
+
+
+def products_by_lag(s: FloatArray) -> FloatArray:
+    """Σ s_t s_{t+k} over t for each lag k, shape (n_samples,)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    n = next_fast_len(2 * len(s), real=True)  # padded: no lag wraps around; a prime length takes six times the memory
+    return np.asarray(irfft(np.abs(rfft(s, n)) ** 2, n)[: len(s)])
+
+
+def bartlett_long_run(scores: FloatArray, bandwidth: float) -> FloatArray:
+    """S with the Bartlett window: the mean square of all sums over B + 1 neighbouring scores.
+
+    Examples
+    --------
+    >>> s = np.array([[1.0], [2.0], [3.0]])
+    >>> float(bartlett_long_run(s, 0.0)[0, 0]), float(bartlett_long_run(s, 1.0)[0, 0])  # 14, 14 + ½·2·8
+    (14.0, 22.0)
+    """
+    m = int(bandwidth) + 1
+    blocks = neighbour_sums(scores, m)
+    return np.asarray(blocks.T @ blocks / m)
+
+
+def neighbour_sums(scores: FloatArray, m: int) -> FloatArray:
+    """All sums over m neighbours, those that stick out at the ends too, shape (n_samples + m − 1, n_columns)."""
+    total = np.zeros((len(scores) + 2 * m - 1, scores.shape[1]))
+    total[m : m + len(scores)] = scores
+    np.cumsum(total, axis=0, out=total)
+    return np.asarray(total[m:] - total[:-m])

@@ -1,0 +1,1 @@
+"""The solver: fractional differential equations, stepped by compiled loops with compressed memory."""

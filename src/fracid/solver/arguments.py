@@ -1,0 +1,170 @@
+"""The arguments of a simulation, checked: orders, initial state, grid, inputs, history, bounds."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.solver.methods import METHODS, Method
+from fracid.solver.trajectory import vector
+
+if TYPE_CHECKING:
+    from fracid.models import Model
+
+__all__ = [
+    "check_bounds",
+    "check_history",
+    "check_initial_and_orders",
+    "check_inputs",
+    "check_times",
+    "count_steps",
+    "find_method",
+    "named_states",
+]
+
+MOST_STEPS = 1e15
+"""Whole numbers beyond it are no exact floats, and a year of computing."""
+
+
+class StepWarning(UserWarning):
+    """The step was shortened so that the end is a whole number of them."""
+
+
+def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
+    """A row for each state from some states' names; `other` for those left out."""
+    for name in values:
+        if name not in model.states:
+            raise InputError(f"There is no state {name!r}; {model.name} has {', '.join(map(repr, model.states))}.")
+    try:
+        return np.array([values.get(name, other) for name in model.states], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{dict(values)}: expected numbers, of angles in rad: numpy.radians(10).") from None
+
+
+# --- arguments -------------------------------------------------------------------------------------
+
+
+def check_initial_and_orders(
+    initial: ArrayLike, orders: ArrayLike, states: int | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x(0), its slope and one order a state."""
+    given, q = vector("initial", initial), vector("orders", orders)
+    if given.ndim > 2 or (given.ndim == 2 and given.shape[1] != 2):
+        raise InputError(f"initial has the shape {given.shape}; expected (n_states,), or (n_states, 2) with the "
+                         "first derivatives in the second column.")  # fmt: skip
+    x0, slope = (given, np.zeros(len(given))) if given.ndim == 1 else np.ascontiguousarray(given.T)
+    if states is not None and len(x0) != states:
+        raise InputError(f"initial has {len(x0)} states; the model has {states}.")
+    if q.ndim != 1 or len(q) not in (1, len(x0)):
+        raise InputError(f"orders has the shape {q.shape}, but there are {len(x0)} states; "
+                         f"give one order, or {len(x0)}.")  # fmt: skip
+    q = np.array(np.broadcast_to(q, len(x0)))
+    for i in np.flatnonzero((q <= 0) | (q >= 2)):
+        raise InputError(f"orders[{i}] = {q[i]:g}: an order must lie strictly between 0 and 2.")
+    for i in np.flatnonzero((slope != 0) & (q <= 1)):
+        raise InputError(f"initial[{i}, 1] = {slope[i]:g}, but a state of order {q[i]:g} has no initial derivative "
+                         "(only orders above 1 have); give 0 there.")  # fmt: skip
+    return x0, slope, q
+
+
+def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[float, int]:
+    """The step and how many of them; `exact` where samples are given, which fix it."""
+    for name, given in (("step", step), ("start", start), ("end", end)):
+        if np.ndim(given) or np.asarray(given).dtype.kind not in "fiu":
+            raise InputError(f"{name} = {given!r}: expected a number of seconds.")
+    if not (math.isfinite(step) and step > 0):
+        raise InputError(f"step = {step!r}: the step must be a positive number of seconds.")
+    if not math.isfinite(start):
+        raise InputError(f"start = {start!r}: the start must be a finite number of seconds.")
+    if not (math.isfinite(end) and end > start):
+        raise InputError(f"end = {end!r}: the end must be a number of seconds after the start, {start:g}.")
+    duration = end - start
+    if not duration / step < MOST_STEPS:
+        raise InputError(
+            f"step = {step:g} from {start:g} to {end:g} makes {duration / step:.3g} steps; give a longer one."
+        )
+    steps = max(1, round(duration / step))
+    if abs(steps * step - duration) <= 1e-6 * step * max(1.0, 1e-6 * steps):
+        return float(step), steps
+    if exact:
+        below = max(1, math.floor(duration / step))
+        raise InputError(f"end = {end:g} is not a whole number of steps of {step:g}, and inputs or history are sampled "
+                         f"at that step; type end={start + below * step:.12g} or "
+                         f"end={start + (below + 1) * step:.12g}.")  # fmt: skip
+    steps = math.ceil(duration / step)
+    shortened = duration / steps
+    warnings.warn(f"end = {end:g} is not a whole number of steps of {step:g}; the step is shortened to "
+                  f"{shortened:.12g}.", StepWarning, stacklevel=4)  # fmt: skip
+    return shortened, steps
+
+
+def check_history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
+    """Known samples before the start, none of them where there is no history."""
+    if history is None:
+        return np.empty((0, len(x0)))
+    past = vector("history", history)
+    past = np.ascontiguousarray(past.reshape(-1, 1) if past.ndim == 1 and len(x0) == 1 else past)
+    if past.ndim != 2 or past.shape[1] != len(x0):
+        raise InputError(f"history has the shape {past.shape}; expected (n_past, {len(x0)}), a row for each of the "
+                         "times …, start − 2 step, start − step.")  # fmt: skip
+    return past
+
+
+def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
+    """Lowest and highest value of each state, shape (n_states, 2); None for no bounds."""
+    if bounds is None:
+        return None
+    try:
+        box = np.array(bounds, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"bounds = {bounds!r}: expected pairs of numbers (±inf for none).") from None
+    if box.shape != (len(x0), 2) or np.any(np.isnan(box)):
+        raise InputError(f"bounds has the shape {box.shape}; expected ({len(x0)}, 2), lowest and highest value of each "
+                         "state (±inf for none).")  # fmt: skip
+    for i in np.flatnonzero(~((box[:, 0] <= x0) & (x0 <= box[:, 1]))):
+        raise InputError(f"bounds[{i}] = ({box[i, 0]:g}, {box[i, 1]:g}) do not hold the initial state {x0[i]:g}.")
+    return box
+
+
+def check_times(times: ArrayLike | None, start: float, end: float) -> FloatArray | None:
+    """Times to be read, ascending, between start and end [s]; None for the grid."""
+    if times is None:
+        return None
+    wanted = vector("times", times)
+    if wanted.ndim != 1 or not wanted.size or np.any(np.diff(wanted) < 0):
+        raise InputError("times must be a list of times in ascending order.")
+    for t in wanted[(wanted < start) | (wanted > end)]:
+        raise InputError(f"times: {t:g} is not between start = {start:g} and end = {end:g}.")
+    return wanted
+
+
+def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None) -> FloatArray:
+    """The inputs on the grid, shape (n_samples, n_inputs), or one row for all."""
+    if inputs is None:
+        return np.zeros((1, 0))
+    u = vector("inputs", inputs)
+    u = np.ascontiguousarray(u.reshape(len(u), -1))
+    if count is None and len(u) == 1 and u.shape[1] == steps + 1 > 1:
+        raise InputError(f"inputs has the shape {u.shape}: one row of {steps + 1} inputs, where the grid has as many "
+                         "points. Turn it round: inputs.T.")  # fmt: skip
+    if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
+        wanted = "n_inputs" if count is None else count
+        raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {wanted}), a row for each of the "
+                         f"{steps + 1} grid points from the first known sample on, or one for all.")  # fmt: skip
+    return u
+
+
+def find_method(name: str, corrections: int) -> Method:
+    """The method of that name; its number of corrections is checked too."""
+    if name not in METHODS:
+        raise InputError(f"There is no method {name!r}; type one of {', '.join(METHODS)}.")
+    if not (isinstance(corrections, int | np.integer) and corrections >= 1):
+        raise InputError(f"corrections = {corrections!r}: give a whole number of at least 1.")
+    return METHODS[name]

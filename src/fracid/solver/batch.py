@@ -1,0 +1,194 @@
+"""Many runs at once, and the derivatives of one run with respect to all that it depends on.
+
+:func:`solve_fde_batch` solves a list of runs of one right-hand side on threads: the compiled loops hold no lock.
+
+:func:`sensitivities` gives ∂x(t)/∂(orders, parameters, initial state) by differences of neighbouring runs:
+four runs for each, at ±d and ±2d, whose error is :math:`d^4`, on threads.  The alternative is to carry the
+variational equation D^q s = f_x s + f_p along.  Since a compiled right-hand side can only be differenced, that costs
+some 1.2 runs for each derivative (`benchmarks/solver.py`): no less than the one-sided differences that a search
+makes do with; and an order needs a second memory besides, with the weights' derivative w′, and Newton's steps a
+derivative of their own.  So differences it is, of every method and memory alike.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.solver.right_hand_side import RightHandSide
+from fracid.solver.solve import solve_fde
+from fracid.solver.trajectory import Trajectory, vector
+
+__all__ = ["Sensitivities", "sensitivities", "solve_fde_batch"]
+
+
+def solve_fde_batch(
+    rhs: RightHandSide, runs: Iterable[Mapping[str, Any]], *, jobs: int | None = None, **common: Any
+) -> list[Trajectory]:
+    """Solve many runs of one right-hand side, on threads.
+
+    Parameters
+    ----------
+    rhs : function (t, x, u, p, out) -> None
+        As in :func:`~fracid.solver.solve.solve_fde`.
+    runs : iterable of mappings
+        What each run has for itself: any arguments of :func:`~fracid.solver.solve.solve_fde` by name.
+    jobs : int, optional
+        Threads; by default one a core.  The results do not depend on it.
+    **common
+        What all runs share.
+
+    Returns
+    -------
+    list of Trajectory
+        In the order of `runs`.
+
+    Raises
+    ------
+    InputError
+        As :func:`~fracid.solver.solve.solve_fde`, and for arguments that it does not have; the message begins with
+        the number of the run.
+
+    Examples
+    --------
+    >>> def decay(t, x, u, p, out):
+    ...     out[0] = -p[0] * x[0]
+    >>> runs = solve_fde_batch(decay, [{"orders": q} for q in (0.5, 0.9)], initial=[1.0], parameters=[1.0],
+    ...                        step=0.01, end=1.0)
+    >>> [round(float(run.states[-1, 0]), 3) for run in runs]
+    [0.428, 0.376]
+    """
+
+    def solve(numbered: tuple[int, Mapping[str, Any]]) -> Trajectory:
+        number, run = numbered
+        try:
+            return solve_fde(rhs, **{**common, **run})
+        except (InputError, TypeError) as error:
+            raise InputError(f"Run {number}: {error}") from None
+
+    return _on_threads(solve, list(enumerate(runs)), jobs)
+
+
+def _on_threads(work: Callable[[Any], Any], items: Sequence[Any], jobs: int | None) -> list[Any]:
+    """Map over items, in their order; the first goes alone, so that it compiles for all."""
+    if jobs is not None and not (isinstance(jobs, int | np.integer) and jobs >= 1):
+        raise InputError(f"jobs = {jobs!r}: give a whole number of threads, 1 or more.")
+    threads = min(jobs or os.cpu_count() or 1, len(items))
+    if threads <= 1:
+        return [work(item) for item in items]
+    first = work(items[0])
+    with ThreadPoolExecutor(threads) as pool:
+        return [first, *pool.map(work, items[1:])]
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """A run and its derivatives."""
+
+    run: Trajectory
+    """The run itself."""
+    orders: FloatArray
+    """∂x/∂(order of each state), shape (n, n_states, n_states); a scalar order's is the sum over the last axis."""
+    parameters: FloatArray
+    """∂x/∂p, shape (n, n_states, n_parameters)."""
+    initial: FloatArray
+    """∂x/∂x(start), shape (n, n_states, n_states)."""
+
+
+def sensitivities(
+    rhs: RightHandSide,
+    orders: ArrayLike,
+    initial: ArrayLike,
+    *,
+    parameters: ArrayLike = (),
+    jobs: int | None = None,
+    tolerance: float = 1e-13,
+    **options: Any,
+) -> Sensitivities:
+    """Differentiate a run with respect to its orders, parameters and initial state.
+
+    Parameters
+    ----------
+    rhs, orders, initial, parameters
+        As in :func:`~fracid.solver.solve.solve_fde`; all other arguments of it may follow by name.
+    jobs : int, optional
+        Threads; by default one a core.
+    tolerance : float
+        Of the compressed memory: tight, since a difference magnifies what two runs do not share.
+
+    Returns
+    -------
+    Sensitivities
+        With an error of some 10⁻⁹ of the size of x, as long as x is smooth in what it is differentiated by.
+
+    Raises
+    ------
+    InputError
+        As :func:`~fracid.solver.solve.solve_fde`; where a neighbouring run does not reach the end; and for a history
+        (its derivatives would have to be given too).
+
+    Examples
+    --------
+    The derivative of E_0.8(−t^0.8) with respect to its order, at t = 1, is −0.119122…
+
+    >>> def decay(t, x, u, p, out):
+    ...     out[0] = -p[0] * x[0]
+    >>> found = sensitivities(decay, 0.8, [1.0], parameters=[1.0], step=1e-3, end=1.0)
+    >>> round(float(found.orders[-1, 0, 0]), 5)
+    -0.11912
+    """
+    if options.get("history") is not None:
+        raise InputError("history: a run that continues another has no derivatives here; differentiate the whole run.")
+    x0, p = vector("initial", initial), vector("parameters", parameters)
+    q = np.array(np.broadcast_to(vector("orders", orders), len(x0)))
+    states = np.atleast_2d(x0.T)[0]
+    points = [(kind, i) for kind, values in (("orders", q), ("parameters", p), ("initial", states))
+              for i in range(len(values))]  # fmt: skip
+    steps = {"orders": _order_steps(q), "parameters": _steps(p), "initial": _steps(states)}
+    runs: list[dict[str, Any]] = [{}]
+    for kind, i in points:
+        for side in STENCIL:
+            values = {"orders": q, "parameters": p, "initial": x0}[kind].copy()
+            values[(i, 0) if values.ndim == 2 else i] += side * steps[kind][i]
+            runs.append({kind: values})
+    common = {"orders": q, "initial": x0, "parameters": p, "tolerance": tolerance, **options}
+    run, *neighbours = solve_fde_batch(rhs, runs, jobs=jobs, **common)
+    for (kind, i), near in zip(np.repeat(np.array(points, object), len(STENCIL), 0), neighbours, strict=True):
+        if len(near.time) < len(run.time):
+            raise InputError(f"Beside this run, with another value of {kind}[{i}], one ends early: "
+                             f"{near.outcome.value}. It has no derivative; "
+                             f"end it before t = {near.time[-1]:g}.")  # fmt: skip
+    slopes: dict[str, list[FloatArray]] = {"orders": [], "parameters": [], "initial": []}
+    for k, (kind, i) in enumerate(points):
+        beside = neighbours[k * len(STENCIL) : (k + 1) * len(STENCIL)]
+        difference = sum(
+            weight * near.states[: len(run.time)] for weight, near in zip(STENCIL.values(), beside, strict=True)
+        )
+        slopes[kind].append(difference / steps[kind][i])
+    empty = np.empty((*run.states.shape, 0))
+    return Sensitivities(run, *(np.stack(s, axis=-1) if s else empty for s in slopes.values()))
+
+
+STENCIL = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
+"""Weights of the fourth-order central difference."""
+
+
+def _steps(values: FloatArray) -> FloatArray:
+    """d: ε^(1/5) of the value, where rounding and d⁴ are alike; of 1 for a zero."""
+    size: FloatArray = np.where(values == 0, 1.0, np.abs(values))
+    return 5e-4 * size
+
+
+def _order_steps(q: FloatArray) -> FloatArray:
+    """The same, such that no order leaves (0, 2), nor crosses 1 where that would change what initial values mean."""
+    room = np.minimum(q, 2 - q)
+    room = np.where(q == 1, room, np.minimum(room, np.abs(q - 1)))
+    return np.minimum(5e-4, room / 3)

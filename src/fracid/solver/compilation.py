@@ -1,0 +1,165 @@
+"""How fracid compiles its loops: with Numba, for one signature each, at the first call, and kept on disk.
+
+Numba compiles a function with a given signature when it is defined.  That is half a minute for all the schemes and
+memories, of which a run needs a third; so they are compiled when they are called.  A given signature is needed all
+the same: a right-hand side has to come in as a function pointer, or each would have the loops compiled for itself.
+
+**What is kept.**  Compiled code lies where Numba keeps it: in ``__pycache__`` beside the module, or in the folder that
+``NUMBA_CACHE_DIR`` names, or in the user's cache folder; the first that can be written.  A file is
+
+    SHA-256 of (mark · content)  ·  content,
+
+its mark says for which function, signature, processor, versions and sources it was compiled, and so does its name.
+What Numba does by itself looks only at the function's own module, and believes what it reads.  Here code is
+compiled anew where *any* of the modules that loops are made of has changed, and where a file is broken, torn, or
+another's: written by a second process at the same time, or for another processor on a shared disk.  Where nothing can
+be written, nothing is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, wraps
+from pathlib import Path
+from typing import Any
+
+import llvmlite  # type: ignore[import-untyped]
+import numba as nb
+from numba import types
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+__all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "helper", "kept", "when_called"]
+
+SOURCES = ("solver/*.py", "models/*.py", "export/recursion.py")
+"""The modules that loops are made of; ``tests/solver/test_compilation.py`` looks for others."""
+
+helper = nb.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""For what only compiled functions call: without the wrappers for Python it takes a fifth less time to compile."""
+
+RHS_SIGNATURE = types.void(types.float64, *[types.float64[::1]] * 4)
+"""rhs(t, x, u, p, out): the one signature of every right-hand side."""
+
+RHS = types.FunctionType(RHS_SIGNATURE)
+"""A pointer to one."""
+
+
+def when_called(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Compile a function for this signature when it is first called; without the interpreter's lock when it runs.
+
+    Examples
+    --------
+    >>> from numba import float64
+    >>> @when_called(float64(float64))
+    ... def double(x):
+    ...     return 2 * x
+    >>> double(4)
+    8.0
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @cache
+        def compiled() -> Callable[..., Any]:
+            found: Callable[..., Any] = kept(signature, nogil=True, error_model="numpy")(function)
+            return found
+
+        @wraps(function)
+        def run(*arguments: Any) -> Any:
+            return compiled()(*arguments)
+
+        return run
+
+    return decorate
+
+
+def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function for this signature, or take what is kept on disk; what has no file is not kept.
+
+    Parameters
+    ----------
+    signature : Numba's signature
+    keep : bool
+    **options
+        Of ``numba.njit``.
+
+    Examples
+    --------
+    >>> from numba import float64
+    >>> kept(float64(float64), error_model="numpy")(lambda x: 1 / x)(4)
+    0.25
+    """
+
+    def compile_it(function: Callable[..., Any]) -> Any:
+        dispatcher = nb.njit(**options)(function)
+        if keep and Path(function.__code__.co_filename).exists():
+            with suppress(RuntimeError, OSError):  # there is no folder that can be written
+                dispatcher._cache = _Cache(function)
+        dispatcher.compile(signature)
+        dispatcher.disable_compile()
+        return dispatcher
+
+    return compile_it
+
+
+@cache
+def sources() -> str:
+    """Hash of all modules that loops are made of.
+
+    Examples
+    --------
+    >>> len(sources())
+    64
+    """
+    package, digest = Path(__file__).parents[1], hashlib.sha256()
+    for pattern in SOURCES:
+        for path in sorted(package.glob(pattern)):
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """Numba's, of files that are checked; a fault in it costs the compilation and nothing else."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        try:
+            return super().load_overload(signature, target)
+        except Exception:  # what was read is whole, and yet cannot be used
+            return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        with suppress(OSError):  # no room, no right to write: it is compiled again the next time
+            super().save_overload(signature, compiled)
+
+
+class _Files(IndexDataCacheFile):  # type: ignore[misc]
+    """A file for each signature and processor, named by them, with a digest of what it is and holds."""
+
+    def load(self, key: Any) -> Any:
+        path, mark = self._place(key)
+        try:
+            written = path.read_bytes()
+        except OSError:
+            return None
+        digest, content = written[:32], written[32:]
+        return pickle.loads(content) if digest == hashlib.sha256(mark + content).digest() else None
+
+    def save(self, key: Any, data: Any) -> None:
+        path, mark = self._place(key)
+        content = self._dump(data)
+        with self._open_for_write(path) as file:  # a neighbour, then renamed
+            file.write(hashlib.sha256(mark + content).digest() + content)
+
+    def flush(self) -> None:
+        """Nothing is old: it is taken by its mark."""
+
+    def _place(self, key: Any) -> tuple[Path, bytes]:
+        which = hashlib.sha256(repr(key).encode()).hexdigest()
+        path = Path(self._cache_path) / self._data_name_pattern.format(number=int(which[:12], 16))
+        made_of = path.name, self._source_stamp, sources()
+        return path, repr((which, *made_of, nb.__version__, llvmlite.__version__)).encode()

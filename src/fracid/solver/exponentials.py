@@ -1,0 +1,229 @@
+"""The compressed memory: weights as sums of decaying exponentials, by quadrature of their integrals."""
+
+# mypy: disallow-untyped-decorators=False
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from fracid.arrays import FloatArray
+from fracid.solver.compilation import helper, when_called
+from fracid.solver.weights import Kernel, Real, Row, Whole, exact_kernel, third_weights, trapezoidal_weights
+
+__all__ = ["EXACT_LAGS", "LOW_NODES", "WHOLE", "compressed_kernel", "little_jacobi", "sine_ratio"]
+
+EXACT_LAGS = 8
+"""Lags that the compressed memory keeps exactly; 16 need two exponentials fewer, and take 3 % longer to step."""
+
+WHOLE = 64
+"""Runs of no more steps are kept whole."""
+
+SPACING, UPPER, LOWER = 0.78, 0.1, 0.1
+"""Shares of the tolerance; what is left covers Stirling's formula and the mean's second order."""
+
+LOW_NODES = 5
+"""Gauss nodes for the low end of the grid, beside the constant."""
+
+
+# --- exponentials ----------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags: int) -> Kernel:
+    """The weights of a family: `lags` exactly, the rest as exponentials within `tolerance`."""
+    if q == 1.0 or steps <= WHOLE:
+        return exact_kernel(family, q, steps)
+    if family == "gl":
+        return Kernel(*_derivative_kernel(q, -sine_ratio(q), lags, steps, tolerance))
+    if family == "pi3":
+        return _third_kernel(q, lags, steps, tolerance)
+    return Kernel(*_integral_kernel(q, sine_ratio(1 - q), lags, steps, tolerance))
+
+
+def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
+    """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
+    pi = Kernel(*_integral_kernel(q, sine_ratio(1 - q), L - 1, steps + 1, tolerance))
+    rise = -np.expm1(-np.log1p(pi.decay))  # 1 − 1/z
+    share = 1 - (pi.decay - rise) / 12
+    amplitude = pi.amplitude * (1 + pi.decay) * share
+    amplitude[0] += pi.ramp
+    w, start = third_weights(q, L)
+    return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
+
+
+def sine_ratio(a: float) -> float:
+    """sin(πa)/π, to full relative precision next to whole numbers too."""
+    whole = round(a)
+    return (1 - 2 * (whole % 2)) * math.sin(math.pi * (a - whole)) / math.pi
+
+
+@helper
+def _half_hat(s: float) -> float:
+    """(e^s − 1 − s)/s², by its series where the difference would cancel."""
+    if s >= 0.5:
+        return (math.expm1(s) - s) / s**2
+    series = 1.0
+    for j in range(14, 2, -1):
+        series = 1 + series * s / j
+    return series / 2
+
+
+@helper
+def _quadrature(
+    a: float, sine: float, first: float, steps: int, tolerance: float, double: bool
+) -> tuple[FloatArray, FloatArray, float]:
+    r"""Nodes, weights and ω' with (sin πa/π) ∫₀^∞ s^(a−1) F(s) ds = Σ ω F(s) + ω' F'(0).
+
+    For :math:`F(s) = g(s) e^{-st}` with g smooth and t from `first` to `steps`; the first node is 0.
+    `sine` is sin(πa)/π, from the caller, who knows a next to whole numbers better than 1 ± q does.
+    """
+    gamma, inner = math.exp(math.lgamma(a)), LOW_NODES
+    spacing = _spacing(a, SPACING * tolerance)
+    left = 0.3 * (1 + abs(a)) * math.expm1(spacing) ** 2  # of nodes of which a mean takes the place
+    s_end = _upper_end(a, UPPER * tolerance * gamma / (spacing * left)) / first
+    s_J = _low_width(a, spacing, LOWER * tolerance * gamma, double) / steps
+    s_J = min(s_J, s_end * math.exp(-4 * spacing))  # in a short run, or next to order 1
+    count = math.ceil(math.log(s_end / s_J) / spacing - 1e-9) - 1
+    s, omega = np.zeros(1 + inner + count), np.zeros(1 + inner + count)
+    slope_weight = _low_end(a, sine, spacing, double, s, omega)
+    for m in range(1 + inner):
+        s[m], omega[m] = s_J * s[m], s_J**a * omega[m]
+    for m in range(1 + inner, len(s)):
+        s[m] = s_J * math.exp(spacing * (m - inner))
+        omega[m] = sine * spacing * s[m] ** a
+    s[-1], mass = _mean_of_rest(a, s[-1], spacing, first, s_end)
+    omega[-1] = sine * spacing * mass
+    return s, omega, s_J ** (a + 1) * slope_weight
+
+
+@helper
+def _mean_of_rest(a: float, last: float, spacing: float, first: float, sigma: float) -> tuple[float, float]:
+    """One node for `last` and all beyond: Gauss's rule in x = 1/(s + σ) for masses s^a e^(−s·first)."""
+    mass = mean = 0.0
+    for j in range(5):
+        s = last * math.exp(spacing * j)
+        share = s**a * math.exp((last - s) * first) / (s + sigma)
+        mass, mean = mass + share, mean + share / (s + sigma)
+    node = mass / mean - sigma
+    return node, mass**2 / mean * math.exp((node - last) * first)
+
+
+@helper
+def _spacing(a: float, tolerance: float) -> float:
+    """Δ with 2·|Γ(a + 2πi/Δ)| = tolerance·|Γ(a)|, by Stirling: |Γ(a+iy)| ~ √(2π) y^(a−½) e^(−πy/2)."""
+    scale = math.log(2 * math.sqrt(2 * math.pi) / tolerance) - math.lgamma(a)
+    y = 10.0
+    for _ in range(6):
+        y = max(3.0, (scale + (a - 0.5) * math.log(y)) * 2 / math.pi)
+    return 2 * math.pi / y
+
+
+@helper
+def _upper_end(a: float, weight: float) -> float:
+    """y with y^a e^(−y) = weight."""
+    y = 20.0
+    for _ in range(6):
+        y = max(3.0, a * math.log(y) - math.log(weight))
+    return y
+
+
+@helper
+def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
+    r"""θ at which the rule of :func:`_low_end` is off by `error` (relative to t^(−a), for t = n) on e^(−st).
+
+    Gauss's remainder for F = e^(−st) is Δ θ^(a+r)/r! · ∫ x^p π² dμ ≤ error, with r = 2 · inner nodes + p.
+    """
+    p = 2 if double else 1
+    r = 2 * LOW_NODES + p
+    power = error * math.exp(math.lgamma(r + 1.0)) / (spacing * little_jacobi(a + p, spacing))
+    return math.exp(math.log(power) / (a + r))
+
+
+@helper
+def little_jacobi(b: float, spacing: float) -> float:
+    """∫ π² dμ of the monic orthogonal polynomial of degree LOW_NODES for masses A^j at Q^j, [Koekoek] (14.12.2)."""
+    n, Q, A = LOW_NODES, math.exp(-spacing), math.exp(-spacing * b)
+    norm: float = A**n * Q ** (n * (n - 1)) / (1 - A * Q ** (2 * n))
+    for k in range(n):
+        norm *= ((1 - Q ** (k + 1)) / (1 - A * Q ** (n + k))) ** 2
+    return norm
+
+
+@helper
+def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray) -> float:
+    """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
+
+    It fills the first entries of s and ω.  p conditions are met by the node at 0; the other nodes are Gauss's
+    for masses A^j at Q^j, j = 0, 1, …: roots of the little q-Jacobi polynomial, whose coefficients are known.
+    """
+    n, p = LOW_NODES, 2 if double else 1
+    Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
+    M, c = np.empty(2 + n), np.ones(n + 1)
+    for k in range(n + 2):
+        M[k] = -sine * spacing / math.expm1(-spacing * (a + k))
+    for k in range(n):
+        c[k + 1] = c[k] * Q * (1 - Q ** (k - n)) * (1 - A * Q ** (n + k)) / ((1 - A * Q**k) * (1 - Q ** (k + 1)))
+    omega[0], slope_weight = M[0], M[1] if double else 0.0
+    for i in range(1, n + 1):
+        s[i] = _next_root(c, s[1:i])
+        quotient = mass = value = 0.0  # Π/(s − s_i): its coefficients, its integral, its value at s_i
+        for k in range(n - 1, -1, -1):
+            quotient = c[k + 1] + quotient * s[i]
+            mass, value = mass + quotient * M[p + k], value + quotient * s[i] ** k
+        omega[i] = mass / value / s[i] ** p
+        omega[0] -= omega[i]
+        if double:
+            slope_weight -= omega[i] * s[i]
+    return slope_weight
+
+
+@helper
+def _next_root(c: FloatArray, known: FloatArray) -> float:
+    """The largest root of Σ c_k x^k that is not yet known, all being in (0, 1): Newton's method, from above."""
+    x = 1.1
+    for _ in range(60):
+        value = derivative = 0.0
+        for k in range(len(c) - 1, -1, -1):
+            derivative, value = derivative * x + value, value * x + c[k]
+        for root in known:
+            derivative -= value / (x - root)
+        change = value / derivative
+        x -= change
+        if abs(change) <= 4e-16 * x:
+            break
+    return x
+
+
+_rows = (Row,) * 5
+
+
+@when_called(types.Tuple(_rows)(Real, Real, Whole, Whole, Real))
+def _derivative_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[FloatArray, ...]:
+    """The fields of a ``gl`` kernel."""
+    w = np.ones(L + 1)
+    for k in range(1, L + 1):
+        w[k] = w[k - 1] * (k - 1 - q) / k  # (19)
+    s, omega, _ = _quadrature(1 + q, sine, L + 1 - 0.7 * q, steps, tolerance, False)
+    for m in range(len(s)):
+        slope = -math.expm1(-s[m]) / s[m] if s[m] > 0 else 1.0
+        omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
+    return w, w, np.expm1(-s), omega, np.ones(len(s))
+
+
+@when_called(types.Tuple((*_rows, Real))(Real, Real, Whole, Whole, Real))
+def _integral_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
+    """The fields of a ``pi`` kernel."""
+    b, a = trapezoidal_weights(q, L)
+    s, omega, ramp = _quadrature(1 - q, sine, L + 0.7, steps, tolerance, q > 1)
+    start = np.empty(len(s))
+    for m in range(len(s)):
+        hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
+        start[m] = _half_hat(s[m]) / hat
+        omega[m] *= hat * math.exp(-s[m] * (L + 1))
+    omega[0] -= ramp * (L + 1)
+    return b, a, np.expm1(-s), omega, start, -ramp

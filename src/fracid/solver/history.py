@@ -1,0 +1,370 @@
+r"""The history sum of all the schemes, compiled: eight steps at a time, eight numbers to a vector register.
+
+:math:`H_n = \sum_{k=1}^n w_k v_{n-k}` of every state, over the weights of its :class:`~fracid.solver.weights.Kernel`:
+the last L samples through their own weights, all older ones through the sums
+:math:`Y_m = \sum_s z_m^{n-L-1-s} v_s` of the exponentials.
+
+Before step n = 1, 9, 17, … :func:`look_ahead` computes what the samples known by then add to H of the steps
+n … n + 7 (``ahead``), and each new sample adds its share to the rest of its block (:func:`enter`).  So every
+table entry that is loaded serves eight steps, and nothing is summed across a register.  Numba's loops do not
+come out so by themselves; the five intrinsics below write the vector instructions.
+"""
+
+# ruff: noqa: ARG001, ARG005 (an intrinsic names its arguments for its callers, and gets types and values apart)
+
+from __future__ import annotations
+
+import platform
+from typing import Any, NamedTuple
+
+import numba as nb
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.core.datamodel import models
+from numba.extending import intrinsic, register_jitable, register_model
+from numba.np.arrayobj import make_array
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.solver.compilation import kept, when_called
+from fracid.solver.weights import Kernel
+
+__all__ = [
+    "BLOCK",
+    "KERNELS",
+    "Kernels",
+    "enter",
+    "flush_denormals",
+    "inline",
+    "look_ahead",
+    "nothing_yet",
+    "restore",
+    "room",
+    "stack",
+]
+
+BLOCK = 8
+"""Steps whose history is computed at once: as many float64 as the widest vector registers hold."""
+
+
+class Kernels(NamedTuple):
+    """The kernels of a run for the compiled loops, a row for each that differs.
+
+    One table holds all, since every array more is a pointer more that the loops have to keep: the columns
+
+    ======== ======= =============================================================================
+    from     columns hold
+    ======== ======= =============================================================================
+    0        L + 16  w_k in column 7 + k for 1 ≤ k < L + 8, and zeros before
+    start    L + 16  the same for the first sample
+    forget   M       z⁸ − 1 of each exponential: what its sum loses in eight steps
+    enter    M       what the first sample adds to each sum
+    collect  8 M     z⁷ of all, then z⁶, … z⁰: what eight samples, the oldest first, add to each sum
+    foresee  8 M     c, c z, … c z⁷ of each: what its sum adds to H of eight steps
+    ======== ======= =============================================================================
+    """
+
+    table: FloatArray
+    """The six above, (rows, 2 (L + 16) + 18 M)."""
+    lags: int
+    """L of the columns, the most that a row has."""
+    modes: int
+    """M of the columns."""
+    of: NDArray[np.int64]
+    """The row of each state, (n_states,)."""
+    sizes: NDArray[np.int64]
+    """L and M of each row, multiples of 8, (rows, 2)."""
+    own: FloatArray
+    """w_0, the weight of the newest sample, and 8 where the weights have a linear part, (rows, 2)."""
+
+
+def stack(kernels: list[Kernel]) -> Kernels:
+    """Make the table for one kernel per state; states that share a kernel share its row."""
+    rows = list({id(k): k for k in kernels}.values())
+    row_of = {id(k): r for r, k in enumerate(rows)}
+    sizes = np.array([(_eights(k.lags), _eights(len(k.decay) + (k.ramp != 0.0))) for k in rows])
+    L, M = map(int, sizes.max(axis=0))
+    of = np.array([row_of[id(k)] for k in kernels])
+    own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
+    stacked = Kernels(_zeros(len(rows), 2 * (L + 16) + 18 * M), L, M, of, sizes, own)
+    for r, k in enumerate(rows):
+        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, k.start_shift, stacked)
+    return stacked
+
+
+@register_jitable
+def _columns(L: int, M: int) -> tuple[int, int, int, int, int]:
+    """Where the parts of the table begin: start, forget, enter, collect, foresee."""
+    forget = 2 * (L + 16)
+    return L + 16, forget, forget + M, forget + 2 * M, forget + 10 * M
+
+
+@register_jitable
+def _zeros(rows: int, columns: int) -> FloatArray:
+    """Zeros that begin at a multiple of 64 bytes: loads across two cache lines cost twice."""
+    room = np.zeros(rows * columns + BLOCK)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + rows * columns].reshape(rows, columns)
+
+
+def _eights(count: int) -> int:
+    """The next multiple of 8, but not 0."""
+    return max(1, -(-count // BLOCK)) * BLOCK
+
+
+_vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.int64[::1]
+
+KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
+
+
+@when_called(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS))
+def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
+    """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
+
+    A linear part of the weights is one sum more, :math:`Y_0 = \\sum_s (n-L-1-s) v_s`; the constant's is Y_1 then.
+    """
+    row, M = stacked.table[r], stacked.modes
+    start, forget, enter, collect, foresee = _columns(stacked.lags, M)
+    known, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
+    more = 8 + stacked.sizes[r, 0] - known  # lags to make of the exponentials, for L to be a multiple of 8
+    for j in range(1, len(exact)):  # an assignment of slices would take Numba two seconds more to compile
+        row[7 + j], row[start + 7 + j] = exact[j], first[j]
+    for m in range(len(decay)):
+        s = np.log1p(decay[m])
+        row[forget + m0 + m], row[enter + m0 + m] = np.expm1(BLOCK * s), first_ratio[m]
+        for j in range(more + BLOCK - 1):
+            weight = amplitude[m] * np.exp(j * s)
+            row[known + j] += weight
+            row[start + known + j] += weight * first_ratio[m]
+        for j in range(BLOCK):
+            row[collect + j * M + m0 + m] = np.exp((BLOCK - 1 - j) * s)
+            row[foresee + BLOCK * (m0 + m) + j] = amplitude[m] * np.exp((more + j) * s)
+    if ramp != 0.0:
+        row[enter] = -shift  # the first sample's panel is half a hat, whose centre is later
+        for j in range(more + BLOCK - 1):
+            row[known + j] += ramp * j
+            row[start + known + j] += ramp * (j / 2 - shift)
+        for j in range(BLOCK):
+            row[collect + j * M] = BLOCK - 1 - j
+            row[foresee + j] = ramp
+            row[foresee + BLOCK + j] += ramp * (more + j)
+
+
+# --- eight numbers in a register -------------------------------------------------------------------
+
+
+class _Eight(types.Type):  # type: ignore[misc]
+    """Eight float64 in one vector register."""
+
+
+_eight, _lanes = _Eight("eight"), ir.VectorType(ir.DoubleType(), BLOCK)
+
+
+@register_model(_Eight)
+class _EightModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _lanes)
+
+
+def _pointer(context, builder, signature, args):
+    """Where array[i, k] stands; the intrinsics neither count references nor look for negative indices."""
+    array = make_array(signature.args[0])(context, builder, args[0])
+    row = builder.mul(args[1], builder.extract_value(array.shape, 1))
+    return builder.gep(array.data, [builder.add(row, args[2])])
+
+
+def _spread(builder, number):
+    """A number in all eight places."""
+    undefined = ir.Constant(_lanes, ir.Undefined)
+    first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), BLOCK), [0] * BLOCK))
+
+
+@intrinsic
+def _load(_, array, i, k):
+    """array[i, k : k + 8]."""
+
+    def emit(context, builder, signature, args):
+        at = _pointer(context, builder, signature, args)
+        return builder.load(builder.bitcast(at, _lanes.as_pointer()), align=8)
+
+    return _eight(array, types.intp, types.intp), emit
+
+
+@intrinsic
+def _store(_, array, i, k, eight):
+    """array[i, k : k + 8] = eight."""
+
+    def emit(context, builder, signature, args):
+        at = _pointer(context, builder, signature, args)
+        builder.store(args[3], builder.bitcast(at, _lanes.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, _eight), emit
+
+
+@intrinsic
+def _at(_, array, i, k):
+    """array[i, k] in all eight places."""
+
+    def emit(context, builder, signature, args):
+        return _spread(builder, builder.load(_pointer(context, builder, signature, args)))
+
+    return _eight(array, types.intp, types.intp), emit
+
+
+@intrinsic
+def _all(_, number):
+    """A number in all eight places."""
+    return _eight(types.float64), lambda context, builder, signature, args: _spread(builder, args[0])
+
+
+@intrinsic
+def _add(_, total, x, y):
+    """total + x · y, rounded once where the machine can."""
+
+    def emit(context, builder, signature, args):
+        product = builder.fmul(args[1], args[2], flags=("contract",))
+        return builder.fadd(args[0], product, flags=("contract",))
+
+    return _eight(_eight, _eight, _eight), emit
+
+
+# --- denormal numbers ------------------------------------------------------------------------------
+
+_X86 = platform.machine().lower() in ("x86_64", "amd64")
+
+
+def _control_register(builder, instruction, value=None):
+    """Load or store the register that says how SSE rounds; elsewhere than on x86 there is none."""
+    place = builder.alloca(ir.IntType(32))
+    if value is not None:
+        builder.store(value, place)
+    pointer = builder.bitcast(place, ir.IntType(8).as_pointer())
+    kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer()])
+    builder.call(builder.module.globals.get(instruction) or ir.Function(builder.module, kind, instruction), [pointer])
+    return builder.load(place)
+
+
+@intrinsic
+def flush_denormals(_):
+    """Take numbers below 10⁻³⁰⁸ for zero, since a sum that has died out would step a hundred times slower in them.
+
+    Returns what :func:`restore` needs."""
+
+    def emit(context, builder, signature, args):
+        if not _X86:
+            return ir.Constant(ir.IntType(32), 0)
+        before = _control_register(builder, "llvm.x86.sse.stmxcsr")
+        _control_register(builder, "llvm.x86.sse.ldmxcsr", builder.or_(before, ir.Constant(ir.IntType(32), 0x8040)))
+        return before
+
+    return types.int32(), emit
+
+
+@intrinsic
+def restore(_, before):
+    """Treat denormal numbers as before."""
+
+    def emit(context, builder, signature, args):
+        if _X86:
+            _control_register(builder, "llvm.x86.sse.ldmxcsr", args[0])
+        return context.get_dummy_value()
+
+    return types.void(types.int32), emit
+
+
+@kept(types.void())
+def forget_mode():
+    """Set the processor's rounding as every program finds it, after a run that did not come to its :func:`restore`."""
+    restore(types.int32(0x1F80))
+
+
+# --- the history -----------------------------------------------------------------------------------
+
+inline = nb.njit(nogil=True, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@inline
+def look_ahead(n, head, window, sums, ahead, kernels):
+    """Compute H of the steps n … n + 7 from the samples before n; window[i, head − k] is v_i^{n−k}."""
+    table, M = kernels.table, kernels.modes
+    start, forget, enter, collect, foresee = _columns(kernels.lags, M)
+    for i in range(len(kernels.of)):
+        r = kernels.of[i]
+        L, modes = kernels.sizes[r, 0], kernels.sizes[r, 1]
+        total = _sum(window, i, head - 1, -1, table, r, 8, 1, min(n - 1, L))
+        if n <= L:
+            total = _add(total, _at(window, i, head - n), _load(table, r, start + 7 + n))
+        else:
+            if n == L + 1:
+                for m in range(modes):
+                    sums[i, m] = table[r, enter + m] * window[i, head - n]
+            else:
+                slope = kernels.own[r, 1] * sums[i, 1]  # of the linear part: older samples' age grows by eight
+                _collect(i, r, modes, head - L - BLOCK, window, sums, table, forget, collect, M)
+                sums[i, 0] += slope
+            total = _add(total, _all(1.0), _sum(sums, i, 0, 1, table, r, foresee, BLOCK, modes))
+        _store(ahead, i, 0, total)
+
+
+@inline
+def _sum(values, i, at, by, table, r, column, stride, count):
+    """Σ_{k < count} values[i, at + k·by] · table[r, column + k·stride : … + 8], in four chains side by side."""
+    a = b = c = d = _all(0.0)
+    for k in range(0, count, 4):
+        a = _add(a, _at(values, i, at + k * by), _load(table, r, column + k * stride))
+        b = _add(b, _at(values, i, at + (k + 1) * by), _load(table, r, column + (k + 1) * stride))
+        c = _add(c, _at(values, i, at + (k + 2) * by), _load(table, r, column + (k + 2) * stride))
+        d = _add(d, _at(values, i, at + (k + 3) * by), _load(table, r, column + (k + 3) * stride))
+    one = _all(1.0)
+    return _add(_add(a, one, b), one, _add(c, one, d))
+
+
+@inline
+def _collect(i, r, modes, oldest, window, sums, table, forget, collect, M):
+    """Take the eight samples that leave the exact lags into the sums: Y ← Y + (z⁸ − 1) Y + Σ z^(7−j) v_j."""
+    v0, v1, v2, v3 = _quartet(window, i, oldest)
+    v4, v5, v6, v7 = _quartet(window, i, oldest + 4)
+    one = _all(1.0)
+    for m in range(0, modes, BLOCK):
+        y, at = _load(sums, i, m), collect + m
+        a = _add(_all(0.0), y, _load(table, r, forget + m))
+        a = _add(_add(a, v0, _load(table, r, at)), v1, _load(table, r, at + M))
+        a = _add(_add(a, v2, _load(table, r, at + 2 * M)), v3, _load(table, r, at + 3 * M))
+        b = _add(_add(y, v4, _load(table, r, at + 4 * M)), v5, _load(table, r, at + 5 * M))
+        b = _add(_add(b, v6, _load(table, r, at + 6 * M)), v7, _load(table, r, at + 7 * M))
+        _store(sums, i, m, _add(a, one, b))
+
+
+@inline
+def _quartet(array, i, k):
+    return _at(array, i, k), _at(array, i, k + 1), _at(array, i, k + 2), _at(array, i, k + 3)
+
+
+@inline
+def enter(i, j, v, head, window, ahead, kernels):
+    """Enter the new sample of state i, the j-th of its block, and add its share to the rest of the block."""
+    window[i, head] = v
+    _store(ahead, i, 0, _add(_load(ahead, i, 0), _all(v), _load(kernels.table, kernels.of[i], 7 - j)))
+
+
+@inline
+def nothing_yet(kernels, steps):
+    """Give an empty window, which slides every 256 steps or more (never where all is kept), sums and H ahead."""
+    states, longest = len(kernels.of), kernels.lags
+    width = min(steps, longest + max(256, longest // 4)) + 3 * BLOCK
+    return _zeros(states, width), _zeros(states, kernels.modes), _zeros(states, BLOCK)
+
+
+@inline
+def room(head, window, lags):
+    """Give the place of the next eight samples; in a full window the newest part moves to the front first."""
+    if head + BLOCK <= window.shape[1]:
+        return head
+    keep = lags + BLOCK
+    for i in range(len(window)):
+        for k in range(keep):
+            window[i, k] = window[i, head - keep + k]
+    return keep

@@ -1,0 +1,249 @@
+r"""The history sum of a fractional system: kept whole, cut short, or compressed.
+
+Every scheme of :mod:`fracid.simulate` needs, at each step n and for each state, one sum over
+the whole past,
+
+.. math::  H_n = \sum_{k=1}^{n} w_k\, v_{n-k},
+
+with the weights of one of three kernels, all in units of the step:
+
+=======  ==========================================================================================
+``gl``   the Grünwald–Letnikov weights (18)–(19) of the derivative, :math:`v = x - x(0)`
+``pi``   the product-trapezoidal weights of the integral, :math:`v = f(t, x)`:
+         :math:`b_k = \big((k+1)^{q+1} - 2k^{q+1} + (k-1)^{q+1}\big)/\Gamma(q+2)`, and
+         :math:`a_n = \big((n-1)^{q+1} - (n-1-q)\,n^q\big)/\Gamma(q+2)` for the sample at the start
+``pi3``  the same for :math:`f - δ^2 f/12` and an end correction (:mod:`fracid.solver.starting`):
+         :math:`w_k = b_k - (b_{k+1} - 2 b_k + b_{k-1})/12` from k = 3 on; built from ``pi``, within 4/3 of its
+         bound
+=======  ==========================================================================================
+
+A :class:`Kernel` keeps the first L weights exactly and the rest as a sum of decaying exponentials,
+:math:`w_k \approx \sum_m c_m z_m^k` for :math:`k > L`.  The three memories are three fillings of it:
+
+=================  ===================  ==============  =======================================
+memory             exact weights        exponentials    error
+=================  ===================  ==============  =======================================
+``full``           all                  none            rounding
+``short(L)``       L                    none or one     see :func:`short`; it can be large
+``compressed``     8                    10–65           each weight within ``tolerance``, relative
+=================  ===================  ==============  =======================================
+
+so one compiled loop serves all, and a step costs O(L + modes) instead of O(n).
+
+**How the compression works.**  With :math:`a = 1 - q` for ``pi`` and :math:`a = 1 + q` for ``gl``,
+
+.. math::
+
+    \frac{t^{q-1}}{\Gamma(q)} = \frac{\sin \pi q}{\pi} \int_0^\infty s^{a-1} e^{-st}\,ds, \qquad
+    w_k = -\frac{\sin \pi q}{\pi} \int_0^\infty s^{a-1}
+          \Big(\frac{1-e^{-s}}{s}\Big)^{q} e^{-s(k-q)}\,ds .
+
+Put :math:`s = e^u` and sum over a grid of spacing Δ.  Three errors share the tolerance, 78 : 10 : 10:
+
+1. *Spacing.* By Poisson's formula the relative error at every lag is
+   :math:`2\,|\Gamma(a + 2\pi i/\Delta)/\Gamma(a)|`, about :math:`e^{-\pi^2/\Delta}`: 0.4 gives 10⁻¹⁰.
+2. *Upper end.* The exact lags see to nodes with large :math:`e^{s L}`.  The last node that is kept stands for
+   all beyond it: its place is their mean in 1/(s + σ), which leaves an error of second order.
+3. *Lower end.* The grid below :math:`s_J = \theta/n` is infinite, and for q → 1 its weights do not decay
+   (a fixed range of nodes is silently wrong there).  But :math:`e^{-st}` is nearly a polynomial in s
+   for s t ≤ θ, and all moments of that part of the grid are geometric series,
+   :math:`M_k = \Delta s_J^{a+k} / (1 - e^{-\Delta(a+k)})`.  So a Gauss–Radau rule does for all of it: the
+   constant s = 0 and five inner nodes, exact for polynomials of degree 10.  Its remainder, which sets θ, is known
+   too: the inner nodes are the roots of a little q-Jacobi polynomial, whose norm has a closed form.  For ``pi``
+   and 1 < q < 2 the integral diverges at zero; the same series gives :math:`M_0` its finite part, which is what
+   the kernel :math:`t^{q-1}` needs (Hadamard), and a double node at zero (a constant and a ramp in k) keeps the
+   rule well conditioned up to q = 2, where the ramp is all that remains.
+
+:meth:`Memory.certificate` computes the three from a kernel as built, and holds it against the exact weights;
+``docs/memory.md`` has the derivation and the tables.
+
+References
+----------
+.. [Lubich] C. Lubich, A. Schädler, *Fast convolution for nonreflecting boundary conditions*,
+   SIAM J. Sci. Comput. 24 (2002): history by exponentials.
+.. [McLean] W. McLean, *Exponential sum approximations for* :math:`t^{-\beta}`, 2018: the substitution
+   :math:`s = e^u` and its Poisson error.
+.. [Koekoek] R. Koekoek, P. A. Lesky, R. F. Swarttouw, *Hypergeometric Orthogonal Polynomials and Their
+   q-Analogues*, 2010, section 14.12: the little q-Jacobi polynomials.
+.. [Diethelm] K. Diethelm, N. Ford, A. Freed, *Detailed error analysis for a fractional Adams
+   method*, Numer. Algorithms 36 (2004): the product-trapezoidal weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracid.errors import InputError
+from fracid.solver.certificate import CHECKED, Certificate, check_arguments, measured_errors, proven_errors
+from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
+from fracid.solver.weights import Kernel, exact_kernel
+
+__all__ = ["Memory", "compressed", "full", "memory_from_name", "short"]
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How the past is kept; made by :func:`full`, :func:`short` or :func:`compressed`."""
+
+    name: str
+    """``full``, ``short(L)`` or ``compressed(tolerance)``."""
+    build: Callable[[str, float, int], Kernel]
+    """(family, order, steps) → the kernel of a run of so many steps."""
+
+    def kernel(self, family: str, order: float, steps: int) -> Kernel:
+        """Build the kernel of one state.
+
+        Parameters
+        ----------
+        family : ``"gl"``, ``"pi"`` or ``"pi3"``
+        order : float
+            Strictly between 0 and 2.
+        steps : int
+            Number of steps of the run: the largest lag that will be asked for.
+        """
+        return self.build(family, order, steps)
+
+    def certificate(self, family: str, order: float, steps: int) -> Certificate:
+        """Say how far the weights of a run's kernel can be from the exact ones, and how far they are.
+
+        The bounds are computed from the nodes and weights of the kernel as built; the measurement holds it against
+        the exact weights, by an expansion that owes nothing to the quadrature.  ``docs/memory.md`` derives both.
+
+        Parameters
+        ----------
+        family : ``"gl"`` or ``"pi"``
+        order : float
+            Strictly between 0 and 2.
+        steps : int
+            Number of steps of the run, at least 1.
+
+        Raises
+        ------
+        InputError
+            If one of these is something else; it says what to type.
+
+        Examples
+        --------
+        >>> certificate = compressed(1e-10).certificate("pi", 0.9, steps=10_000_000)
+        >>> certificate.lags, certificate.modes
+        (8, 40)
+        >>> certificate.measured < certificate.bound < 1e-10
+        True
+        >>> short(100).certificate("pi", 0.9, steps=10_000_000).bound  # what is dropped, nothing bounds
+        inf
+        """
+        check_arguments(family, order, steps)
+        kernel = self.kernel(family, float(order), int(steps))
+        lags, error = measured_errors(kernel, family, float(order), int(steps))
+        worst = int(np.argmax(error))
+        return Certificate(
+            self.name, family, float(order), int(steps), kernel.lags, kernel.modes,
+            *proven_errors(family, float(order), int(steps), kernel),
+            float(error[worst]), int(lags[worst]), float(error[lags <= CHECKED].max()),
+        )  # fmt: skip
+
+
+def full() -> Memory:
+    """Keep every sample: exact, and O(n²) in time.
+
+    Examples
+    --------
+    >>> full().kernel("gl", 0.5, steps=3).weights
+    array([ 1.    , -0.5   , -0.125 , -0.0625])
+    """
+    return Memory("full", exact_kernel)
+
+
+def short(length: int) -> Memory:
+    """Keep the last `length` lags only (Podlubny's short-memory principle).
+
+    For ``gl`` older samples are dropped; with |x − x(0)| ≤ M the derivative is then wrong by at most
+    :math:`M (Lh)^{-q}/|\\Gamma(1-q)|`.  For ``pi`` dropping the past of an *integral* would forget where
+    the state came from, so all older samples weigh as much as lag L does.  At order 1 both are exact.
+
+    Raises
+    ------
+    InputError
+        If `length` is not a whole number of at least 1.
+
+    Examples
+    --------
+    >>> short(2).kernel("gl", 0.5, steps=100).weights
+    array([ 1.   , -0.5  , -0.125])
+    """
+    if not (isinstance(length, int | np.integer) and length >= 1):
+        raise InputError(f"short({length!r}): the length must be a whole number of lags, 1 or more; "
+                         "type for example memory='short(2000)'.")  # fmt: skip
+
+    def build(family: str, order: float, steps: int) -> Kernel:
+        exact = exact_kernel(family, order, min(int(length), steps))
+        if family == "gl" or steps <= length:
+            return exact
+        return Kernel(exact.weights, exact.start, np.zeros(1), exact.weights[-1:], np.full(1, 0.5))
+
+    return Memory(f"short({length})", build)
+
+
+def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
+    """Keep the last few lags and a few dozen decaying exponentials: O(n), and as good as full.
+
+    Every weight is within `tolerance` of the exact one, relative to it, for every order strictly
+    between 0 and 2 and up to 10⁷ steps; so H_n is within tolerance · Σ|w_k v_{n−k}|.
+    :meth:`Memory.certificate` shows it, and what rounding adds: for ``pi`` well above order 1, where a long
+    kernel's constant dwarfs its first weights, up to 10⁻⁹ of those at order 1.9 and 10⁷ steps.
+
+    Parameters
+    ----------
+    tolerance : float, between 1e-13 and 1e-2
+    lags : int, between 8 and 64
+        Lags kept exactly.  More of them need fewer exponentials; 8 make the fastest runs.
+
+    Raises
+    ------
+    InputError
+        If `tolerance` is not between 1e-13 (rounding) and 1e-2, or `lags` not between 8 and 64.
+
+    Examples
+    --------
+    >>> kernel = compressed(1e-10).kernel("pi", 0.9, steps=20_000)
+    >>> kernel.lags, kernel.modes
+    (8, 27)
+    >>> compressed(1e-10, lags=16).kernel("pi", 0.9, steps=20_000).modes
+    25
+    """
+    if not 1e-13 <= tolerance <= 1e-2:
+        raise InputError(f"compressed({tolerance!r}): the tolerance must lie between 1e-13 and 1e-2; "
+                         "type for example tolerance=1e-10.")  # fmt: skip
+    if not (isinstance(lags, int | np.integer) and EXACT_LAGS <= lags <= WHOLE):
+        raise InputError(f"compressed(lags={lags!r}): the exact lags must be a whole number from {EXACT_LAGS} to "
+                         f"{WHOLE}; type for example lags=16.")  # fmt: skip
+    name = f"compressed({tolerance:g})" if lags == EXACT_LAGS else f"compressed({tolerance:g}, lags={lags})"
+    return Memory(name, lambda *run: compressed_kernel(*run, float(tolerance), int(lags)))
+
+
+def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:
+    """Turn ``"full"``, ``"short(2000)"`` or ``"compressed"`` into a :class:`Memory`.
+
+    Raises
+    ------
+    InputError
+        If the name is none of these.
+
+    Examples
+    --------
+    >>> memory_from_name("short(500)").name
+    'short(500)'
+    """
+    if isinstance(name, Memory):
+        return name
+    if name == "full":
+        return full()
+    if name == "compressed":
+        return compressed(tolerance)
+    length = str(name).removeprefix("short(").removesuffix(")")
+    if str(name) == f"short({length})" and length.isdecimal():
+        return short(int(length))
+    raise InputError(f"There is no memory {name!r}; type 'full', 'short(L)' with L lags, or 'compressed'.")

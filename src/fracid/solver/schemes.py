@@ -1,0 +1,380 @@
+r"""The stepping schemes for D^q x = f(t, x, u, p), compiled.
+
+Each state i has its own order q_i, step weight g_i = h^{q_i} and kernel (:mod:`fracid.solver.memory`); f is a
+function pointer, so the loops compile once for all right-hand sides and are cached on disk.  With
+:math:`v^l = x^l - x^0` (for orders above 1: :math:`x^l - x^0 - t_l \dot x^0`) the schemes are
+
+=================  =========================================================================================
+``gl-paper``       (21)–(24) to the letter, the sum over raw x, right only for x⁰ = 0:
+                   :math:`x_i^l = g_i f_i(x^{l-1}) - \sum_{k=1}^{l} w_k x_i^{l-k}`
+``gl``             explicit, on v:  :math:`v_i^l = g_i f_i(x^{l-1}) - \sum w_k v_i^{l-k}`
+``gl-sequential``  the same, from the last state to the first, each using those already new (a velocity
+                   before the angle that it drives): at order 1 the symplectic Euler scheme, which
+                   manufactures no anti-damping
+``pi2``            product trapezoidal rule on f, with the corrections C of :mod:`fracid.solver.starting`:
+                   :math:`x_i^l = x_i^0 + g_i\big(b_0 f_i^l + \sum_{k=1}^{l-1} b_k f_i^{l-k} + a_l f_i^0 + C_i^l\big)`;
+                   predictor from extrapolated f, then corrector sweeps.
+                   A step at which the sweeps contract slowly is solved by Newton's method: dry friction,
+                   tanh(v/v_s), is steep, and fixed sweeps would diverge beyond h·|∂f/∂x| = 2
+``pi3``            the same with weights of order 3 (:mod:`fracid.solver.starting`) and a parabola for predictor; for
+                   smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
+``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
+                   for stiff systems
+=================  =========================================================================================
+
+The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
+
+**What is known before.**  `past` holds the states that are given: its last row is the state at the `start` of
+the run, the rows before it the samples of the history, one a step, the first of which is the x⁰ of the formulas.
+The loops walk over them as over any other step, but take x as it stands.  The corrected start adds its own rows.
+
+**How a run ends.**  Where a state leaves ±`limit` or f is no longer finite, with the index of the last good
+sample; where it leaves the `bounds` that the caller gave, with the first sample outside.  Every `every`-th sample
+is stored.
+"""
+
+# ruff: noqa: ARG001 (the schemes share one list of arguments, which not all of them need)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numba import types
+
+from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.history import BLOCK, KERNELS, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
+from fracid.solver.starting import START, gauss_jordan, start_together
+
+__all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
+
+COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
+"""How a run ended; :class:`fracid.Outcome` has the sentences."""
+
+SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
+"""When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
+and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
+
+EARLY = 64
+"""Steps of four sweeps more: the predictor is no good where f begins like t^q."""
+
+LARGEST = float(np.finfo(np.float64).max)
+"""No limit is larger, so that a state within it is a number."""
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+
+_RUN = (
+    RHS,
+    _vector,  # orders
+    _matrix,  # past: known states, one row a step, the last is that at the start
+    _vector,  # slope, first derivatives at the first known sample (0 where an order is at most 1)
+    _vector,  # gain, h^q of each state
+    _matrix,  # u, inputs on the grid from the first known sample on: a row a step, or one row for all
+    _vector,  # p, parameters
+    types.float64,  # start, the time of the last known state
+    types.float64,  # h
+    types.int64,  # steps
+    types.int64,  # every: which samples are stored
+    types.float64,  # limit
+    _matrix,  # bounds: lowest and highest value of each state
+    KERNELS,
+)
+
+_ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run ended
+
+
+@inline
+def _finite(f):
+    """Tell whether all derivatives are finite."""
+    for v in f:  # noqa: SIM110 (Numba compiles no generators)
+        if not np.isfinite(v):
+            return False
+    return True
+
+
+@inline
+def _read(u, n, now):
+    """Copy the inputs of step n, where there is more than one row: a view would cost more."""
+    if len(u) > 1:
+        for c in range(len(now)):
+            now[c] = u[n, c]
+
+
+@inline
+def _store(row, x, out):
+    """Keep a sample; returns the row of the next."""
+    for i in range(len(x)):
+        out[row, i] = x[i]
+    return row + 1
+
+
+@inline
+def _outside(x, bounds):
+    """Tell whether a state is beyond the caller's bounds."""
+    for i in range(len(x)):  # noqa: SIM110
+        if not bounds[i, 0] <= x[i] <= bounds[i, 1]:
+            return True
+    return False
+
+
+@when_called(_ENDED(*_RUN, types.boolean, _matrix))
+def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, raw, out):
+    """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
+    m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
+    (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
+    x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
+    mode = flush_denormals()
+    if raw:
+        for i in range(states):
+            window[i, 0] = x0[i]
+    last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
+    for n in range(1, m + steps + 1):
+        j = (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+        if n > m:
+            _read(u, n - 1, now)
+            rhs(start + (n - 1 - m) * h, x, now, p, f)
+        for i in range(states):
+            drift = 0.0 if raw else x0[i] + slope[i] * (n * h)
+            v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
+            enter(i, j, v, head, window, ahead, kernels)
+            x[i] = drift + v
+            if not abs(x[i]) <= limit:
+                last, how = n - 1 - m, DIVERGED if _finite(f) else NOT_FINITE
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n - m, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last, how
+
+
+@when_called(_ENDED(*_RUN, _matrix))
+def step_gl_sequential(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, out):
+    """``gl-sequential``: the last state first, each derivative with the states already new."""
+    m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
+    (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
+    x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
+    mode = flush_denormals()
+    last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
+    for n in range(1, m + steps + 1):
+        j = (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+        _read(u, n - 1, now)
+        for i in range(states - 1, -1, -1):
+            drift = x0[i] + slope[i] * (n * h)
+            if n > m:
+                rhs(start + (n - 1 - m) * h, x, now, p, f)
+            v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
+            enter(i, j, v, head, window, ahead, kernels)
+            x[i] = drift + v
+            if not abs(x[i]) <= limit:
+                last, how = n - 1 - m, DIVERGED if np.isfinite(f[i]) else NOT_FINITE
+                break
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n - m, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last, how
+
+
+# --- the product trapezoidal rule ------------------------------------------------------------------
+
+
+@inline
+def _correct_block(n, knots, k, parabolas, ahead):
+    """Add the corrections of the steps n … n + 7 to the history ahead; k is the parabola of n − 1, then of n + 7."""
+    for j in range(BLOCK):
+        k += n + j > knots[2 * k + 2]
+        if j == 0 and n + BLOCK - 1 <= knots[2 * k + 2]:
+            _add_parabola(n, BLOCK, 0, knots, k, parabolas, ahead)
+            break
+        _add_parabola(n + j, 1, j, knots, k, parabolas, ahead)
+    return k
+
+
+@inline
+def _add_parabola(n, count, first, knots, k, parabolas, ahead):
+    """Newton's form over the knots 2k, 2k + 1, 2k + 2, for n and some after it."""
+    left, middle = float(n - knots[2 * k]), float(n - knots[2 * k + 1])
+    for i in range(len(ahead)):
+        c0, c1, c2 = parabolas[k, i, 0], parabolas[k, i, 1], parabolas[k, i, 2]
+        value, slope = c0 + left * (c1 + middle * c2), c1 + (left + middle) * c2
+        for j in range(count):
+            ahead[i, first + j] += value + j * (slope + j * c2)
+
+
+@helper
+def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
+    """Shift x⁰ so that the run goes on from the last known state, which the model may not explain.
+
+    Where it does, the shift is zero to rounding: what the sweeps of that step left open is left open again.
+    """
+    for i in range(len(x)):
+        x0[i] -= x[i] - newest[i] * f[i]
+        x[i] = measured[i]
+    rhs(t, x, u, p, f)
+    for i in range(len(x)):
+        x0[i] += x[i] - newest[i] * f[i]
+
+
+@inline
+def _slow(x, last, f, known, newest, scale):
+    """Tell whether the next sweep would move x by too much, after the last one moved it there from `last`."""
+    moved = next_move = 0.0
+    for i in range(len(x)):
+        moved = max(moved, scale[i] * abs(x[i] - last[i]))
+        next_move = max(next_move, scale[i] * abs(known[i] + newest[i] * f[i] - x[i]))
+    return next_move > max(SLOW * moved, SETTLED)
+
+
+@helper
+def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
+    """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
+
+    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `kept`; it is made anew where an iteration
+    moves x by more than a tenth of the one before.  After NEWTON iterations it takes what it has (a kink may keep it
+    from settling); the check at half the step tells.  Returns whether W is worth keeping.
+    """
+    states, moved_before = len(x), math.inf
+    for _ in range(NEWTON):
+        if not kept:
+            _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial)
+        for i in range(states):
+            trial[i] = known[i] + newest[i] * f[i] - x[i]
+        moved = 0.0
+        for i in range(states):
+            change = 0.0
+            for c in range(states):
+                change += W[i, states + c] * trial[c]
+            x[i] += change
+            moved = max(moved, abs(change) / (SMALL + abs(x[i])))
+        rhs(t, x, u, p, f)
+        if not moved > 1e-12:
+            return np.isfinite(moved)
+        kept = moved < 0.1 * moved_before
+        moved_before = moved
+    return False
+
+
+@helper
+def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
+    """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
+    n = len(x)
+    for c in range(n):
+        d, kept = 1e-7 * (0.01 + abs(x[c])), x[c]
+        x[c] = kept + d
+        rhs(t, x, u, p, trial)
+        x[c] = kept
+        for i in range(n):
+            W[i, c] = (i == c) - newest[i] * (trial[i] - f[i]) / d
+            W[i, n + c] = i == c
+    gauss_jordan(W)
+
+
+@helper
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, trial, x0):
+    """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
+    if newton:
+        kept = _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial)
+    if joins:
+        _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
+    return kept
+
+
+def _pi(
+    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections, corrected,
+    out,
+):  # fmt: skip
+    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
+    m, limit = len(past) - 1, min(limit, LARGEST)
+    begun = start_together(rhs, orders, past, slope, gain, u, p, start - m * h, h, m + steps, limit, corrected, third)
+    return _go_on(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third,
+                  corrections, *begun, out)  # fmt: skip
+
+
+step_pi2: Callable[..., tuple[int, int]] = _pi
+
+
+@when_called(_ENDED(*_RUN, types.boolean, types.int64, *START, _matrix))
+def _go_on(
+    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections,
+    begun, x0, together, knots, parabolas, out,
+):  # fmt: skip
+    """Step from the start that was solved together."""
+    m, states = len(past) - 1, len(slope)
+    t0, end = start - m * h, m + steps
+    given = max(m, together + 1)  # the first step whose state is not known before
+    (window, sums, ahead), head = nothing_yet(kernels, end), 1
+    x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
+    last_x, known, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
+    earlier, curve = np.zeros(states), 1.0 if third else 0.0
+    W, trial, kept = np.zeros((states, 2 * states)), np.zeros(states), states < 0  # Newton's; False, but no literal
+    mode = flush_denormals()
+    rhs(t0, x, now, p, f)
+    for i in range(states):
+        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+        window[i, 0] = before[i] = f[i]
+    k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
+    row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
+    if not _finite(f):
+        last, how, end = 0, NOT_FINITE, 0
+    for n in range(1, end + 1):
+        t, j = t0 + n * h, (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+            if together > 0:
+                k = _correct_block(n, knots, k, parabolas, ahead)
+            for i in range(states):
+                scale[i] = 1 / (SMALL + abs(x[i]))
+        _read(u, n, now)
+        for i in range(states):  # predict: f goes on in a straight line, or in a parabola
+            known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            bend = curve * (f[i] - 2 * before[i] + earlier[i])
+            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= given else begun[n, i]
+            earlier[i], before[i] = before[i], f[i]
+        sweeps = 0 if n < given else corrections if n > EARLY or corrections == 0 else corrections + 4
+        for _ in range(sweeps):
+            rhs(t, x, now, p, f)
+            for i in range(states):
+                last_x[i], x[i] = x[i], known[i] + newest[i] * f[i]
+                if not abs(x[i]) <= limit:
+                    last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            if how != COMPLETED:
+                break
+        if how != COMPLETED:
+            break
+        rhs(t, x, now, p, f)
+        newton = n >= given and (corrections == 0 or _slow(x, last_x, f, known, newest, scale))
+        joins = n == m > together
+        if newton or joins:
+            kept = _rare(newton, joins, past[m], rhs, t, x, now, p, f, known, newest, W, kept, trial, x0)
+        for i in range(states):
+            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
+                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            enter(i, j, f[i], head, window, ahead, kernels)
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last - m, how

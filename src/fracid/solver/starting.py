@@ -1,0 +1,493 @@
+r"""The order of ``pi2`` and ``pi3`` where a solution begins like t^q: Lubich's starting corrections.
+
+The solution of D^q x = f(t, x) begins as :math:`x_0 + f_0 t^q/Γ(q+1)`, so that f itself begins like
+:math:`f_0 + c\,t^{σ}` with σ = q, or with any other sum of orders of the system.  Straight pieces between
+the grid points miss the area under :math:`t^σ` for σ < 1, most of it in the first panels, and an error of
+order 1 + σ stays for ever.  It can be taken out exactly, since the error that a rule of weights w makes of
+:math:`t^σ` is known (in units of the step, k and n being whole numbers):
+
+.. math::  E_σ(n) = \frac{Γ(σ+1)}{Γ(σ+q+1)} n^{σ+q} - \sum_{k=1}^{n} w_{n-k}\, k^σ .
+
+So, with the exponents :math:`σ_1 … σ_s` of the system,
+
+1. the first s steps are solved together, each with its corrections, by Newton's method;
+2. from :math:`f_1 … f_s` follow the :math:`c_m` with :math:`f_k = f_0 + \sum_m c_m k^{σ_m}`;
+3. every later step n adds :math:`h^q \sum_m c_m E_{σ_m}(n)` to what it knows, at no cost to speak of.
+
+:math:`E_σ(n)` is summed up to n = 32.  Beyond, both ends of the sum are expanded by Euler's and Maclaurin's formula
+with Riemann's ζ (Navot's form of it, for ends like :math:`k^σ`), for ``pi2``
+
+.. math::
+
+    E_σ(n) ≈ -ζ(-σ)\frac{n^{q-1}}{Γ(q)} + ζ(-σ-1)\frac{n^{q-2}}{Γ(q-1)} - …
+    - \frac{Γ(σ+1)}{12\,Γ(σ+q-1)} n^{σ+q-2} - …
+    - \frac{ζ(-q-1)}{Γ(q+2)} σ(σ-1) n^{σ-2} + …,
+
+the start's singularity, the rule's own second order, and its last panel.  These are evaluated at *knots*, 3 %
+apart from n = 64 on, with parabolas between.
+
+**pi3** takes the last two of these out of the rule itself, for every f: it applies the weights b of ``pi2`` to
+:math:`f_k - δ^2 f_k/12`, and at the last step takes off :math:`κ\,δ^2 f_n`, :math:`κ = ζ(-q-1)/Γ(q+2)`, with the
+backward second difference.  That is again a sum over f with weights of its own (:func:`fracid.solver.memory`, family
+``pi3``); what it leaves is :math:`O(h^3)`, and :math:`O(h^4)` at order 1, where it is Adams's and Moulton's rule.  At
+the start δ²f_0 is taken as f_2 − 2f_1 + f_0, so that parabolas are integrated exactly, and the exponents go up to 2.
+
+**Which exponents.**  Sums of the orders of all states that move from the start on, and the power with which f
+depends on t itself,
+measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a fractional derivative, which makes
+:math:`D^q x` begin like :math:`t^{1-q}`); of these the :data:`MOST` smallest below 1 that are :data:`APART`,
+and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
+corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.
+
+References
+----------
+.. [Lubich] C. Lubich, *Discretized fractional calculus*, SIAM J. Math. Anal. 17 (1986): starting weights.
+.. [DFFW] K. Diethelm, J. M. Ford, N. J. Ford, M. Weilbeer, *Pitfalls in fast numerical solvers for
+   fractional differential equations*, J. Comput. Appl. Math. 186 (2006): how ill-conditioned they get.
+.. [Navot] I. Navot, *An extension of the Euler–Maclaurin summation formula to functions with a branch
+   singularity*, J. Math. Phys. 40 (1961).
+"""
+
+# mypy: disallow-untyped-decorators=False
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.weights import third_weights, trapezoidal_weights, zeta
+
+__all__ = ["errors_of_powers", "exponents", "gauss_jordan", "knots_up_to", "start_together"]
+
+Expansion = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+
+APART, MOST = 0.09, 5
+"""How far apart exponents must be, and how many are corrected at most: more would magnify what they do not fit."""
+
+APART_THIRD = 0.04
+"""The same for ``pi3``, which is exact for parabolas and so has less to fit."""
+
+ROOM = 64
+"""Sums of orders that are looked at, at most; the smallest are found first."""
+
+ITERATIONS, LARGE = 50, 120
+"""Of Newton's method for the start, with a matrix up to so many unknowns; beyond, of fixed-point sweeps."""
+
+SUMMED = 32
+"""Up to here E_σ(n) is summed, beyond it is expanded."""
+
+_alone = nb.njit(nogil=True, error_model="numpy")  # for those that Python calls too
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+
+_RUN = types.float64, types.float64, types.int64, types.float64, types.boolean, types.boolean
+
+START = _matrix, _vector, types.int64, types.int64[::1], types.float64[:, :, ::1]
+"""What :func:`start_together` returns."""
+
+
+@_alone
+def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = False) -> FloatArray:
+    """Give the exponents σ with which f begins, in ascending order: below 1, and 1 where none is near it.
+
+    For ``pi3`` (`third`): below 2, and with whole powers of t in the sums.
+    """
+    end, count = (2.0 if third else 1.0), 1
+    sums = np.zeros(ROOM)  # in ascending order, the first `count` of them, beginning with the empty one
+    n, powers = len(orders), len(powers_of_time)
+    for k in range(ROOM):  # each sum and each generator give another: sums grow as they are walked
+        for g in range(n + powers + 1):
+            step = 1.0 if g == n + powers else orders[g] if g < n else powers_of_time[g - n]
+            power = n <= g < n + powers and 0.05 < step < 0.98  # they are measured to 0.01
+            whole = g == n + powers and third and count > 1
+            total = sums[k] + step
+            if k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
+                place = count
+                while sums[place - 1] > total - 1e-9:
+                    place -= 1
+                if place == count or sums[place] > total + 1e-9:
+                    for m in range(count, place, -1):
+                        sums[m] = sums[m - 1]
+                    sums[place] = total
+                    count += 1
+    chosen, taken = np.zeros(MOST + 2), 0
+    for k in range(1, count):
+        least = 0.0 if taken == 0 else APART_THIRD if third else APART
+        if taken < MOST and sums[k] - chosen[taken] > least:
+            taken += 1
+            chosen[taken] = sums[k]
+    if not third and taken > 0 and chosen[taken] < 0.75:
+        taken += 1
+        chosen[taken] = 1.0
+    return chosen[1 : taken + 1].copy()
+
+
+@_alone
+def knots_up_to(steps: int) -> NDArray[np.int64]:
+    """Give the n at which the corrections are known: all up to 64, then 3 % apart, an odd number, beyond `steps`."""
+    knots, last = np.arange(1000), 64  # as many as there are up to 10^13
+    while knots[last] < steps or last % 2 == 1:
+        knots[last + 1] = knots[last] + knots[last] // 32
+        last += 1
+    return knots[: last + 1].copy()
+
+
+@_alone
+def errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False) -> FloatArray:
+    """E_σ(n) for an order q, the exponents σ and n at the knots, shape (n_exponents, n_knots)."""
+    E, summed = np.zeros((len(sigma), len(knots))), 2 * SUMMED if third else SUMMED
+    powers = np.zeros(summed + 1)
+    w = third_weights(q, summed)[0] if third else trapezoidal_weights(q, summed)[0]
+    ends = _ends(q, knots) if third else np.zeros((len(knots), 2))
+    for m in range(len(sigma)):
+        s = sigma[m]
+        if s == 1.0:
+            continue
+        for k in range(summed + 1):
+            powers[k] = float(k) ** s
+        exact = math.gamma(s + 1) / math.gamma(s + q + 1)
+        start, rule, last = _third_expansion(q, s) if third else _expansion(q, s)
+        for j in range(1, len(knots)):
+            n = knots[j]
+            if third and n <= 2:
+                M = _parabola_weights(q, n)
+                E[m, j] = exact * float(n) ** (s + q) - M[1] - M[2] * powers[2]
+            elif n <= summed:
+                E[m, j] = exact * float(n) ** (s + q) + ends[j, 0] * (powers[2] - 2) + ends[j, 1]
+                for k in range(1, n + 1):
+                    E[m, j] -= w[n - k] * powers[k]
+            else:
+                log, r = math.log(n), 1.0 / n
+                E[m, j] = math.exp((q - 1) * log) * (start[0] + r * (start[1] + r * (start[2] + r * start[3])))
+                E[m, j] += math.exp((s + q - 2) * log) * (rule[0] + r * r * (rule[1] + r * r * rule[2]))
+                E[m, j] += math.exp((s - 2) * log) * (last[0] + r * (last[1] + r * (last[2] + r * last[3])))
+                E[m, j] += ends[j, 0] * (powers[2] - 2) + ends[j, 1]
+    return E
+
+
+@helper
+def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
+    """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
+    ends, few = np.zeros((len(knots), 2)), trapezoidal_weights(q, 8)
+    for j in range(len(knots)):
+        n = knots[j]
+        if n <= 8:
+            ends[j, 0], ends[j, 1] = few[1][n] / 12, -few[0][n] / 12
+        else:
+            b = a = 0.0
+            binomial, power = q * (q + 1) / 2, float(n) ** (q - 1)
+            for k in range(2, 18):
+                a += (-1) ** k * binomial * power
+                b += 2 * binomial * power if k % 2 == 0 else 0.0
+                binomial *= (q + 1 - k) / (k + 1)
+                power /= n
+            ends[j, 0], ends[j, 1] = a / math.gamma(q + 2) / 12, -b / math.gamma(q + 2) / 12
+    return ends
+
+
+@helper
+def _parabola_weights(q: float, n: int) -> tuple[float, float, float]:
+    """What f_0, f_1, f_2 weigh in J^q of the parabola through them, from 0 to n."""
+    t = float(n)
+    m0, m1, m2 = t**q / math.gamma(q + 1), t ** (q + 1) / math.gamma(q + 2), 2 * t ** (q + 2) / math.gamma(q + 3)
+    return m0 - 1.5 * m1 + 0.5 * m2, 2 * m1 - m2, 0.5 * m2 - 0.5 * m1
+
+
+@helper
+def _expansion(q: float, s: float) -> Expansion:
+    """Coefficients of E_σ(n) for large n in powers of 1/n: the start's, the rule's own (1/n²), the last panel's."""
+    z0, z1, z2, z3 = zeta(-s), zeta(-s - 1), zeta(-s - 2), zeta(-s - 3)
+    start = (-z0 * _inverse_gamma(q), z1 * _inverse_gamma(q - 1), -(z2 / 2 + z0 / 12) * _inverse_gamma(q - 2),
+             (z3 / 6 + z1 / 12) * _inverse_gamma(q - 3))  # fmt: skip
+    g = math.gamma(s + 1)
+    rule = (-g * _inverse_gamma(s + q - 1) / 12, -g * _inverse_gamma(s + q - 3) / 360,
+            -g * _inverse_gamma(s + q - 5) / 20160)  # fmt: skip
+    z1, z2, z3, z4 = zeta(-q - 1), zeta(-q - 2), zeta(-q - 3), zeta(-q - 4)
+    c = s * (s - 1) / math.gamma(q + 2)
+    last = (-z1 * c, z2 * c * (s - 2), -(z3 / 2 + z1 / 12) * c * (s - 2) * (s - 3),
+            (z4 / 6 + z2 / 12) * c * (s - 2) * (s - 3) * (s - 4))  # fmt: skip
+    return start, rule, last
+
+
+@helper
+def _third_expansion(q: float, s: float) -> Expansion:
+    """The same for ``pi3``, but for δ²f_0."""
+    start = (-zeta(-s) * _inverse_gamma(q), zeta(-s - 1) * _inverse_gamma(q - 1),
+             -zeta(-s - 2) / 2 * _inverse_gamma(q - 2), zeta(-s - 3) / 6 * _inverse_gamma(q - 3))  # fmt: skip
+    g = math.gamma(s + 1)
+    rule = 0.0, g * _inverse_gamma(s + q - 3) / 90, g * _inverse_gamma(s + q - 5) / 1008
+    z1, z2, z3, b0 = zeta(-q - 1), zeta(-q - 2), zeta(-q - 3), 1.0
+    c = -s * (s - 1) * (s - 2) / math.gamma(q + 2)
+    last = 0.0, c * (-z2 + b0 / 12 + z1), c * (z3 / 2 - b0 / 24 - 7 * z1 / 12) * (s - 3), 0.0
+    return start, rule, last
+
+
+@helper
+def _inverse_gamma(x: float) -> float:
+    """1/Γ(x), which is 0 at 0, −1, −2, …"""
+    factor = 1.0
+    while x < 0.5:
+        factor, x = factor * x, x + 1
+    inverse: float = factor / math.gamma(x)
+    return inverse
+
+
+# --- the start -------------------------------------------------------------------------------------
+
+
+@when_called(types.Tuple(START)(RHS, _vector, _matrix, *[_vector] * 2, _matrix, _vector, *_RUN))
+def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, corrected, third):
+    """Solve the first steps together, and give what corrects the later ones.
+
+    Returns the states that are known then, (n, n_states), from the first sample of the past on, x⁰, s, the knots, and
+    :math:`\\sum_m c_m E_{σ_m}` of each state between them (:func:`_parabolas`); zeros where nothing is to be corrected.
+    ``pi3`` (`third`) has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents.
+    """
+    m, states = len(past) - 1, len(slope)
+    plain = past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3))
+    if not (corrected or third):
+        return plain
+    sigma, A = np.zeros(0), _jacobian(rhs, past[0], gain, u, p, t0)
+    if corrected:
+        powers = _powers_of_time(rhs, past[0], slope, u, p, t0, h)
+        sigma = exponents(_orders_that_move(rhs, orders, past[0], A, u, p, t0, powers), powers, third)
+    s = max(len(sigma), 2) if third else len(sigma)
+    if s == 0 or (steps < s and len(u) > 1):  # no inputs are known beyond the end
+        return plain
+    knots = knots_up_to(steps + 8)
+    fit = _fit_of_powers(sigma, s)
+    E, M, ends = np.zeros((states, len(sigma), len(knots))), np.zeros((states, s + 1, s + 1)), np.zeros((states, 0, 2))
+    if third:
+        ends = np.zeros((states, len(knots), 2))
+    for i in range(states):
+        first = 0
+        while orders[first] != orders[i]:
+            first += 1
+        _copy(E[first] if first < i else errors_of_powers(orders[i], sigma, knots, third), E[i])
+        _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, third), M[i])
+        if third:
+            _copy(ends[first] if first < i else _ends(orders[i], knots), ends[i])
+    x, f = np.zeros((max(m, s) + 1, states)), np.zeros((s + 1, states))
+    for n in range(len(x)):
+        for i in range(states):
+            x[n, i] = past[min(n, m), i]
+    base = past[0].copy()
+    if not _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
+        return plain
+    C = np.zeros((states, len(knots)))
+    for i in range(states):
+        for e in range(len(sigma)):
+            c = 0.0
+            for k in range(1, s + 1):
+                c += fit[e, k - 1] * (f[k, i] - f[0, i])
+            for n in range(len(knots)):
+                C[i, n] += c * E[i, e, n]
+        if third:
+            bend, rise = f[2, i] - 2 * f[1, i] + f[0, i], f[1, i] - f[0, i]
+            for n in range(len(knots)):
+                C[i, n] -= bend * ends[i, n, 0] + rise * ends[i, n, 1]
+    return x, base, s, knots, _parabolas(knots, C)
+
+
+@helper
+def _copy(source, target):
+    """Fill a matrix; an assignment of slices would take Numba two seconds more to compile."""
+    for r in range(len(target)):
+        for c in range(target.shape[1]):
+            target[r, c] = source[r, c]
+
+
+@helper
+def _parabolas(knots, C):
+    """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (n_pieces, n_states, 3)."""
+    pieces = np.zeros((len(knots) // 2, len(C), 3))
+    for i in range(len(C)):
+        for r in range(len(knots) // 2):
+            a, b, c = knots[2 * r], knots[2 * r + 1], knots[2 * r + 2]
+            first, second = (C[i, 2 * r + 1] - C[i, 2 * r]) / (b - a), (C[i, 2 * r + 2] - C[i, 2 * r + 1]) / (c - b)
+            pieces[r, i, 0], pieces[r, i, 1], pieces[r, i, 2] = C[i, 2 * r], first, (second - first) / (c - a)
+    return pieces
+
+
+@helper
+def _powers_of_time(rhs, x0, slope, u, p, t0, h):
+    """Measure the powers of t with which f(t, x_0 + t·slope) begins, one a state; 0 where it does not depend on t."""
+    states, e = len(x0), 1e-6 * h
+    powers, x, now = np.zeros(states), x0.copy(), u[0].copy()
+    f = np.zeros((3, states))
+    for k in range(3):
+        for i in range(states):
+            x[i] = x0[i] + slope[i] * (k * e)
+        rhs(t0 + k * e, x, now, p, f[k])
+    for i in range(states):
+        once, twice = abs(f[1, i] - f[0, i]), abs(f[2, i] - f[0, i])
+        if once > 1e-11 * abs(f[0, i]) and twice > once:
+            powers[i] = math.log2(twice / once)
+    return powers
+
+
+@helper
+def _orders_that_move(rhs, orders, x0, A, u, p, t0, powers):
+    """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
+    states, f, later = len(orders), np.zeros(len(orders)), np.zeros(len(orders))
+    rhs(t0, x0.copy(), u[0].copy(), p, f)
+    rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), p, later)
+    moves = np.zeros(states, np.bool_)
+    for i in range(states):
+        moves[i] = f[i] != 0.0 or later[i] != 0.0 or powers[i] > 0.0
+    for _ in range(states):
+        for i in range(states):
+            for c in range(states):
+                moves[i] = moves[i] or (moves[c] and A[i, c] != 0.0)
+    moving, count = np.zeros(states), 0
+    for i in range(states):
+        if moves[i]:
+            moving[count] = orders[i]
+            count += 1
+    return moving[:count].copy()
+
+
+@helper
+def _fit_of_powers(sigma, s):
+    """Give the matrix from f_1 − f_0 … f_s − f_0 to the c_m of f_k − f_0 = Σ c_m k^σ_m (the nearest c_1, if s = 2)."""
+    if len(sigma) < s:
+        fit = np.zeros((len(sigma), s))
+        for m in range(len(sigma)):
+            for k in range(s):
+                fit[m, k] = (k + 1.0) ** sigma[m] / (1.0 + 4.0 ** sigma[m])
+        return fit
+    W = np.zeros((s, 2 * s))
+    for k in range(s):
+        W[k, s + k] = 1.0
+        for m in range(s):
+            W[k, m] = (k + 1.0) ** sigma[m]
+    gauss_jordan(W)
+    return W[:, s:].copy()
+
+
+@helper
+def _starting_weights(q, E, fit, third):
+    """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers; shape (s + 1, s + 1)."""
+    s = fit.shape[1]
+    M = np.zeros((s + 1, s + 1))
+    w, start = third_weights(q, s) if third else trapezoidal_weights(q, s)
+    ends = _ends(q, np.arange(s + 1)) if third else np.zeros((s + 1, 2))
+    for n in range(1, s + 1):
+        if third and n <= 2:
+            M[n, 0], M[n, 1], M[n, 2] = _parabola_weights(q, n)
+        else:
+            M[n, 0] = start[n]
+            for k in range(1, n + 1):
+                M[n, k] = w[n - k]
+            if third:
+                M[n, 0] -= ends[n, 0] - ends[n, 1]
+                M[n, 1] -= ends[n, 1] - 2 * ends[n, 0]
+                M[n, 2] -= ends[n, 0]
+        for k in range(1, s + 1):
+            for e in range(len(E)):
+                M[n, k] += E[e, n] * fit[e, k - 1]
+                M[n, 0] -= E[e, n] * fit[e, k - 1]
+    return M
+
+
+@helper
+def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
+    """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles."""
+    s, states = len(f) - 1, len(slope)
+    now = u[0].copy()
+    if not _spectral_radius(A) <= 1.0:
+        return False
+    size = s * states
+    W, residual = np.zeros((size, 2 * size)), np.zeros(size)
+    for n in range(1, s + 1):
+        for i in range(states):
+            row = (n - 1) * states + i
+            W[row, row] = W[row, size + row] = 1.0
+            for k in range(max(1, m + 1), s + 1 if n > m and size <= LARGE else 1):
+                for c in range(states):
+                    W[row, (k - 1) * states + c] -= (M[i, n, k] - M[i, m, k]) * A[i, c]
+    if size <= LARGE:
+        gauss_jordan(W)
+    for _ in range(ITERATIONS):
+        for n in range(s + 1):
+            for c in range(len(now) if len(u) > 1 else 0):
+                now[c] = u[n, c]
+            rhs(t0 + n * h, x[n], now, p, f[n])
+        moved = 0.0
+        for n in range(m, s + 1):
+            for i in range(states):
+                total = slope[i] * (n * h)
+                for k in range(s + 1):
+                    total += gain[i] * M[i, n, k] * f[k, i]
+                if n == m:
+                    base[i] = x[m, i] - total  # x(0), but for what the model does not explain of the history
+                else:
+                    residual[(n - 1) * states + i] = base[i] + total - x[n, i]
+        for n in range(m + 1, s + 1):
+            for i in range(states):
+                change = 0.0
+                for c in range(size):
+                    change += W[(n - 1) * states + i, size + c] * residual[c]
+                x[n, i] += change
+                moved = max(moved, abs(change) / (1e-3 + abs(x[n, i])))
+                if not abs(x[n, i]) <= limit:
+                    return False
+        if moved < 1e-14:
+            return True
+    return moved < 1e-11
+
+
+@helper
+def _jacobian(rhs, x0, gain, u, p, t0):
+    """h^q ∂f/∂x at the start, by central differences."""
+    states, x, now = len(x0), x0.copy(), u[0].copy()
+    A, f = np.zeros((states, states)), np.zeros((2, states))
+    for c in range(states):
+        d = 1e-6 * (0.01 + abs(x0[c]))
+        for side in range(2):
+            x[c] = x0[c] + (d if side else -d)
+            rhs(t0, x, now, p, f[side])
+        x[c] = x0[c]
+        for i in range(states):
+            A[i, c] = gain[i] * (f[1, i] - f[0, i]) / (2 * d)
+    return A
+
+
+@helper
+def _spectral_radius(A):
+    """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
+    radius, power = 0.0, A.copy()
+    for _ in range(4):
+        n, squared = len(A), np.zeros(A.shape)
+        for i in range(n):
+            for k in range(n):
+                for c in range(n):
+                    squared[i, c] += power[i, k] * power[k, c]
+        power = squared
+    for i in range(len(A)):
+        radius = max(radius, np.abs(power[i]).sum())
+    return radius ** (1 / 16)
+
+
+@helper
+def gauss_jordan(W):
+    """Turn [A | B] into [1 | A⁻¹B], with row pivots."""
+    n, columns = W.shape
+    for k in range(n):
+        pivot = k + np.argmax(np.abs(W[k:, k]))
+        for c in range(columns):
+            W[k, c], W[pivot, c] = W[pivot, c], W[k, c]
+        factor = 1 / W[k, k]
+        for c in range(columns):
+            W[k, c] *= factor
+        for i in range(n):
+            if i != k:
+                factor = W[i, k]
+                for c in range(columns):
+                    W[i, c] -= factor * W[k, c]

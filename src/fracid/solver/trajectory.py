@@ -1,0 +1,121 @@
+"""What a simulation gives: the states over time, how it ended, and the states in between."""
+
+from __future__ import annotations
+
+import reprlib
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.findings import Finding
+
+__all__ = ["Outcome", "Trajectory", "vector"]
+
+
+class Outcome(Enum):
+    """How a run ended; the value is the sentence."""
+
+    COMPLETED = "completed"
+    DIVERGED = "diverged: a state left the range of the limit"
+    NOT_FINITE = "the right-hand side is not finite (a division by zero, such as det M = 0, or an overflow)"
+    LEFT = "left its bounds: the last sample is the first one outside"
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated run, as far as it went."""
+
+    time: FloatArray
+    """Shape (n,) [s]: the grid, every so many of its points, or the times that were asked for."""
+    states: FloatArray
+    """Shape (n, n_states)."""
+    outcome: Outcome
+    """How it ended."""
+    step: float
+    """h [s], as it was used."""
+    method: str
+    """A key of :data:`METHODS`."""
+    memory: str
+    """``full``, ``short(L)`` or ``compressed(tolerance)``."""
+    orders: FloatArray
+    """Of each state, shape (n_states,)."""
+    origin: float = 0.0
+    """Where the memory begins [s]: the first time, or the first sample of the history."""
+    fault: Finding | None = None
+    """Why it ended early, or what is wrong with its step, with the number that shows it
+    (:mod:`fracid.solver.stiffness`)."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the run reached its end."""
+        return self.outcome is Outcome.COMPLETED
+
+    def at(self, times: ArrayLike) -> FloatArray:
+        """Give the states at any times between the first and the last (dense output), shape (n_times, n_states).
+
+        Through the four nearest samples goes a cubic; within the first eight, where a solution begins like t^q,
+        the function of the same form with 1, t, t^q and t^(1+q).  With every sample stored its error is below that of
+        the run, but for the first few steps of low orders, where x rises steeply between two samples.
+
+        Raises
+        ------
+        InputError
+            If a time is outside.
+
+        Examples
+        --------
+        >>> from fracid import solve_fde
+        >>> def decay(t, x, u, p, out):
+        ...     out[0] = -x[0]
+        >>> run = solve_fde(decay, 0.8, [1.0], step=0.01, end=1.0)
+        >>> bool(abs(run.at([0.2345]) - solve_fde(decay, 0.8, [1.0], step=0.0067, end=0.2345).states[-1]) < 1e-5)
+        True
+        """
+        wanted = np.atleast_1d(vector("times", times))
+        first, last = self.time[0], self.time[-1]
+        slack = 1e-9 * self.step
+        for t in wanted[(wanted < first - slack) | (wanted > last + slack)]:
+            raise InputError(f"times: {t:g} is outside of the run, which goes from {first:g} to {last:g}.")
+        return _between(self, wanted)
+
+
+def _between(run: Trajectory, times: FloatArray) -> FloatArray:
+    """Interpolate through the nearest four samples (or all, if fewer)."""
+    nodes = min(4, len(run.time))
+    first = np.clip(np.searchsorted(run.time, times) - nodes // 2, 0, len(run.time) - nodes)
+    grid = run.time[first[:, None] + np.arange(nodes)]
+    weights = np.ones_like(grid)  # Lagrange's
+    for k in range(nodes):
+        for other in set(range(nodes)) - {k}:
+            weights[:, k] *= (times - grid[:, other]) / (grid[:, k] - grid[:, other])
+    values: FloatArray = np.einsum("tk,tki->ti", weights, run.states[first[:, None] + np.arange(nodes)])
+    for j in np.unique(first[first < 8]):  # where a solution begins like t^q: through 1, t, t^q, t^(1+q)
+        here, near = first == j, run.time[j : j + nodes] - run.origin
+        for i in np.flatnonzero(abs(run.orders - 1) > 0.05):
+            powers = np.array([0, 1, run.orders[i], 1 + run.orders[i]])[:nodes]
+            basis, at = (np.maximum(t / near[-1], 0)[:, None] ** powers for t in (near, times[here] - run.origin))
+            values[here, i] = at @ np.linalg.solve(basis, run.states[j : j + nodes, i])
+    return values
+
+
+def vector(name: str, values: ArrayLike) -> FloatArray:
+    """Turn a caller's numbers into an array, or say what is wrong with them."""
+    shown = reprlib.repr(values)
+    if np.ma.is_masked(values):
+        raise InputError(
+            f"{name} = {shown}: some values are masked, and what is behind a mask is no number to count on."
+        )
+    try:
+        given = np.array(values, ndmin=1)
+        if np.iscomplexobj(given):
+            raise TypeError
+        numbers = given.astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {shown}: expected numbers.") from None
+    if not np.all(np.isfinite(numbers)):
+        raise InputError(f"{name} = {shown}: every value must be a finite number.")
+    return numbers

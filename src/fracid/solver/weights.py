@@ -1,0 +1,154 @@
+"""The weights of the memory, exactly: of the derivative (18), (19), and of the trapezoidal integral."""
+
+# mypy: disallow-untyped-decorators=False
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.solver.compilation import helper, kept
+from fracid.solver.operators import gl_weights
+
+__all__ = ["Kernel", "Real", "Row", "Whole", "exact_kernel", "third_weights", "trapezoidal_weights"]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The weights of one history sum, in units of the step, for one order."""
+
+    weights: FloatArray
+    """Exact weights w_0 … w_L, shape (L + 1,)."""
+    start: FloatArray
+    """What weighs the sample at the start instead of w_n while n ≤ L, shape (L + 1,)."""
+    decay: FloatArray
+    """z_m − 1, what each exponential loses from one lag to the next, shape (n_modes,).
+
+    The difference is kept, not z_m: rounding z_m next to 1 would cost z_m^k a relative k·10⁻¹⁶."""
+    amplitude: FloatArray
+    """w_k = Σ_m amplitude_m · z_m^(k - L - 1) for k > L, shape (n_modes,)."""
+    start_ratio: FloatArray
+    """The start's amplitude over that of any other sample, per exponential, shape (n_modes,)."""
+    ramp: float = 0.0
+    """Slope of a linear part of the weights, ramp · (k − L − 1), beside the constant mode (the first)."""
+    start_shift: float = 1 / 6
+    """The start weighs a linear part by half of it less this: the centre of its half panel."""
+
+    @property
+    def lags(self) -> int:
+        """L, the number of lags kept exactly."""
+        return len(self.weights) - 1
+
+    @property
+    def modes(self) -> int:
+        """Number of exponentials that a step works on, a constant and a ramp included."""
+        return len(self.decay) + (self.ramp != 0.0)
+
+    def at(self, lags: NDArray[np.int64] | list[int]) -> FloatArray:
+        """Give the weights that the kernel really uses at some lags, to hold against the exact ones.
+
+        Examples
+        --------
+        >>> from fracid.solver.memory import compressed, full
+        >>> kernel = compressed(1e-10).kernel("gl", 0.8, steps=20_000)
+        >>> exact = full().kernel("gl", 0.8, steps=20_000).weights
+        >>> lags = [1, 16, 17, 500, 20_000]
+        >>> bool(np.all(abs(kernel.at(lags) / exact[lags] - 1) < 1e-10))
+        True
+        """
+        k = np.asarray(lags)
+        beyond = np.maximum(k - self.lags - 1, 0)
+        modes = np.exp(np.outer(beyond, np.log1p(self.decay))) @ self.amplitude + self.ramp * beyond
+        weights: FloatArray = np.where(k <= self.lags, self.weights[np.minimum(k, self.lags)], modes)
+        return weights
+
+
+# --- exact weights ---------------------------------------------------------------------------------
+
+
+def exact_kernel(family: str, order: float, steps: int) -> Kernel:
+    """All weights of a family, exactly."""
+    if family == "pi3":
+        return _exact_third(order, steps)
+    if order == 1.0 and family == "pi":  # a running sum: the trapezoidal rule, no memory
+        return Kernel(np.array([0.5, 1.0]), np.array([0.0, 0.5]), np.zeros(1), np.ones(1), np.full(1, 0.5))
+    if order == 1.0:  # a backward difference
+        return Kernel(np.array([1.0, -1.0]), np.array([1.0, -1.0]), *np.empty((3, 0)))
+    if family == "gl":
+        w = gl_weights(order, steps + 1)
+        return Kernel(w, w, *np.empty((3, 0)))
+    return Kernel(*trapezoidal_weights(order, steps), *np.empty((3, 0)))
+
+
+def _exact_third(q: float, steps: int) -> Kernel:
+    if q == 1.0:  # Adams and Moulton's fourth-order weights, summed; the running sum after three lags
+        w, start = np.array([9, 28, 23, 24]) / 24, np.array([0, 15, 11, 12]) / 24
+        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+    return Kernel(*third_weights(q, steps), *np.empty((3, 0)))
+
+
+# What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
+Real, Whole, Row = types.float64, types.int64, types.float64[::1]
+
+_compile: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
+
+@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
+
+    With the binomial series, :math:`b_k Γ(q+2) = 2 \sum_j \binom{q+1}{2j} k^{q+1-2j}` and
+    :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 8 on, 20 terms are exact.
+    """
+    b, a, binomial = np.zeros(steps + 1), np.zeros(steps + 1), np.ones(20)
+    b[0] = 1.0
+    for k in range(1, min(8, steps + 1)):
+        up, down = math.expm1(q * math.log1p(1 / k)), math.expm1(q * math.log1p(-1 / k))  # for orders next to 0
+        b[k], a[k] = k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
+    for j in range(19):
+        binomial[j + 1] = binomial[j] * (q - (j - 1)) / (j + 1)
+    for k in range(8, steps + 1):
+        even = odd = 0.0
+        for j in range(18, 1, -2):
+            even, odd = even / k / k + binomial[j], odd / k / k + binomial[j + 1]
+        b[k], a[k] = 2 * k ** (q - 1) * even, k ** (q - 1) * (even - odd / k)
+    return b / math.gamma(q + 2), a / math.gamma(q + 2)
+
+
+@helper
+def zeta(s: float) -> float:
+    """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on."""
+    N = 12.0
+    total: float = N ** (1 - s) / (s - 1) + N**-s / 2
+    for k in range(1, 12):
+        total += float(k) ** -s
+    term = s * N ** (-s - 1) / 2
+    for j, bernoulli in enumerate((1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66)):
+        total += bernoulli * term
+        term *= (s + 2 * j + 1) * (s + 2 * j + 2) / (N * N * (2 * j + 3) * (2 * j + 4))
+    return total
+
+
+@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    r"""The weights of ``pi3``: those of f − δ²f/12 under ``pi``, less κ δ²f at the last step; and of the start.
+
+    Up to k = 2 the second difference is the last step's, backward.  The start counts f_{-1} as f_0.
+    """
+    b, a = trapezoidal_weights(q, steps + 3)
+    w, start = np.zeros(steps + 1), np.zeros(steps + 1)
+    kappa = zeta(-q - 1) / math.gamma(q + 2)
+    for k in range(steps + 1):
+        w[k] = b[k] - (b[k + 1] - 2 * b[k] + (b[k - 1] if k > 0 else 0.0)) / 12
+        start[k] = a[k] + (b[k] - b[k - 1]) / 12 if k > 0 else 0.0
+    for k in range(min(3, steps + 1)):
+        last = (1.0, -2.0, 1.0)[k]
+        w[k] -= last * kappa + (3.0, -3.0, 1.0)[k] * b[0] / 12
+        start[k] = k**q / math.gamma(q + 1) - w[:k].sum() if k > 0 else 0.0  # constants are integrated exactly
+    return w, start

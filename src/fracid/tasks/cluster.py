@@ -1,0 +1,137 @@
+"""Repetitions on the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import queue
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.tasks.job import Ended, Job, Stopped, Task, Work, failure_of, perform_elsewhere, unpacked
+
+__all__ = ["on_cluster"]
+
+
+# --- a cluster -----------------------------------------------------------------------------------------
+
+ANSWER = 10.0
+"""A scheduler answers within this, or is not there [s]."""
+
+IDLE = 2.0
+"""Where nothing has come back for so long, it is time to look why [s]."""
+
+WINDOW = 4
+"""Tasks on the way, for each of a cluster's threads."""
+
+PATIENCE = 60.0
+"""A study waits so long for a worker, where there is none [s]."""
+
+
+def on_cluster(work: Work, tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, Ended]]:
+    """Tasks as Dask's; a worker that is lost is Dask's business too, which does its tasks again elsewhere."""
+    with _client(address) as client:
+        try:
+            yield from _from_cluster(client, Job.of(work, tasks), iter(tasks), address)
+        except (CancelledError, OSError):  # OSError: also every broken connection
+            raise Stopped(f"The Dask scheduler at {address} is gone.") from None
+
+
+def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) -> Iterator[tuple[Task, Ended]]:
+    """Send and fetch many at once: a message for each would cost twice the time."""
+    from cloudpickle import dumps  # sends what a script defines, too
+
+    packed = client.submit(unpacked, job.packed(dumps), pure=False)  # a task too: it comes back if its worker dies
+    ends: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
+    window = WINDOW * max(16, sum(client.nthreads().values()))
+    alone = _Alone(client, address)
+    while True:
+        batch = list(islice(tasks, window - len(waiting))) if len(waiting) <= window // 2 else []
+        own = [job.own(task) for task in batch]
+        try:
+            futures = client.map(perform_elsewhere, own, job=packed, pure=False) if batch else []
+        except (TypeError, AttributeError, pickle.PickleError) as error:
+            raise Stopped(f"The repetition {batch[0].key!r}, or one after it, cannot be sent: {error}.") from None
+        for future, task in zip(futures, batch, strict=True):
+            waiting[future.key] = future, task
+            future.add_done_callback(ends.put)
+        if not waiting:
+            return
+        ended = _drained(ends, alone.check)
+        whole = [f for f in ended if f.status == "finished"]
+        failures = [_given_up(waiting[f.key][1], f.exception()) for f in ended if f.status != "finished"]
+        for future, result in zip(whole, client.gather(whole), strict=True):
+            task = waiting.pop(future.key)[1]
+            if failure := failure_of(task, result):
+                failures.append(failure)
+            else:
+                yield task, result
+        if failures:
+            raise failures[0]
+
+
+def _drained(ends: queue.SimpleQueue[Any], idle: Callable[[], None]) -> list[Any]:
+    """All that has ended, one at least; `idle` is asked while nothing ends."""
+    while True:
+        try:
+            ended = [ends.get(timeout=IDLE)]
+        except queue.Empty:
+            idle()
+        else:
+            return [*ended, *(ends.get() for _ in range(ends.qsize()))]
+
+
+def _given_up(task: Task, error: BaseException) -> Stopped:
+    from distributed.scheduler import KilledWorker
+
+    died = "every worker that tried it died (out of memory, or a crash in compiled code)"
+    return Stopped(f"The repetition {task.key!r} was given up: {died if isinstance(error, KilledWorker) else error}.")
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+        from distributed.utils import silence_logging_cmgr
+    except ImportError:
+        raise InputError(
+            f"{address} is a Dask scheduler, for which the package distributed is missing: type "
+            "pip install 'fracid[cluster]'."
+        ) from None
+    try:
+        client = Client(address, timeout=ANSWER, set_as_default=False)
+    except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything
+        said = next(iter(str(error).splitlines()), type(error).__name__)
+        raise InputError(
+            f"No Dask scheduler answers at {address}: {said}. Start one with dask scheduler and workers with dask "
+            "worker ADDRESS, or leave the cluster out: --executor processes."
+        ) from None
+    with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves
+        try:
+            yield client
+        finally:
+            client.close(timeout=1.0)
+
+
+class _Alone:
+    """Ends a study that waits for a scheduler that is gone, or too long for a first worker."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address, self._since = client, address, time.monotonic()
+
+    def check(self) -> None:
+        if self._client.status != "running":
+            raise Stopped(f"The Dask scheduler at {self._address} is gone.")
+        if self._client.nthreads():
+            self._since = time.monotonic()
+        elif time.monotonic() - self._since > PATIENCE:
+            raise Stopped(
+                f"The Dask scheduler at {self._address} has had no worker for {PATIENCE:.0f} s: start some with dask "
+                f"worker {self._address}."
+            )

@@ -1,0 +1,186 @@
+"""A task, the job that a worker gets of it, and how it ended."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import time
+import traceback
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.tasks.folder_lock import Json
+
+__all__ = [
+    "Ended",
+    "Ends",
+    "Job",
+    "Progress",
+    "Stopped",
+    "Task",
+    "Work",
+    "failure_of",
+    "one_blas_thread",
+    "perform",
+    "perform_elsewhere",
+    "unpacked",
+]
+
+Work = Callable[..., Json]
+"""Does one task: a function of a module, given the task's arguments."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One repetition."""
+
+    key: str
+    """Unique in a study and stable: ``level 0.1 deg, 4096 counts, seed 17``."""
+    arguments: tuple[Any, ...]
+    """Of the function that does it; for processes and clusters they are pickled."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a study is."""
+
+    done: int
+    total: int | None
+    """None where nobody knows, as of a search that stops when it has converged."""
+    earlier: int
+    """Of `done`, those that were in the journal before."""
+    seconds: float
+    """Since this process began [s]."""
+    best: float | None = None
+    """The lowest ``cost`` among the results, where they have one."""
+
+    @property
+    def rate(self) -> float:
+        """Repetitions a second, in this process."""
+        return (self.done - self.earlier) / self.seconds if self.seconds > 0 else 0.0
+
+    @property
+    def left(self) -> float | None:
+        """Seconds to the end at this rate; None before the first has ended, or where the end is not known."""
+        return (self.total - self.done) / self.rate if self.total is not None and self.rate > 0 else None
+
+
+class Stopped(Exception):
+    """Why a study cannot go on, in a sentence."""
+
+
+# --- one repetition ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Ended:
+    """What became of a repetition; plain values alone, so that it passes between any two processes."""
+
+    text: str
+    """The result, JSON; empty where it failed."""
+    seconds: float
+    failure: str = ""
+    """What it raised, in a line."""
+    where: str = ""
+    """The traceback."""
+
+
+def perform(work: Work, arguments: tuple[Any, ...]) -> Ended:
+    """Do the work, here; what it raises is the text of the end."""
+    began = time.perf_counter()
+    try:
+        text = json.dumps(work(*arguments), ensure_ascii=False, allow_nan=False)
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+        return Ended("", time.perf_counter() - began, said, traceback.format_exc())
+    return Ended(text, time.perf_counter() - began)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a study's tasks have in common: sent to a worker once, and not with every task."""
+
+    version: str
+    work: Work
+    common: dict[int, Any]
+    """Position → the argument, one object in all tasks: a problem with its samples, mostly."""
+
+    @classmethod
+    def of(cls, work: Work, tasks: Sequence[Task]) -> Job:
+        """Pack work and tasks; what all tasks share is sent once."""
+        from fracid._version import __version__
+
+        first, *others = tasks
+        common = {i: value for i, value in enumerate(first.arguments)
+                  if others and all(len(t.arguments) > i and t.arguments[i] is value for t in others)}  # fmt: skip
+        return cls(__version__, work, common)
+
+    def own(self, task: Task) -> dict[int, Any]:
+        """The arguments that are a task's own."""
+        return {i: value for i, value in enumerate(task.arguments) if i not in self.common}
+
+    def packed(self, dumps: Callable[[Any], bytes] = pickle.dumps) -> bytes:
+        """For the way."""
+        try:
+            return dumps(self)
+        except (TypeError, AttributeError, pickle.PickleError) as error:
+            raise InputError(
+                f"This study cannot be sent to other processes: {error}. Type --executor threads."
+            ) from None
+
+
+def perform_elsewhere(own: dict[int, Any], job: Job) -> Ended:
+    """In another process, whose fracid must be ours."""
+    from fracid._version import __version__
+
+    if job.version != __version__:
+        return Ended("", 0.0, f"the worker has fracid {__version__}, this is {job.version}: install the same")
+    _settle()
+    arguments = {**job.common, **own}
+    return perform(job.work, tuple(arguments[i] for i in range(len(arguments))))
+
+
+def unpacked(packed: bytes) -> Job:
+    """The job that was packed."""
+    job: Job = pickle.loads(packed)
+    return job
+
+
+@cache
+def _settle() -> Any:
+    return one_blas_thread()
+
+
+def one_blas_thread() -> Any:
+    """Hold linear algebra in this process to one thread from now on; gives the context that lets go of it again."""
+    import scipy.linalg  # noqa: F401 (brings a library of its own, which must be there to be held)
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1, "blas")
+
+
+def failure_of(task: Task, ended: Ended | BaseException) -> Stopped | None:
+    """Why a repetition has no result; None where it has one."""
+    if isinstance(ended, BaseException):
+        return Stopped(f"The repetition {task.key!r} cannot be sent or read back: {ended}.")
+    if ended.text:
+        return None
+    failure = Stopped(f"The repetition {task.key!r} failed: {ended.failure}.")
+    failure.__cause__ = _Traceback(ended.where)
+    return failure
+
+
+class _Traceback(Exception):
+    """The traceback of another thread or process, as text."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+# --- threads and processes ---------------------------------------------------------------------------
+
+Ends = Generator[tuple[Task, Ended], None, list[Task]]
+"""Yields each task as it ends; returns those that were under way when a worker died."""

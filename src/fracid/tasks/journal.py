@@ -1,0 +1,277 @@
+"""An append-only log of what a long study has done, so that nothing is lost when it is cut short.
+
+::
+
+    {"journal": 1, "study": {"problem": "9f2c…", "levels": [0.0, 0.05], "seeds": 50}}     what is being done
+    {"key": "level 0.05 deg, seed 17", "seconds": 0.83, "value": {"mu": 0.9146, …}}       one line a repetition
+    …
+
+**What survives what.**  A line is handed to the operating system as its repetition ends, so it outlives the
+process, ``kill -9`` at any moment included; at most once a second, and at the end, it is also forced to the disk
+(``fsync``), so a power cut costs a second's work.  A line that was cut off in writing is removed when the journal is
+opened again, and that is said; its repetition is done again.  On a full disk the broken line is taken back at once.
+
+**Who may write.**  One process: a lock on the folder refuses a second one.  The system lets go of it when
+the process ends in whatever way, so there is no stale lock to remove.
+
+**What may go on.**  The first line names the study: all that its results depend on.  Another study is
+refused with what differs, for its repetitions would bear the same keys.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from io import RawIOBase
+from pathlib import Path
+from types import TracebackType
+
+from fracid.errors import InputError, Unfinished
+from fracid.safety.schema import LONGEST
+from fracid.tasks.folder_lock import FolderLock, Json, line_content
+
+__all__ = ["Journal", "append_whole", "whole_lines"]
+
+FORMAT = 1
+
+SYNC = 1.0
+"""At most this often is a line forced to the disk [s]."""
+
+
+class Journal:
+    """The log of one study: what is done, and the file that it is appended to.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing; its folder must exist.
+    study : mapping
+        What all results depend on, as plain JSON values: hashes of problem and data, options, versions.
+    fault : function (key, value) -> str, optional
+        What is wrong with the result of a repetition, as a line has it; such a line is passed over as damaged.
+
+    Raises
+    ------
+    InputError
+        If the file belongs to another study or is none, if another process is at work in the folder, or if it cannot
+        be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "journal.jsonl"
+    >>> with Journal(path, {"seeds": 3}) as journal:
+    ...     journal.append("seed 1", {"mu": 0.91})
+    >>> with Journal(path, {"seeds": 3}) as journal:
+    ...     journal.done
+    {'seed 1': {'mu': 0.91}}
+    """
+
+    done: dict[str, Json]
+    """Key → what its repetition gave."""
+    notes: tuple[str, ...]
+    """What was found damaged and repaired, a sentence each."""
+
+    def __init__(
+        self, path: str | Path, study: Mapping[str, Json], fault: Callable[[str, Json], str] = lambda _key, _value: ""
+    ) -> None:
+        """Open it, repair it, and read what is done."""
+        self.path = Path(path)
+        with ExitStack() as opened:
+            opened.enter_context(FolderLock(self.path.parent))
+            self._file = opened.enter_context(_opened(self.path))
+            self.done, self.notes, self._end = _read(self.path, dict(study), self._file, fault)
+            self._synced = time.monotonic()
+            if self._end == 0:
+                self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
+            self._opened = opened.pop_all()
+
+    def __enter__(self) -> Journal:
+        """Give itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the file and let go of the folder."""
+        self.close()
+
+    def close(self) -> None:
+        """Force the last lines to the disk, close the file and let go of the folder."""
+        with self._opened:
+            if not self._file.closed:
+                self._sync()
+
+    def append(self, key: str, value: Json, seconds: float = 0.0) -> None:
+        """Keep the result of one repetition.
+
+        Parameters
+        ----------
+        key : str
+            Unique in the study.
+        value : JSON value
+            Without NaN.
+        seconds : float
+            What it took [s].
+
+        Raises
+        ------
+        Unfinished
+            If the disk will not take it; what was there before stays.
+        """
+        line = {"key": key, "seconds": round(seconds, 4), "value": value}
+        self._write(json.dumps(line, ensure_ascii=False, allow_nan=False))
+        self.done[key] = value
+
+    def _write(self, line: str) -> None:
+        self._end = append_whole(self._file, line.encode() + b"\n", self._end)
+        if time.monotonic() - self._synced > SYNC:
+            self._sync()
+
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise _cut_short(self.path, error) from None
+        self._synced = time.monotonic()
+
+
+def whole_lines(path: Path) -> tuple[list[bytes], int]:
+    """Read the lines of a log, without a last one that was cut off in writing; and where the good part ends [bytes].
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "log"
+    >>> _ = path.write_bytes(b"one\\ntwo\\nthr")
+    >>> whole_lines(path)
+    ([b'one', b'two'], 8)
+    """
+    lines: list[bytes] = []
+    end, at, begun = 0, 0, False
+    if not path.exists():
+        return lines, end
+    with path.open("rb") as file:
+        while piece := file.readline(LONGEST):  # a line that is longer is none of ours, and would fill the memory
+            at += len(piece)
+            if piece.endswith(b"\n"):
+                lines.append(b"" if begun else piece[:-1])
+                end = at
+            begun = not piece.endswith(b"\n")
+    return lines, end
+
+
+def resumable(path: Path) -> Path:
+    """The folder that ``fracid resume`` takes, for a log in it: its own, or the run's whose many starts it keeps.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> run = Path(tempfile.mkdtemp())
+    >>> (run / "run.json").touch()
+    >>> resumable(run / "starts" / "journal.jsonl") == run
+    True
+    """
+    own, above = path.parent, path.parent.parent
+    alone = (own / "run.json").exists() or (own / "environment.json").exists()
+    return above if not alone and (above / "run.json").exists() else own
+
+
+def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
+    """Append to a log, whole or not at all; gives its new end [bytes].
+
+    Parameters
+    ----------
+    file : raw file
+        Opened to append.
+    content : bytes
+    end : int
+        Where it ends now.
+
+    Raises
+    ------
+    Unfinished
+        If the disk will not take it; the log then ends where it did.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with open(Path(tempfile.mkdtemp()) / "log", "ab", buffering=0) as file:
+    ...     append_whole(file, b"one\\n", 0)
+    4
+    """
+    left = memoryview(content)
+    try:
+        while left:
+            left = left[file.write(left) :]
+    except BaseException as error:  # Ctrl-C too leaves no half of a line
+        with suppress(OSError):
+            file.truncate(end)  # also a full disk can take back
+        if isinstance(error, OSError):
+            raise _cut_short(Path(str(getattr(file, "name", "the log"))), error) from None
+        raise
+    return end + len(content)
+
+
+def _cut_short(path: Path, error: OSError) -> Unfinished:
+    why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
+    return Unfinished(
+        f"{path} cannot be written: {why}. What was done before is kept: make room, then type fracid resume "
+        f"{resumable(path)}."
+    )
+
+
+def _opened(path: Path) -> RawIOBase:
+    try:
+        return path.open("ab", buffering=0)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}. Give another folder: --out DIR.") from None
+
+
+def _read(
+    path: Path, study: dict[str, Json], file: RawIOBase, fault: Callable[[str, Json], str]
+) -> tuple[dict[str, Json], tuple[str, ...], int]:
+    """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
+    texts, end = whole_lines(path)
+    torn = path.stat().st_size > end
+    if torn:
+        file.truncate(end)
+    lines = [line_content(text) for text in texts]
+    if not lines:
+        return {}, (), 0
+    _check_study(path, lines[0], json.loads(json.dumps(study)))
+    done: dict[str, Json] = {}
+    damaged = [1] if lines[0] is None else []
+    for number, line in enumerate(lines[1:], 2):
+        if line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
+            damaged.append(number)
+        else:
+            done.setdefault(line["key"], line.get("value"))
+    notes = []
+    if torn:
+        notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
+    if damaged:
+        numbers = ", ".join(map(str, damaged[:20])) + ", ..." * (len(damaged) > 20)
+        notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
+    return done, tuple(notes), end
+
+
+def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Json]) -> None:
+    """Refuse to go on with another study, and say what differs."""
+    if header is None or header.get("journal") != FORMAT or not isinstance(header.get("study"), dict):
+        raise InputError(f"{path} is no journal of this version of fracid; give another folder: --out DIR.")
+    was = header["study"]
+    differ = [name for name in {**was, **study} if was.get(name) != study.get(name)]
+    if differ:
+        changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
+        raise InputError(
+            f"{path.parent} holds the repetitions of another study: {changes}. Give this one another folder: --out "
+            f"DIR; or finish that one: fracid resume {resumable(path)}."
+        )
+
+
+def _short(value: Json) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else f"{text[:57]}..."

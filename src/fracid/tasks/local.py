@@ -1,0 +1,164 @@
+"""Repetitions on this machine: on threads or on processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from functools import cache
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any
+
+from fracid.safety.environment import ignore_settings
+from fracid.tasks.job import (
+    Ended,
+    Ends,
+    Job,
+    Stopped,
+    Task,
+    Work,
+    failure_of,
+    one_blas_thread,
+    perform,
+    perform_elsewhere,
+    unpacked,
+)
+
+__all__ = ["deaf_to_ctrl_c", "follow_parent", "on_processes", "on_threads"]
+
+
+def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], window: int) -> Ends:
+    """Keep `window` tasks under way, so that a study of millions waits here and not in a queue."""
+    waiting: dict[Future[Ended], Task] = {}
+    lost: list[Task] = []
+    stopped: BaseException | None = None
+    while True:
+        try:
+            while len(waiting) < window and not (lost or stopped) and (task := next(tasks, None)) is not None:
+                _submit(submit, task, waiting, lost)
+            if not waiting:
+                break
+            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+        except KeyboardInterrupt as interruption:
+            if stopped:
+                raise
+            stopped, ended = interruption, set()
+        for future in [future for future in waiting if future in ended]:  # in their order
+            task = waiting.pop(future)
+            if isinstance(future.exception(), BrokenExecutor):
+                lost.append(task)
+            elif failure := failure_of(task, future.exception() or future.result()):
+                stopped = stopped or failure
+            else:
+                yield task, future.result()
+        if stopped:  # what is under way may end
+            waiting = {future: task for future, task in waiting.items() if not future.cancel()}
+    if stopped:
+        raise stopped
+    return lost
+
+
+def _submit(
+    submit: Callable[[Task], Future[Ended]], task: Task, waiting: dict[Future[Ended], Task], lost: list[Task]
+) -> None:
+    try:
+        waiting[submit(task)] = task
+    except BrokenExecutor:
+        lost.append(task)
+
+
+def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
+    """Do the tasks on threads, in any order."""
+    with one_blas_thread(), _closing(ThreadPoolExecutor(jobs, "fracid")) as pool:
+        yield from _in_flight(lambda task: pool.submit(perform, work, task.arguments), iter(tasks), 2 * jobs)
+
+
+def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
+    """A worker that dies takes its pool along; what was under way is then done one by one, to find who kills."""
+    job, left = Job.of(work, tasks), iter(tasks)
+    packed = job.packed()
+    while lost := (yield from _in_a_pool(job, packed, left, jobs, 2 * jobs)):
+        if killers := (yield from _in_a_pool(job, packed, iter(lost), 1, 1)):
+            raise Stopped(
+                f"The repetition {killers[0].key!r} was given up: a worker process died twice while it ran, the second "
+                "time with nothing beside it (killed from outside, out of memory, or a crash in compiled code)."
+            )
+
+
+def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
+    fresh = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
+    with _closing(ProcessPoolExecutor(jobs, fresh, _prepare_worker, (packed,))) as pool:
+
+        def start(task: Task) -> Future[Ended]:
+            with deaf_to_ctrl_c():  # the first ones start the processes
+                return pool.submit(_do_here, job.own(task))
+
+        return (yield from _in_flight(start, tasks, window))
+
+
+_PACKED: list[bytes] = []
+"""In a worker process: its job, unpacked by the first task, whose failure can be told."""
+
+
+@cache
+def _job_here() -> Job:
+    return unpacked(_PACKED[0])
+
+
+def _do_here(own: dict[int, Any]) -> Ended:
+    return perform_elsewhere(own, _job_here())
+
+
+@contextmanager
+def _closing(pool: Executor) -> Iterator[Executor]:
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _prepare_worker(packed: bytes) -> None:
+    ignore_settings(Path())
+    _PACKED.append(packed)
+    follow_parent()
+
+
+@contextmanager
+def deaf_to_ctrl_c() -> Iterator[None]:
+    """Have processes that are started meanwhile not hear Ctrl-C, from their first moment on: it is their parent's."""
+    mask = getattr(signal, "pthread_sigmask", None)
+    if mask is None:  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # the first start of a process would start it, and so end the block
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        mask(signal.SIG_SETMASK, before)
+
+
+def follow_parent() -> None:
+    """In a worker process: Ctrl-C is the parent's business; and when the parent is gone, go too."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,183 @@
+"""What simulations gave, kept on disk while a run is unfinished: so a run that was killed repeats none of them.
+
+All that an identification spends its time on is simulations, and a simulation is a function of some twenty numbers
+(orders, constants, initial state) and of what stays (the right-hand side, inputs, step, method).  So the
+file maps a hash of these onto the simulated outputs, and a run that is gone on with, :mod:`fracid.cli.resume`, simply
+begins again: what was simulated is read instead, until it comes to where it was killed.  Every number
+being the same to the bit, so is the way there, and the result.
+
+::
+
+    stamp  ·  key, kind, length, check sum, numbers or reason  ·  key, kind, length, check sum, …
+
+Records are handed to the operating system as they end, so they outlive the process.  They are not forced to the disk:
+after a power cut, on another machine and after a change of the program the stamp differs, and the file
+begins empty.  It is removed when the run ends, and where the disk is full, for the run's result matters more.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import struct
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from zlib import crc32
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+
+__all__ = ["Memo"]
+
+RECORD = struct.Struct("<16scQQI")
+"""Key, kind, rows, columns, and the check sum of all that with what follows.
+
+The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it is ``T``, a text of so many
+bytes."""
+
+
+class Memo:
+    """Simulated outputs by key, in a file that only grows.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing, emptied if its stamp is another.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "memo"
+    >>> def simulate():
+    ...     print("simulated")
+    ...     return np.array([[0.1, 0.2]])
+    >>> with Memo(path) as memo:
+    ...     memo.get(b"k" * 16, simulate)
+    simulated
+    array([[0.1, 0.2]])
+    >>> with Memo(path) as memo:
+    ...     memo.get(b"k" * 16, simulate)
+    array([[0.1, 0.2]])
+    """
+
+    possible = hasattr(os, "pwritev")
+    """Whether this system can; where it cannot, a run that was killed begins from its start."""
+    computed: int = 0
+    """How many results were not there."""
+    emptied: bool = False
+    """Whether there was something that could not be used: another program's, or from before the machine's restart."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it and read where everything is; what a killed process wrote in part is cut off."""
+        self._path, self._lock = path, threading.Lock()
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        self._places: dict[bytes, Place]
+        self._places, self._end = _read(self._file)
+        self.emptied = self._end == 0 < os.fstat(self._file).st_size
+        os.ftruncate(self._file, self._end)
+        if self._end == 0:
+            self._append(_stamp())
+
+    def __enter__(self) -> Memo:
+        """Give itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; nothing is read or kept any more."""
+        with self._lock:
+            self._places.clear()
+            if self._file >= 0:
+                os.close(self._file)
+                self._file = -1
+
+    def remove(self) -> None:
+        """Close and delete the file."""
+        self.close()
+        self._path.unlink(missing_ok=True)
+
+    def get(self, key: bytes, compute: Callable[[], FloatArray | str]) -> FloatArray | str:
+        """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
+        place = self._places.get(key)
+        if place is not None and (kept := self._at(key, *place)) is not None:
+            return kept
+        found = compute()
+        self.computed += 1
+        self._keep(key, found)
+        return found
+
+    def _keep(self, key: bytes, found: FloatArray | str) -> None:
+        kind, rows, columns = b"T", 1, 0
+        if isinstance(found, str):
+            content: bytes | memoryview = found.encode()
+            columns = len(content)
+        else:
+            kind, (rows, columns) = b"C" if found.flags.c_contiguous else b"F", found.shape
+            flat = np.ascontiguousarray(found if kind == b"C" else found.T).reshape(-1)
+            content = flat.view(np.uint8).data
+        try:
+            with self._lock:
+                if self._file >= 0:
+                    offset = self._end + RECORD.size
+                    checked = _sum(key, kind, rows, columns, content)
+                    self._append(RECORD.pack(key, kind, rows, columns, checked), content)
+                    self._places[key] = offset, len(content), kind, rows, columns, checked
+        except OSError:  # no room: the run goes on without
+            self.remove()
+
+    def _append(self, *parts: bytes | memoryview) -> None:
+        size = sum(len(part) for part in parts)
+        if os.pwritev(self._file, parts, self._end) < size:
+            raise OSError("no room")
+        self._end += size
+
+    def _at(
+        self, key: bytes, offset: int, size: int, kind: bytes, rows: int, columns: int, checked: int
+    ) -> FloatArray | str | None:
+        content = os.pread(self._file, size, offset)
+        if _sum(key, kind, rows, columns, content) != checked:
+            return None  # a bit has turned on the disk: it is simulated again
+        if kind == b"T":
+            return content.decode()
+        return np.frombuffer(bytearray(content)).reshape((rows, columns), order="C" if kind == b"C" else "F")
+
+
+def _stamp() -> bytes:
+    """This program on this machine since it was started, 16 bytes."""
+    from hashlib import blake2b
+
+    package = Path(__file__).parents[1]
+    files = sorted((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in package.rglob("*.py"))
+    booted = Path("/proc/sys/kernel/random/boot_id")
+    since = booted.read_text() if booted.exists() else platform.node()
+    return blake2b(repr((since, np.__version__, files)).encode(), digest_size=16).digest()
+
+
+def _sum(key: bytes, kind: bytes, rows: int, columns: int, content: bytes | memoryview) -> int:
+    return crc32(content, crc32(RECORD.pack(key, kind, rows, columns, 0)))
+
+
+Place = tuple[int, int, bytes, int, int, int]
+"""Offset and size [bytes], kind, rows, columns, check sum."""
+
+
+def _read(file: int) -> tuple[dict[bytes, Place], int]:
+    """Where each key's numbers are, and where the last whole record ends."""
+    size, stamp = os.fstat(file).st_size, _stamp()
+    if os.pread(file, len(stamp), 0) != stamp:
+        return {}, 0
+    places, end = dict[bytes, Place](), len(stamp)
+    while len(header := os.pread(file, RECORD.size, end)) == RECORD.size:
+        key, kind, rows, columns, checked = RECORD.unpack(header)
+        offset, length = end + RECORD.size, rows * columns * (1 if kind == b"T" else 8)
+        if offset + length > size:
+            break
+        places[key] = offset, length, kind, rows, columns, checked
+        end = offset + length
+    return places, end

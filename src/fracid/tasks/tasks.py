@@ -1,0 +1,179 @@
+"""Do many independent repetitions: on threads, on processes, or on a cluster, with the same result.
+
+A study (noise levels, starts, resampled recordings, recordings left out) is a list of :class:`Task`, and a function
+that does one.  :func:`run_tasks` does them all, keeps each result in a journal as it ends, and can be killed at
+any moment.
+
+=================== ====================================================================================
+executor            where a repetition runs
+=================== ====================================================================================
+``threads``         in this process: no start-up, one interpreter; for work that is mostly compiled
+``processes``       in `jobs` processes of this machine: for work that is mostly Python
+``tcp://HOST:PORT`` on the workers of a Dask scheduler (``pip install 'fracid[cluster]'``), as many as there are
+=================== ====================================================================================
+
+**The same result.**  A task's key and arguments, its seed among them, say all that it depends on; results pass
+through JSON text, whose numbers are exact, and come back in the order of the tasks; linear algebra runs on one thread,
+since a sum split over several rounds otherwise.  So results are equal to the bit for every executor and
+any number of jobs, between machines as far as their processors have the same instructions.
+
+**What can die.**  A worker: its task is done again by another.  A task that kills its worker twice, the second
+time alone in its process, is named, and the study ends.  The scheduler, or this process: what was done
+is in the journal.  A function that raises ends the study too: what a repetition may meet (a run that diverges) it
+must catch and return.  Ctrl-C starts nothing new and keeps what is under way here, and what has come back of a cluster.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+from fracid.errors import InputError, Unfinished, at_least
+from fracid.tasks.cluster import on_cluster
+from fracid.tasks.folder_lock import Json
+from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
+from fracid.tasks.journal import Journal, resumable
+from fracid.tasks.local import on_processes, on_threads
+
+__all__ = ["EXECUTORS", "executor_from_name", "run_tasks"]
+
+
+def run_tasks(
+    work: Work,
+    tasks: Sequence[Task],
+    *,
+    executor: str = "threads",
+    jobs: int = 1,
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> dict[str, Json]:
+    """Do every task that the journal has not yet.
+
+    Parameters
+    ----------
+    work : function of a task's arguments -> JSON value
+        A function of a module.  It returns plain values: dict, list, str, float, None, no NaN.
+    tasks : sequence of Task
+    executor : str
+        See the module's table.
+    jobs : int
+        Threads or processes; a cluster has its own.
+    journal : Journal, optional
+        Has what was done before, and gets each result as it ends.
+    progress : function (Progress) -> None, optional
+        Called at the beginning and after each.
+
+    Returns
+    -------
+    dict
+        Key → result, in the order of `tasks`.
+
+    Raises
+    ------
+    InputError
+        For two tasks of one key, an executor that there is not, or a function that is not a module's.
+    Unfinished
+        Where something ended the study early: a repetition that raised, a worker that died twice, a scheduler that is
+        gone, a full disk, Ctrl-C.  The journal has what was done.
+
+    Examples
+    --------
+    >>> import math
+    >>> run_tasks(math.hypot, [Task("3, 4", (3.0, 4.0)), Task("5, 12", (5.0, 12.0))], jobs=2)
+    {'3, 4': 5.0, '5, 12': 13.0}
+    """
+    run = executor_from_name(executor)
+    _check(work, tasks, executor)
+    at_least("jobs", jobs, 1)
+    done = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
+    left = [t for t in tasks if t.key not in done]
+    watch = _Watch(len(tasks), done, progress)
+    if left:
+        try:
+            for task, ended in run(work, left, jobs):
+                done[task.key] = json.loads(ended.text)
+                if journal is not None:
+                    journal.append(task.key, done[task.key], ended.seconds)
+                watch.tell(done[task.key])
+        except KeyboardInterrupt:
+            raise Unfinished(f"Interrupted. {_kept(len(done), len(tasks), journal)}") from None
+        except Stopped as stopped:
+            raise Unfinished(f"{stopped} {_kept(len(done), len(tasks), journal)}") from stopped.__cause__
+    return {t.key: done[t.key] for t in tasks}
+
+
+def _kept(done: int, total: int, journal: Journal | None) -> str:
+    if journal is None:
+        return f"{done} of {total} repetitions were done."
+    return f"{done} of {total} repetitions are done and kept; fracid resume {resumable(journal.path)} goes on."
+
+
+class _Watch:
+    """Counts, and tells `progress`."""
+
+    def __init__(self, total: int, done: dict[str, Json], progress: Callable[[Progress], None] | None) -> None:
+        self._total, self._done, self._earlier, self._progress = total, done, len(done), progress
+        self._began = time.perf_counter()
+        self._best: float | None = None
+        for value in done.values():
+            self._look(value)
+        self._tell()
+
+    def tell(self, value: Json) -> None:
+        self._look(value)
+        self._tell()
+
+    def _look(self, value: Json) -> None:
+        cost = value.get("cost") if isinstance(value, dict) else None
+        if isinstance(cost, float) and (self._best is None or cost < self._best):
+            self._best = cost
+
+    def _tell(self) -> None:
+        if self._progress is not None:
+            seconds = time.perf_counter() - self._began
+            self._progress(Progress(len(self._done), self._total, self._earlier, seconds, self._best))
+
+
+# --- what is refused ---------------------------------------------------------------------------------
+
+
+def _check(work: Work, tasks: Sequence[Task], executor: str) -> None:
+    seen: set[str] = set()
+    for task in tasks:
+        if task.key in seen:
+            raise InputError(f"Two tasks have the key {task.key!r}; a key names one repetition.")
+        seen.add(task.key)
+    name = getattr(work, "__qualname__", "")
+    if executor != "threads" and (not name or "<" in name or not hasattr(work, "__module__")):
+        raise InputError(f"{work!r} cannot be sent to other processes: give a function of a module, or threads.")
+
+
+def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]:
+    """Find what runs tasks; a scheduler's address is not tried.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, and it is no address.
+
+    Examples
+    --------
+    >>> callable(executor_from_name("threads"))
+    True
+    """
+    if name in EXECUTORS:
+        return EXECUTORS[name]
+    if "://" in str(name):
+        return lambda work, tasks, _: on_cluster(work, tasks, name)
+    raise InputError(
+        f"There is no executor {name!r}; type one of {', '.join(EXECUTORS)}, or the address of a Dask scheduler, "
+        "tcp://HOST:8786."
+    )
+
+
+EXECUTORS: dict[str, Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]] = {
+    "threads": on_threads,
+    "processes": on_processes,
+}
+"""By name; see the module's table."""

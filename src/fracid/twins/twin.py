@@ -1,0 +1,294 @@
+"""Simulated recordings, *twins*: a model runs as a rig would, and encoders with noise read it.
+
+::
+
+    Twin.of_model      a model and what to let it do   ┐
+    Twin.of_problem    a project's or a run's problem  ┴→  Twin  ──simulate──→  Trajectory  ──record──→  Recording
+                                                                                             save_recording → a file
+
+A twin is what every claim about an identification can be tried on, for its truth is known.  Until the release, `hold`
+seconds from the start, the pendulum is held: the outputs stay at their initial values.  From there on the states are
+those of :func:`fracid.simulate`, with the memory beginning at the release, ::
+
+    x(t) = x(0)                    for t < hold,
+    D^q x = f(t, x, u(t), p)       from then on.
+
+What is recorded of an output y is :func:`fracid.twins.encoder.encoder`'s reading: noise of standard deviation σ, then
+rounding to whole counts.  Inputs are recorded as they are.
+
+=========  =================================================================================
+ending     what :func:`save_recording` writes
+=========  =================================================================================
+``.csv``   the note as a comment, then ``time [s],theta [rad],...``, with all digits
+``.mat``   MATLAB v5: column vectors ``time``, ``theta``, ..., and the note as ``note``
+``.npz``   NumPy: the same as arrays
+=========  =================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.models import Model
+from fracid.models.geometry import is_pendulum
+from fracid.problem import Experiment, Problem
+from fracid.problem.problem import LIMIT
+from fracid.recording import Recording
+from fracid.solver.solve import simulate
+from fracid.solver.trajectory import Trajectory
+from fracid.twins.encoder import encoder
+
+__all__ = ["Twin"]
+
+MOST = 20_000_000
+"""Samples of a recording at most: 160 MB a column."""
+
+BEYOND = 1e100
+"""A state beyond this has run away, whatever its unit."""
+
+
+@dataclass(frozen=True)
+class Twin:
+    """What is simulated, all of it given by value."""
+
+    name: str
+    """What the recording is called."""
+    model: Model
+    orders: Mapping[str, float]
+    """By name."""
+    parameters: Mapping[str, float]
+    """By name [SI]; the model's own are taken for those left out."""
+    initial: Mapping[str, float]
+    """States at the start by name [rad]; 0 where left out."""
+    step: float
+    """Between samples [s]."""
+    end: float
+    """Time of the last sample [s]."""
+    start: float = 0.0
+    """Time of the first sample, as the recording is to say it [s]."""
+    hold: float = 0.0
+    """When the motion begins, from the first sample [s]; below 0 it began before."""
+    method: str = "pi2"
+    """A key of :data:`fracid.solver.methods.METHODS`."""
+    memory: Any = "compressed"
+    """As :func:`fracid.simulate` takes it."""
+    substeps: int = 1
+    """Steps of the solver to a sample."""
+    inputs: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
+    """Input → its times, from the first sample [s], and its values; linear between, held beyond both ends."""
+    history: FloatArray | None = None
+    """The states before the start, as :func:`fracid.simulate` takes them."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no recording."""
+        for what, value in (("step", self.step), ("end", self.end - self.hold)):
+            if not (math.isfinite(value) and value > 0):
+                said = f"end = {self.end:g} s with hold = {self.hold:g} s" if what == "end" else f"step = {value:g} s"
+                raise InputError(f"{said} is not possible; expected an end after the release and a step above 0.")
+        if self.end / self.step > MOST:
+            raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
+        if not 1 <= self.substeps <= 1000:
+            raise InputError(f"substeps = {self.substeps} is not possible; expected a whole number from 1 to 1000.")
+
+    @classmethod
+    def of_model(cls, model: Model, *, name: str = "", **given: Any) -> Twin:
+        """Take a model with its own values; orders left out are 1.
+
+        Parameters
+        ----------
+        model : Model
+        name : str
+        **given
+            Fields of the twin: ``initial``, ``step`` and ``end`` at least.
+
+        Raises
+        ------
+        InputError
+            For a step, an end or substeps that cannot be.
+
+        Examples
+        --------
+        >>> from fracid import rotary_pendulum
+        >>> twin = Twin.of_model(rotary_pendulum(), initial={"alpha": 0.2}, step=0.01, end=3.0, hold=1.0)
+        >>> recording = twin.record(twin.simulate(), noise={"alpha": 1e-4}, counts=4096, seed=1)
+        >>> list(recording.signals), recording.time.size, recording.report.release
+        (['theta', 'alpha'], 301, 1.0)
+        """
+        orders = dict.fromkeys(model.order_names, 1.0) | dict(given.pop("orders", {}))
+        return cls(name or model.name, model, orders, **{"parameters": {}, **given})
+
+    @classmethod
+    def of_problem(cls, problem: Problem, x: FloatArray, experiment: Experiment) -> Twin:
+        """Take what a problem simulates of one recording with the unknowns `x`: its rest, its inputs, its past.
+
+        Parameters
+        ----------
+        problem : Problem
+        x : ndarray, shape (n_unknowns,)
+            Those of a fit, or ``problem.start``.
+        experiment : Experiment
+            One of the problem's.
+
+        Examples
+        --------
+        >>> from fracid import rotary_pendulum
+        >>> from fracid.problem import Free
+        >>> model, swing = rotary_pendulum(), np.column_stack([np.zeros(200), 0.2 * np.cos(0.07 * np.arange(200))])
+        >>> problem = Problem(model, (Experiment("swing", 0.01, swing, np.zeros((1, 1))),), {"lambda": 1.0, "mu": 1.0},
+        ...                   {"b_alpha": Free(1e-4, 0.0, 1e-2)})
+        >>> twin = Twin.of_problem(problem, problem.start, problem.experiments[0])
+        >>> columns = list(model.outputs.values())
+        >>> bool((twin.simulate().states[:, columns] == problem.fitted(problem.start, problem.experiments[0])).all())
+        True
+        """
+        model: Model = problem.model
+        orders, values, initial = problem.unpack(x, experiment)
+        inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
+        if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
+            past = 0 if experiment.past is None else len(experiment.past)
+            times: FloatArray = np.arange(-past, len(u) - past, dtype=np.float64) * experiment.step
+            inputs = {n: (times, u[:, j]) for j, n in enumerate(model.inputs)}
+        return cls(
+            experiment.name, model, _by_name(model.orders, orders), _by_name(model.parameter_names, values),
+            _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
+            problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
+            problem.history(x, experiment),
+        )  # fmt: skip
+
+    def changed(self, **given: Any) -> Twin:
+        """The same with other orders, parameters or initial states by name, or other fields.
+
+        Raises
+        ------
+        InputError
+            For an order, parameter or state that the model does not have, or a field that cannot be so.
+
+        Examples
+        --------
+        >>> from fracid import rotary_pendulum
+        >>> twin = Twin.of_model(rotary_pendulum(), initial={"alpha": 0.2}, step=0.01, end=1.0)
+        >>> dict(twin.changed(orders={"mu": 0.9}).orders)
+        {'lambda': 1.0, 'mu': 0.9}
+        """
+        named = {name: getattr(self, name) for name in ("orders", "parameters", "initial") if name in given}
+        new = replace(self, **given | {name: {**old, **given[name]} for name, old in named.items()})
+        new.model.state_orders(new.orders)
+        new.model.parameter_vector(new.parameters)
+        new.model.state_vector(new.initial)
+        if new.history is not None and (new.step, new.orders) != (self.step, self.orders):
+            raise InputError(
+                f"{self.name} starts in motion, with its measured past on its own grid; leave its step and orders as "
+                "they are, or simulate the model itself: fracid simulate RIG."
+            )
+        return new
+
+    @property
+    def time(self) -> FloatArray:
+        """Of the samples, from 0 [s], shape (n_samples,)."""
+        samples: FloatArray = np.arange(round(self.end / self.step) + 1, dtype=np.float64)
+        return samples * self.step
+
+    def simulate(self) -> Trajectory:
+        """Simulate all samples; its time is that of the recording, from 0.
+
+        Returns
+        -------
+        Trajectory
+            On the samples' grid; where the run fails (its ``outcome`` says how) up to there.
+
+        Raises
+        ------
+        InputError
+            As :func:`fracid.simulate`.
+        """
+        h = self.step / self.substeps
+        wanted = (self.time[-1] - self.hold) / h
+        steps = max(1, round(wanted)) if self._whole(h) else math.ceil(wanted) + 2  # both neighbours of the last sample
+        run = simulate(
+            self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
+            parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
+            memory=self.memory, inputs=self._driven(steps, h), history=self.history,
+            limit=LIMIT if is_pendulum(self.model) else BEYOND,
+        )  # fmt: skip
+        held, moving = self._held_and_moving(run)
+        states = run.states[np.rint((moving - self.hold) / h).astype(int)] if self._whole(h) else run.at(moving)
+        before = np.repeat(run.states[:1], held.size, axis=0)
+        return replace(run, time=np.concatenate([held, moving]), states=np.vstack([before, states]), origin=0.0)
+
+    def _whole(self, h: float) -> bool:
+        """Whether the release is on the grid of steps."""
+        return abs(self.hold / h - round(self.hold / h)) < 1e-6
+
+    def _held_and_moving(self, run: Trajectory) -> tuple[FloatArray, FloatArray]:
+        """The samples before the release, and those that the run reached."""
+        slack = 1e-6 * self.step
+        held, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
+        return self.time[held], self.time[moving & ~held]
+
+    def _driven(self, steps: int, h: float) -> FloatArray | None:
+        """u on the grid of the run, with a past from its beginning on."""
+        if not self.inputs:
+            return None
+        past = 0 if self.history is None else len(self.history)
+        at = self.hold + h * np.arange(-past, steps + 1)
+        u = np.zeros((len(at), len(self.model.inputs)))
+        for name, (times, values) in self.inputs.items():
+            u[:, self.model.inputs.index(name)] = np.interp(at, times, values)
+        return u
+
+    def record(
+        self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
+        states: bool = False,
+    ) -> Recording:  # fmt: skip
+        """Read a run as encoders would.
+
+        Parameters
+        ----------
+        run : Trajectory
+            Of :meth:`simulate`.
+        noise : mapping, optional
+            Output → standard deviation of its noise [rad].
+        counts : int
+            A turn of the encoders; 0 for no rounding.
+        seed : int
+            Of the noise, and of where the edges of the counts lie.
+        states : bool
+            All states, as they are, behind the outputs.
+
+        Raises
+        ------
+        InputError
+            For an output that the model does not have, noise below 0, or counts that are no encoder's.
+        """
+        levels = {n: float((noise or {}).get(n, 0.0)) for n in self.model.outputs}
+        if unknown := set(noise or {}) - set(levels):
+            raise InputError(f"There is no output {min(unknown)!r}; {self.model.name} has {', '.join(levels)}.")
+        if not all(0 <= v < math.inf for v in levels.values()):
+            raise InputError(f"noise = {dict(noise or {})} is not possible; expected standard deviations from 0 on.")
+        if counts < 0 or 0 < counts < 3:
+            raise InputError(f"counts = {counts} is not possible; expected counts a turn, e.g. 4096, or 0.")
+        rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
+        units: dict[str, str] = {}
+        signals: dict[str, FloatArray] = {}
+        for name, i in self.model.outputs.items():
+            signals[name] = encoder(run.states[:, i : i + 1], levels[name], resolution, rng)[:, 0]
+            units[name] = "rad" if self.model.zero else "1"
+        for name, (times, values) in (self.inputs or {}).items():
+            signals[name] = np.interp(run.time, times, values)
+            units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")
+        for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
+            called = f"state {name}" if name in signals else name
+            signals[called], units[called] = x, "1"
+        return Recording.of(self.name, self.start + run.time, signals, units)
+
+
+def _by_name(names: Iterable[Any], values: FloatArray) -> dict[str, float]:
+    """Values by name; an order that is a number in the place of a name stays that."""
+    return {name: float(value) for name, value in zip(names, values, strict=True) if isinstance(name, str)}

@@ -1,0 +1,305 @@
+"""Checks after the search: is the result an artefact of step, memory, window or start?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian
+from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
+from fracid.findings import Finding
+from fracid.problem import Experiment, Problem
+from fracid.signals.noise import noise_level
+from fracid.signals.swing import count_swings
+from fracid.solver.memory import compressed
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import time_scale
+from fracid.solver.stiffness import fault_of
+from fracid.units import with_unit
+from fracid.validation.before_search import largest_output
+from fracid.validation.sensor_faults import misread
+
+__all__ = ["after", "failed", "noisy_start"]
+
+FEW_SWINGS = 10
+"""Beside an order that is not known, fewer are called too few."""
+
+WANTED = 0.1
+"""Half an interval of an order that is of use."""
+
+LEFT_OVER = 0.1
+"""Part of the motion that a model may leave unexplained."""
+
+NO_BETTER = 0.8
+"""From which on a model is hardly better than a constant, which a fit says in other words."""
+
+BETWEEN = 4.0
+"""What is left over is large where its square is so many times noise × motion; good fits of real rigs reach 1.4."""
+
+STILL_MOVING = 0.2
+"""A record whose last quarter has this part of the whole's motion does not end at rest."""
+
+CERTIFIED = 1e-9
+"""A memory whose weights are that accurate moves no angle by a thousandth of an encoder's step (docs/solver.md)."""
+
+TIGHTER = 1e-2
+"""Of that: the memory beside which a looser one is seen."""
+
+SHORT = 0.5
+"""Half intervals that a minimum may be away: from there on an interval of 95 % holds it in 84 %."""
+
+FALLS = 1.0
+"""Of the cost, by which a step may lower it [%]: far from a minimum intervals are wide, and hide how far."""
+
+NEXT_TO_NOTHING = 1e-4
+"""Of its size, by which an unknown may be off, however narrow its interval."""
+
+SHIFT = 1e-4
+"""Orders that move by less do not matter, however narrow their intervals."""
+
+
+def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> tuple[Finding, ...]:
+    """Look at a minimum.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or str
+        What :func:`fracid.estimation.covariance.uncertainty` gave there.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    tuple of Finding
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.99}, initial={"alpha": 0.3}, step=4e-3, end=4.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="measured")
+    >>> [f.code for f in after(problem, problem.start, "not asked")]         # order 1 does not explain it
+    ['cannot-explain', 'cannot-explain']
+    """
+    found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]
+    parabola = _parabola(problem, x, known, jobs)
+    found += noisy_start(problem, x, known, jobs=jobs, parabola=parabola)
+    found += _stopped_short(problem, x, known, parabola)
+    found += misread(problem, x, known, jobs=jobs)
+    return (*found, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
+
+
+def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
+    """Say why the run of a recording does not reach its end at x: a blow-up with its time, or a step too long.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+
+    Returns
+    -------
+    tuple of Finding
+        Of the recordings whose run fails.
+    """
+    found = []
+    for e in problem.experiments:
+        run = problem.simulate(x, e)
+        if not run.completed:
+            orders, values, _ = problem.unpack(x, e)
+            gain = run.step**orders * time_scale(problem.model, values) ** (1 - orders)
+            u = e.inputs if problem.substeps == 1 else e.inputs[:1]
+            fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, values)
+            found += [] if fault is None else [replace(fault, where=e.name)]
+    return tuple(found)
+
+
+# --- the minimum -----------------------------------------------------------------------------------------
+
+
+def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Iterator[Finding]:
+    """Simulate with a better memory, and project the difference on the unknowns."""
+    if _tolerance(problem) <= CERTIFIED or not problem.names:
+        return
+    tight = replace(problem, memory=compressed(TIGHTER * CERTIFIED), memo=None)
+    now, then = problem.errors(x), tight.errors(x)
+    if isinstance(now, str) or isinstance(then, str):
+        return
+    change = np.concatenate([(a - b).ravel() for a, b in zip(now, then, strict=True)])
+    errors = np.concatenate([y.ravel() for y in now])
+    if float(np.linalg.norm(change)) < SHIFT * float(np.linalg.norm(errors)):
+        return  # moves no unknown by more than a fraction of its standard error
+    everything = np.arange(len(x))
+    J = jacobian(problem, x, everything, jobs=jobs)
+    if isinstance(J, str):
+        return
+    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    shift = np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale
+    for i, u in enumerate(problem.unknowns):
+        se = math.nan if isinstance(known, str) else float(known.standard_error[i])
+        half = NORMAL_95 * se
+        if u.kind == "order":
+            half = max(SHIFT, half if math.isfinite(half) else 0.0)
+        if math.isfinite(half) and abs(shift[i]) > half:
+            yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "half intervals",
+                f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times half its interval: "
+                f"{problem.memory.name} is too loose. Leave memory and tolerance out of [fit].")  # fmt: skip
+
+
+def _tolerance(problem: Problem) -> float:
+    """Of the memory's weights, relative; all of them for one that forgets."""
+    kind, _, rest = problem.memory.name.partition("(")
+    if kind == "compressed":  # compressed(1e-10) or compressed(1e-10, lags=16)
+        return float(rest.split(",")[0].rstrip(")"))
+    return 0.0 if kind == "full" else 1.0
+
+
+def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Finding]:
+    """Orders that are not known well, where the records have few swings."""
+    if isinstance(known, str):
+        return
+    longest = max(problem.experiments, key=lambda e: count_swings(largest_output(e))[0])
+    y = largest_output(longest)
+    swings, period, begins = count_swings(y)
+    late = float(np.std(y[-(len(y) // 4 + 1) :]))
+    moving = late > max(STILL_MOVING * float(np.std(y[begins:])), 3 * noise_level(y))
+    if swings >= FEW_SWINGS or not moving:  # what came to rest tells no more
+        return
+    seconds = (len(y) - begins) * longest.step
+    for i in problem.order_indices:
+        half, reach = NORMAL_95 * float(known.standard_error[i]), problem.unknowns[i].range
+        if not WANTED < half <= reach.upper - reach.lower:  # known well enough, or not seen at all
+            continue
+        enough = max(seconds * (half / WANTED) ** (2 / 3), min(FEW_SWINGS * period, 2 * len(y)) * longest.step)
+        yield Finding("short-window", problem.names[i], swings, FEW_SWINGS, "swings",
+            f"it is known to ± {half:.2g}, from {swings:.3g} swings in {seconds:.3g} s: the record may be too short "
+            f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
+
+
+def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Curvature | str:
+    """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
+    if isinstance(known, str):
+        return known
+    free = np.flatnonzero(~known.at_bound)
+    return curvature(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
+
+
+def noisy_start(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1, parabola: Curvature | str | None = None
+) -> tuple[Finding, ...]:
+    """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum, or next to it.
+    known : Uncertainty or str
+        What :func:`fracid.estimation.covariance.uncertainty` gave there.
+    jobs : int
+        Threads.
+    parabola : Curvature or str, optional
+        There, of the unknowns that no bound holds; found if left out.
+
+    Returns
+    -------
+    tuple of Finding
+        One for the unknown that is moved most, orders first; or none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> from fracid.estimation.covariance import uncertainty
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=6.0)
+    >>> y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((1501, 2))
+    >>> swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> [found] = noisy_start(problem, problem.start, uncertainty(problem, problem.start))
+    >>> found.code, found.where, found.number > 1
+    ('noisy-start', 'mu', True)
+    """
+    if isinstance(known, str) or problem.initial_state not in LOOSER:
+        return ()
+    found = _parabola(problem, x, known, jobs) if parabola is None else parabola
+    noise = _noise_at_the_start(problem, x)
+    shift = None if isinstance(found, str) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
+    if shift is None:
+        return ()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        times = np.nan_to_num(shift / known.standard_error, nan=0.0, posinf=0.0)
+    beyond = np.flatnonzero(times > 1)
+    if not len(beyond):
+        return ()
+    first = [i for i in beyond if problem.unknowns[i].kind == "order"] or [*beyond]
+    i = max(first, key=lambda k: times[k])
+    sd = max(float(np.max(s)) for s in noise.values())
+    unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
+    return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "half intervals",
+        f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
+        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times half its interval, which does not know of that. Type "
+        f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
+        "in the recording's table."),)  # fmt: skip
+
+
+def _stopped_short(
+    problem: Problem, x: FloatArray, known: Uncertainty | str, found: Curvature | str
+) -> Iterator[Finding]:
+    """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
+    if isinstance(found, str) or isinstance(known, str):
+        return
+    step, cost = newton_step(problem, x, found)
+    size = [max(abs(v), 1e-2 * min(u.range.upper - u.range.lower, 1.0))
+            for u, v in zip(problem.unknowns, x.tolist(), strict=True)]  # fmt: skip
+    least, half = NEXT_TO_NOTHING * np.array(size), NORMAL_95 * known.standard_error
+    intervals = np.abs(step) / np.where(np.isfinite(half), np.maximum(half, least), math.inf)
+    here, i = problem.cost(x), int(np.argmax(intervals))
+    lower = 100 * (1 - cost / here) if here > 0 else 0.0
+    by_cost = lower > FALLS and bool(np.any(np.abs(step) > least))
+    if intervals[i] > SHORT or by_cost:
+        i = i if intervals[i] > SHORT else int(np.argmax(np.abs(step) / least))
+        measure = (
+            (float(intervals[i]), SHORT, "half intervals") if intervals[i] > SHORT else (lower, FALLS, "% of the cost")
+        )
+        yield Finding("stopped-short", problem.names[i], *measure,
+            f"the search stopped short of its minimum: a step of {step[i]:+.2g}, {intervals[i]:.2g} times half its "
+            f"interval, and of the others with it, lowers the cost to {cost:.6g} from {here:.6g}. Start the free "
+            "values where this fit ended, or type --multi-start 16.")  # fmt: skip
+
+
+def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
+    """Recording → noise of its samples, no more than what the fit leaves over [rad]; empty where a run fails."""
+    errors = problem.errors(x)
+    if isinstance(errors, str):
+        return {}
+    return {
+        e.name: np.array(
+            [min(noise_level(y), float(np.sqrt(np.mean(r**2)))) for y, r in zip(e.measured.T, d.T, strict=True)]
+        )
+        for e, d in zip(problem.experiments, errors, strict=True)
+    }
+
+
+def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:
+    fitted = problem.fitted(x, e)
+    if isinstance(fitted, str):
+        return
+    for o, y, z in zip(problem.outputs, e.measured.T, fitted.T, strict=True):
+        rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)
+        part, times = rms / max(spread, 1e-300), rms / noise
+        if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
+            yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
+                f"what is left over is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
+                f"{times:.2g} times the noise: this model may not be able to explain it. Look at "
+                "fracid resid, free a friction, or ask fracid compare; another start: --multi-start 16.")  # fmt: skip

@@ -1,0 +1,711 @@
+r"""Is what an identification says of its own errors true?  Identify a known truth again and again, and count.
+
+A *repetition* takes a problem and values x of its unknowns for the truth, simulates every recording with them (``pi2``,
+:data:`FINER` times finer than the problem, so that the steps of the fit are on trial as well), reads it as an encoder
+does, and identifies the problem again, from its own start:
+
+.. math::  y_t = q\,\mathrm{round}\Big(\frac{f_t(x) + σ\,ε_t - e}{q}\Big) + e, \qquad
+           ε_t \sim N(0, 1), \quad e \sim U(0, q) ,
+
+with the noise's *level* σ, the encoder's *resolution* q, and the edge e of a count, of each output its own: where the
+marks lie nobody chooses.  A *cell* is one level with one resolution; over its repetitions, for each unknown,
+
+=============  ============================================================================================
+bias           mean of the estimates less the truth; known to spread/√n
+spread         their standard deviation: what the standard error ought to be
+claimed        root mean square of the standard errors that were claimed
+coverage       in how many of the 95 % intervals the truth lies, with the exact binomial interval of that
+               share [CP]_: of 50 intervals that keep their word 45 to 50 hold the truth, mostly
+failed         repetitions without a minimum: the run at the best point found fails
+stopped short  repetitions whose search ended at a higher cost than that of the truth itself: there is
+               a lower minimum, which it missed
+=============  ============================================================================================
+
+What makes intervals promise too much, then, shows as bias or as a claim below the spread; :meth:`NoiseStudy.sentences`
+says which.  A fit whose own scheme is of first order is biased by its steps, one by ``itae`` by the rounding (see
+:mod:`fracid.problem.costs`).  One on a held start that nobody named is spread by the noise of the first sample, of
+which no interval knows: :attr:`Plan.findings` says so before the study, with the number.
+
+Every repetition has random numbers of its own, by seed, level, resolution and number, whatever else the study holds
+and whoever runs it (:mod:`fracid.tasks.tasks`).
+
+References
+----------
+.. [CP] C. Clopper, E. Pearson, Biometrika 26 (1934) 404: exact limits of a binomial share.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, at_least
+from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.estimation.curvature import LOOSER
+from fracid.estimation.search import search
+from fracid.figures import Style, draw
+from fracid.findings import Finding
+from fracid.optimise import Evaluation, optimiser_from_name
+from fracid.problem import Problem
+from fracid.problem.costs import ABSOLUTE, COSTS, cost_from_name
+from fracid.problem.portable import Portable, portable_memory
+from fracid.selection.bic import STRONG
+from fracid.selection.integer_rival import integer_alternative, is_off
+from fracid.solver.methods import METHODS
+from fracid.tasks.job import Progress, Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import run_tasks
+from fracid.twins.encoder import encoder, simulated
+from fracid.units import with_unit
+from fracid.validation.after_search import noisy_start
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "Cell",
+    "NoiseStudy",
+    "Plan",
+    "SavedStudy",
+    "Statistics",
+    "binomial95",
+    "noise_study",
+    "planned",
+    "repetition",
+]
+
+BELIEVED = (0.90, 0.99)
+"""Intervals of 95 % whose coverage lies within can be believed."""
+
+ENOUGH = 20
+"""Of fewer intervals nothing is said in their favour."""
+
+BIASED = 0.5
+"""A bias above this part of the spread is what spoils a coverage."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """One unknown in one cell."""
+
+    name: str
+    unit: str
+    truth: float
+    estimates: int
+    """Repetitions that found a value."""
+    bias: float | None
+    """Mean estimate less the truth [unit]; None without estimates."""
+    spread: float | None
+    """Standard deviation of the estimates [unit]; None below two."""
+    claimed: float | None
+    """Root mean square of the standard errors [unit]; None where there was none."""
+    intervals: int
+    """Repetitions that gave a 95 % interval."""
+    held: int
+    """Those whose interval holds the truth."""
+
+    @property
+    def coverage(self) -> float | None:
+        """The share of intervals that hold the truth."""
+        return self.held / self.intervals if self.intervals else None
+
+    @property
+    def coverage95(self) -> tuple[float, float] | None:
+        """The exact binomial 95 % interval of the coverage."""
+        return binomial95(self.held, self.intervals) if self.intervals else None
+
+    @property
+    def bias_error(self) -> float | None:
+        """Standard error of the bias [unit]."""
+        return None if self.spread is None else self.spread / math.sqrt(self.estimates)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "name"}
+        return own | {"bias_error": self.bias_error, "coverage": self.coverage, "coverage95": self.coverage95}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One level of noise with one resolution."""
+
+    level: float
+    """Standard deviation of the noise [rad]."""
+    resolution: float
+    """A step of the encoder [rad]; 0 for none."""
+    repetitions: int
+    failures: Mapping[str, int]
+    """Why no minimum was found → how often."""
+    stopped_short: int
+    """Repetitions whose search ended above the cost of the truth."""
+    evaluations: float
+    """Of the cost, mean of a repetition."""
+    fractional: int | None
+    """Repetitions whose orders would be called fractional; None where that was not asked."""
+    unknowns: Mapping[str, Statistics]
+    unit: str = "rad"
+    """Of level and resolution: that of the scored outputs."""
+
+    @property
+    def counts(self) -> float | None:
+        """The encoder's counts a turn; None for no encoder, and where no angle is measured."""
+        return 2 * math.pi / self.resolution if self.resolution and self.unit == "rad" else None
+
+    @property
+    def failed(self) -> int:
+        """Repetitions without a minimum."""
+        return sum(self.failures.values())
+
+    @property
+    def label(self) -> str:
+        """In words: ``0.1° of noise, 4096 counts``."""
+        return _label(self.level, self.resolution, self.unit)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {
+            "level": self.level,
+            "resolution": self.resolution,
+            "counts_per_turn": self.counts,
+            "repetitions": self.repetitions,
+            "failed": self.failed,
+            "failures": dict(self.failures),
+            "stopped_short": self.stopped_short,
+            "evaluations": self.evaluations,
+            "fractional": self.fractional,
+            "unit": self.unit,
+            "unknowns": {n: s.to_json() for n, s in self.unknowns.items()},
+        }
+
+
+@dataclass(frozen=True)
+class SavedStudy:
+    """What noise.json keeps of a study: enough to draw it again."""
+
+    names: tuple[str, ...]
+    """Of the unknowns."""
+    cost_name: str
+    cells: tuple[Cell, ...]
+    optimiser: str
+    seeds: int
+    """Repetitions a cell."""
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> SavedStudy:
+        """From the content of noise.json."""
+        cells = tuple(map(_cell_of, said["cells"]))
+        return cls(tuple(said["truth"]), said["cost"], cells, said["optimiser"], said["seeds"])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+        """
+        return draw("noise_levels", self, style=style)
+
+
+def _cell_of(said: Mapping[str, Any]) -> Cell:
+    own = {f.name: said[f.name] for f in fields(Cell) if f.name != "unknowns" and f.name in said}
+    known = [f.name for f in fields(Statistics) if f.name != "name"]
+    return Cell(**own, unknowns={n: Statistics(n, **{k: s[k] for k in known}) for n, s in said["unknowns"].items()})
+
+
+@dataclass(frozen=True)
+class NoiseStudy:
+    """The result of :func:`noise_study`."""
+
+    problem: Problem
+    truth: FloatArray
+    """The values that every repetition was to find, shape (n_unknowns,)."""
+    cells: tuple[Cell, ...]
+    """By resolution within level."""
+    repetitions: Mapping[str, Mapping[str, Any]]
+    """Each repetition's own result, by the key of its task."""
+    optimiser: str
+    seeds: int
+    """Repetitions a cell."""
+    seed: int
+    findings: tuple[Finding, ...] = ()
+    """What was known before it began to spoil the intervals."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the unknowns."""
+        return self.problem.names
+
+    @property
+    def cost_name(self) -> str:
+        """Of the cost that was minimised."""
+        return self.problem.cost_function.name
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values; angles in radians."""
+        return {
+            "model": self.problem.model.name,
+            "truth": dict(zip(self.problem.names, self.truth.tolist(), strict=True)),
+            "method": self.problem.method,
+            "cost": self.problem.cost_function.name,
+            "outputs": list(self.problem.outputs),
+            "optimiser": self.optimiser,
+            "seeds": self.seeds,
+            "seed": self.seed,
+            "cells": [cell.to_json() for cell in self.cells],
+            "sentences": list(self.sentences()),
+            "findings": [f.to_json() for f in self.findings],
+            "repetitions": dict(self.repetitions),
+        }
+
+    def table(self) -> list[dict[str, Any]]:
+        """One flat row for each unknown in each cell, for a CSV file."""
+        cell_columns = ("level", "resolution", "counts_per_turn", "repetitions", "failed", "stopped_short")
+        rows = []
+        for cell in self.cells:
+            own = {name: value for name, value in cell.to_json().items() if name in cell_columns}
+            for name, s in cell.unknowns.items():
+                values = s.to_json()
+                low, high = values.pop("coverage95") or (None, None)
+                rows.append(own | {"unknown": name} | values | {"coverage95_low": low, "coverage95_high": high})
+        return rows
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+        """
+        return draw("noise_levels", self, style=style)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
+        found = (*map(str, self.findings), *self._of_the_search(),
+                 *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
+        biased = any("times its spread" in sentence for sentence in found)
+        return (*found, f"What may make a bias: {'; '.join(self._causes())}.") if biased else found
+
+    def _causes(self) -> Iterator[str]:
+        """What makes a bias, and what to do about it."""
+        if any(cell.stopped_short for cell in self.cells):
+            yield "a search that stops short (take another optimiser)"
+        if METHODS[self.problem.method].convergence_order < 2:
+            yield f'the scheme {self.problem.method}, of first order (type method = "pi2" in [fit])'
+        else:
+            yield f"the step (type substeps = {2 * self.problem.substeps} in [fit])"
+        if self.problem.cost_function.loss is ABSOLUTE:
+            yield f'the cost {self.problem.cost_function.name}, which rounding biases (type cost = "rmse")'
+        if self.problem.initial_state in ("held", "measured"):
+            yield 'a first sample that is taken for the start (type initial_state = "rest")'
+
+    def _of_the_search(self) -> Iterator[str]:
+        for cell in self.cells:
+            for reason, times in cell.failures.items():
+                yield f"{cell.label}: {times} of {cell.repetitions} repetitions found nothing: {reason}."
+        short, whole = sum(c.stopped_short for c in self.cells), sum(c.repetitions - c.failed for c in self.cells)
+        if short:
+            yield (
+                f"The search by {self.optimiser} stopped short of its minimum in {short} of {whole} repetitions: "
+                "the truth itself costs less than what it found."
+            )
+
+    def _of_the_intervals(self, name: str) -> str:
+        rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
+        held, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
+        if not intervals:
+            return f"{name}: no repetition gave an interval."
+        said = f"{name}: {held} of {intervals} intervals of 95 % hold the truth ({100 * held / intervals:.1f} %)"
+        narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
+        if narrow:
+            return f"{said}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."
+        if _promises_too_much(held, intervals):
+            return f"{said}: they promise too much."
+        if held / intervals > BELIEVED[1] and binomial95(held, intervals)[0] > 0.95:
+            return f"{said}: they are wider than they need be."
+        if intervals < ENOUGH:
+            return f"{said}: too few to tell whether they can be believed."
+        return f"{said}: they can be believed."
+
+
+def noise_study(
+    problem: Problem,
+    x: FloatArray,
+    *,
+    levels: Sequence[float],
+    resolutions: Sequence[float] = (0.0,),
+    seeds: int = 50,
+    seed: int = 1,
+    optimiser: str = "multistart",
+    starts: int = 1,
+    cost: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    rival: bool = False,
+    executor: str = "threads",
+    jobs: int = 1,
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> NoiseStudy:
+    """Identify a known truth again and again, at every level of noise with every resolution.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is free, the recordings' lengths, inputs and starts; what they measured is replaced by the truth.
+    x : array, shape (n_unknowns,)
+        The truth.
+    levels : sequence of float
+        Standard deviations of the noise [rad]; 0 for none.
+    resolutions : sequence of float
+        Steps of the encoder [rad], 2π/counts; 0 for none.
+    seeds : int
+        Repetitions in each cell.
+    seed : int
+        Of them all.
+    optimiser, starts, options
+        As for :func:`fracid.identify`.
+    cost : str, optional
+        In place of the problem's.
+    rival : bool
+        Whether each repetition also asks if its orders would be called fractional: off its integer value, and better
+        than the integer-order rival.  That takes up to twice as long.
+    executor, jobs, journal, progress
+        As for :func:`fracid.tasks.tasks.run_tasks`; each repetition runs on one thread.  The result is the same for
+        any.
+
+    Returns
+    -------
+    NoiseStudy
+
+    Raises
+    ------
+    InputError
+        For levels, resolutions or values that cannot be, a truth whose run fails, a recording that starts with a
+        measured past, or a model or cost of one's own on other processes.
+    Unfinished
+        As :func:`fracid.tasks.tasks.run_tasks`.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> swing = Experiment("release", 4e-3, np.zeros((751, 2)), np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.5})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)},
+    ...                   initial_state="held", substeps=2)
+    >>> found = noise_study(problem, np.array([0.9, 0.95]), levels=[2e-3], resolutions=[2 * np.pi / 4096], seeds=8)
+    >>> mu = found.cells[0].unknowns["mu"]
+    >>> abs(mu.bias) < 1e-4, mu.held >= 6
+    (True, True)
+    """
+    plan = planned(
+        problem, x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, optimiser=optimiser, starts=starts,
+        cost=cost, options=options, rival=rival,
+    )  # fmt: skip
+    return plan.run(executor=executor, jobs=jobs, journal=journal, progress=progress)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study before it is done: its tasks, for a run of one's own over several studies at once."""
+
+    problem: Problem
+    truth: FloatArray
+    """Shape (n_unknowns,)."""
+    cells: tuple[tuple[float, float], ...]
+    """Level and resolution of each [rad]."""
+    seeds: int
+    seed: int
+    how: Mapping[str, Any]
+    """optimiser, starts, options, rival."""
+
+    @property
+    def own(self) -> str:
+        """The model or cost that comes from a user's file, which no other process has; empty where there is none."""
+        cost, module = self.problem.cost_function, getattr(self.problem.model.rhs, "__module__", None) or ""
+        if COSTS.get(cost.name) is not cost:
+            return cost.name
+        return "" if _importable(module.split(".")[0]) else self.problem.model.name
+
+    @property
+    def tasks(self) -> list[Task]:
+        """One for each repetition, of the function :func:`repetition`."""
+        twin = Portable(simulated(self.problem, self.truth))
+        return [Task(key, (twin, self.truth.tolist(), *cell, (self.seed, k), self.how)) for cell, k, key in self._keys]
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What spoils the intervals for sure: a start that is taken from noisy samples, at the highest level.
+
+        Asked of a recording whose first samples happen to be exact, so that no interval is wide by their chance.
+        """
+        level, resolution = max(self.cells)
+        if self.problem.initial_state not in LOOSER or not level + resolution:
+            return ()
+        exact, rng = simulated(self.problem, self.truth), np.random.default_rng(self.seed)
+        read = []
+        for e in exact.experiments:
+            n, y = len(e.slope_weights), encoder(e.measured, level, resolution, rng)
+            read.append(replace(e, measured=np.vstack([e.measured[:n], y[n:]])))
+        noisy = replace(exact, experiments=tuple(read))
+        return noisy_start(noisy, self.truth, uncertainty(noisy, self.truth))
+
+    @property
+    def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
+        numbers = range(1, self.seeds + 1)
+        return [(cell, k, f"{_label(*cell)}, repetition {k}") for cell in self.cells for k in numbers]
+
+    def run(
+        self, *, executor: str = "threads", jobs: int = 1, journal: Journal | None = None,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> NoiseStudy:  # fmt: skip
+        """Do it; parameters and errors as of :func:`noise_study`."""
+        _check_portable(self, executor)
+        return self.study(
+            run_tasks(repetition, self.tasks, executor=executor, jobs=jobs, journal=journal, progress=progress)
+        )
+
+    def study(self, found: Mapping[str, Any]) -> NoiseStudy:
+        """Gather what the repetitions found, by the keys of the tasks."""
+        each = {cell: [found[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
+        return NoiseStudy(
+            self.problem, self.truth, tuple(_cell(self.problem, self.truth, *cell, each[cell]) for cell in self.cells),
+            {key: found[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed, self.findings,
+        )  # fmt: skip
+
+
+def planned(
+    problem: Problem, x: FloatArray, *, levels: Sequence[float], resolutions: Sequence[float] = (0.0,), seeds: int = 50,
+    seed: int = 1, optimiser: str = "multistart", starts: int = 1, cost: str | None = None,
+    options: Mapping[str, Any] | None = None, rival: bool = False,
+) -> Plan:  # fmt: skip
+    """Plan a noise study without doing it; parameters and errors as of :func:`noise_study`.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> swing = Experiment("release", 4e-3, np.zeros((251, 2)), np.zeros((1, 1)), initial={"alpha": 0.5})
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
+    >>> plan = planned(problem, np.array([0.95]), levels=[0.0, 1e-3], resolutions=[2 * np.pi / 4096], seeds=2)
+    >>> [task.key for task in plan.tasks][-1]
+    '0.0572958° of noise, 4096 counts, repetition 2'
+    """
+    problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
+    problem = replace(problem, memory=portable_memory(problem.memory.name))  # its name has six digits: the same for all
+    cells = _cells(levels, resolutions)
+    at_least("seeds", seeds, 1)
+    if optimiser != "multistart":
+        optimiser_from_name(optimiser)
+    how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival}
+    return Plan(problem, _checked_truth(problem, x), cells, seeds, seed, how)
+
+
+def binomial95(held: int, trials: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share [CP]_.
+
+    Examples
+    --------
+    >>> low, high = binomial95(47, 50)
+    >>> round(low, 3), round(high, 3)
+    (0.835, 0.987)
+    """
+    from scipy.special import betaincinv
+
+    low = betaincinv(held, trials - held + 1, 0.025) if held else 0.0
+    high = betaincinv(held + 1, trials - held, 0.975) if held < trials else 1.0
+    return float(low), float(high)
+
+
+# --- one repetition ----------------------------------------------------------------------------------
+
+
+def repetition(
+    twin: Portable, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
+    how: Mapping[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """Read the truth with noise, identify it, and tell what was found: the work of one task.
+
+    Parameters
+    ----------
+    twin
+        The problem, its recordings those of the truth.
+    truth : list of float
+        The values to be found.
+    level, resolution : float
+        [rad]
+    seed : (int, int)
+        The study's, and the number of the repetition.
+    how : mapping
+        optimiser, starts, options, rival.
+
+    Returns
+    -------
+    dict
+        JSON values: ``values``, ``standard_errors`` and ``intervals`` by name, ``cost`` and ``cost_of_truth``,
+        ``evaluations``, ``failure`` in words, empty where there is none, and ``fractional``.
+
+    Examples
+    --------
+    See :func:`noise_study`, whose tasks call it.
+    """
+    own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
+    noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
+    read = tuple(
+        replace(e, measured=encoder(e.measured, level, resolution, noise)) for e in twin.problem.experiments
+    )  # fmt: skip
+    problem, true = replace(twin.problem, experiments=read), np.array(truth)
+    result, _ = search(problem, how["optimiser"], luck, starts=how["starts"], options=dict(how["options"]))
+    best, at_truth = result.best, problem.cost(true)
+    found: dict[str, Any] = {"evaluations": result.evaluations, "cost_of_truth": _finite(at_truth), "failure": ""}
+    if not math.isfinite(best.cost):
+        return found | {"failure": best.reason or "no run reached its end", "cost": None}
+    known = uncertainty(problem, best.point)
+    return found | {
+        "cost": best.cost,
+        "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
+        "standard_errors": {
+            n: None if isinstance(known, str) else _finite(float(known.standard_error[i]))
+            for i, n in enumerate(problem.names)
+        },
+        "intervals": {
+            n: None if isinstance(known, str) else known.interval(best.point, i) for i, n in enumerate(problem.names)
+        },
+        "fractional": _called_fractional(problem, best, known) if how["rival"] else None,
+    }
+
+
+def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool | None:
+    """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
+
+    None where no free order has an integer value.
+    """
+    free = [problem.unknowns[i].target for i in problem.order_indices]
+    if free and all(problem.model.integer_order(n) is None for n in free):
+        return None
+    intervals = {i: None if isinstance(known, str) else known.interval(best.point, i) for i in problem.order_indices}
+    half = {
+        problem.unknowns[i].target: 0.0 if ends is None else (ends[1] - ends[0]) / 2 for i, ends in intervals.items()
+    }
+    off = [i for i in problem.order_indices
+           if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
+    if not off:
+        return False
+    other = integer_alternative(problem, best, half)
+    return other is None or other.gain > STRONG
+
+
+# --- from repetitions to cells -----------------------------------------------------------------------
+
+
+def _cell(problem: Problem, truth: FloatArray, level: float, resolution: float, each: list[dict[str, Any]]) -> Cell:
+    good = [r for r in each if not r["failure"]]
+    asked = [r["fractional"] for r in good if r["fractional"] is not None]
+    return Cell(
+        level, resolution, len(each), dict(Counter(r["failure"] for r in each if r["failure"])),
+        sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
+        float(np.mean([r["evaluations"] for r in each])), sum(asked) if asked else None,
+        {u.name: _statistics(u.name, u.unit, float(true), good)
+         for u, true in zip(problem.unknowns, truth, strict=True)}, unit_of(problem),
+    )  # fmt: skip
+
+
+def unit_of(problem: Problem) -> str:
+    """The unit of the noise: that of the scored outputs, rad where they have several."""
+    units = {e.units.get(o, "rad") for e in problem.experiments for o in problem.outputs}
+    return units.pop() if len(units) == 1 else "rad"
+
+
+def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) -> Statistics:
+    values = np.array([r["values"][name] for r in good])
+    errors = np.array([r["standard_errors"][name] for r in good if r["standard_errors"][name] is not None])
+    intervals = [r["intervals"][name] for r in good if r["intervals"][name] is not None]
+    return Statistics(
+        name, unit, truth, len(values),
+        float(np.mean(values) - truth) if len(values) else None,
+        float(np.std(values, ddof=1)) if len(values) > 1 else None,
+        float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
+        len(intervals), sum(low <= truth <= high for low, high in intervals),
+    )  # fmt: skip
+
+
+def _promises_too_much(held: int, intervals: int) -> bool:
+    """Coverage below what can be believed, and not by chance."""
+    return held / intervals < BELIEVED[0] and binomial95(held, intervals)[1] < 0.95
+
+
+def _why(cell: Cell, s: Statistics) -> str:
+    """What spoils the coverage of an unknown."""
+    said = f"{cell.label} ({s.held} of {s.intervals}"
+    if s.bias is not None and s.spread and abs(s.bias) > BIASED * s.spread:
+        return f"{said}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
+    if s.claimed and s.spread and s.spread > 1.15 * s.claimed:
+        return f"{said}: the spread is {s.spread / s.claimed:.1f} times the standard error)"
+    if cell.stopped_short > 0.1 * cell.repetitions:
+        return f"{said}: the search stopped short in {cell.stopped_short})"
+    return f"{said})"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _label(level: float, resolution: float, unit: str = "rad") -> str:
+    steps = f"{2 * math.pi / resolution:.6g} counts" if resolution and unit == "rad" else with_unit(resolution, unit)
+    return f"{with_unit(level, unit, '.6g')} of noise, {steps if resolution else 'no rounding'}"
+
+
+# --- what cannot be ----------------------------------------------------------------------------------
+
+
+def _cells(levels: Sequence[float], resolutions: Sequence[float]) -> tuple[tuple[float, float], ...]:
+    for what, values in (("level", levels), ("resolution", resolutions)):
+        if not len(values):
+            raise InputError(f"There is no {what}; give at least one [rad], 0 for none.")
+        for value in values:
+            if not (math.isfinite(value) and 0 <= value < math.pi):
+                raise InputError(f"{what} {value!r} rad: expected a number from 0 to π, in radians.")
+        if len({f"{value:.12f}" for value in values}) < len(values):
+            raise InputError(f"The {what}s {', '.join(f'{v:g}' for v in values)} rad name one twice; give each once.")
+    return tuple((float(level), float(q)) for level in levels for q in resolutions)
+
+
+def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
+    if not problem.names:
+        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    truth = np.asarray(x, dtype=np.float64)
+    if truth.shape != (len(problem.names),) or not np.all(np.isfinite(truth)):
+        raise InputError(
+            f"The truth has the shape {truth.shape}; expected {len(problem.names)} finite numbers, one for each of "
+            f"{', '.join(problem.names)}."
+        )
+    for u, value in zip(problem.unknowns, truth.tolist(), strict=True):
+        if u.kind != "initial" and not u.range.lower <= value <= u.range.upper:  # an initial state's moves with it
+            raise InputError(
+                f"The truth {u.name} = {value:g} lies outside the bounds {u.range.lower:g} … {u.range.upper:g}, so no "
+                "search can find it: widen them."
+            )
+    return truth
+
+
+def _check_portable(plan: Plan, executor: str) -> None:
+    if executor != "threads" and plan.own:
+        raise InputError(
+            f"{plan.own} comes from a file of your own, which other processes do not have: type --executor threads "
+            '(executor = "threads").'
+        )
+
+
+def _importable(name: str) -> bool:
+    """Whether a fresh interpreter finds a module of that name: not one that was run from a file."""
+    return name == "fracid" or (bool(name) and any(f.find_spec(name, None) for f in sys.meta_path))

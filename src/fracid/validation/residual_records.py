@@ -1,0 +1,223 @@
+"""The records of a residual analysis: whiteness, spectrum, normality, variance, level."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+__all__ = [
+    "ENOUGH",
+    "NAN",
+    "SHORT",
+    "SIGNIFICANT",
+    "Contrast",
+    "Level",
+    "Line",
+    "Normality",
+    "ResidualAnalysis",
+    "Spectrum",
+    "Variance",
+    "Whiteness",
+]
+
+SHORT = 30
+"""Samples below which nothing is asked."""
+
+ENOUGH = 20
+"""Independent samples below which a p-value is not given."""
+
+SIGNIFICANT = 0.05
+"""A p-value below this is said to be no chance."""
+
+UNEQUAL = 1.5
+"""Ratio of two spreads that is worth naming."""
+
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Whether the residual is correlated in time, and how much of it counts."""
+
+    sentence: str
+    """What it means and what to do."""
+    white: bool = False
+    """No correlation is seen, or too little to matter."""
+    lags: int = 0
+    """Of the Ljung-Box test."""
+    statistic: float = NAN
+    """Its Q."""
+    p_value: float = NAN
+    """On all samples; of whiteness itself, so it needs no thinning."""
+    lag_one: float = NAN
+    """Correlation of neighbours."""
+    correlation_time: float = NAN
+    """T [s]."""
+    effective_samples: float = NAN
+    """As many independent ones would know as much."""
+    thinning: int = 0
+    """k: the tests below have every k-th sample."""
+    thinned_samples: int = 0
+    thinned_p_value: float = NAN
+    """Of Ljung-Box on the thinned residual: a small one says that it is not thin enough."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A frequency that stands out."""
+
+    frequency: float
+    """[Hz]"""
+    share: float
+    """Of the power, within a tenth of the frequency, less what white noise has there."""
+    harmonic: int | None
+    """Which multiple of the swing's frequency it is, 1 to 5; None if it is none."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """At which frequencies the residual has its power."""
+
+    sentence: str
+    """What it means and what to do."""
+    swing: float | None = None
+    """Where the fitted motion has its peak [Hz]; None if it does not swing."""
+    slow_share: float = NAN
+    """Of the power, slower than :attr:`slow_below`."""
+    slow_below: float = NAN
+    """A third of the swing, or three periods a record [Hz]."""
+    peak: float = NAN
+    """The strongest frequency above that [Hz]."""
+    peak_share: float = NAN
+    """Its share of the power."""
+    line: Line | None = None
+    """The strongest frequency, if it stands out."""
+
+
+@dataclass(frozen=True)
+class Normality:
+    """Whether the residual is distributed normally."""
+
+    sentence: str
+    """What it means and what to do."""
+    ppcc: float = NAN
+    """Of all samples: 1 for normal."""
+    skewness: float = NAN
+    excess_kurtosis: float = NAN
+    """0 for normal; −1.2 for rounding, −1.5 for a sine, 3 for Laplace's."""
+    anderson_darling: float = NAN
+    """A² of the thinned residual."""
+    p_value: float = NAN
+    """Of A²; NaN where too few samples are independent."""
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """The residual's spread where something is large, beside that where it is small."""
+
+    ratio: float = NAN
+    """rms about the mean in the upper third, divided by that in the lower."""
+    p_value: float = NAN
+    """On the thinned residual; where it is too short, of F with as many degrees of freedom as samples count."""
+
+    @property
+    def uneven(self) -> bool:
+        """Whether it is large enough to be named."""
+        return max(self.ratio, 1 / self.ratio) > UNEQUAL
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is, and is no chance."""
+        return self.uneven and self.p_value < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class Variance:
+    """Whether the residual scatters alike throughout."""
+
+    sentence: str
+    """What it means and what to do."""
+    late_to_early: Contrast = Contrast()
+    """Last third of the record to its first; Mann and Whitney's test of the sizes."""
+    far_to_near: Contrast = Contrast()
+    """By the distance of the fitted value from its mean; Breusch-Pagan."""
+    fast_to_slow: Contrast = Contrast()
+    """By the size of the fitted speed; Breusch-Pagan."""
+
+    @property
+    def contrasts(self) -> tuple[Contrast, Contrast, Contrast]:
+        """The three, in that order."""
+        return self.late_to_early, self.far_to_near, self.fast_to_slow
+
+
+@dataclass(frozen=True)
+class Level:
+    """How large the residual is, beside the encoder."""
+
+    sentence: str
+    """What it means and what to do."""
+    mean: float = NAN
+    """[rad]"""
+    rms: float = NAN
+    """[rad]"""
+    encoder_step: float | None = None
+    """[rad]; None if there is none, or none is seen."""
+    steps: float = NAN
+    """rms in steps of the encoder."""
+    floor: float = NAN
+    """What rounding alone leaves, step/√12 [rad]."""
+
+
+@dataclass(frozen=True)
+class ResidualAnalysis:
+    """What :func:`residual_analysis` found."""
+
+    recording: str
+    """Its name."""
+    output: str
+    use: str
+    """``fit`` or ``validate``."""
+    samples: int
+    """Looked at: the longest stretch without a gap."""
+    missing: int
+    """Samples that were not: without a simulated value, or beyond a gap of such."""
+    step: float
+    """Between samples [s]."""
+    whiteness: Whiteness
+    spectrum: Spectrum
+    normality: Normality
+    variance: Variance
+    level: Level
+    unit: str = "rad"
+    """Of the residual."""
+
+    @property
+    def sentences(self) -> dict[str, str]:
+        """Each question's line of plain words, in the order in which they should be read."""
+        said = {
+            "whiteness": self.whiteness.sentence,
+            "spectrum": self.spectrum.sentence,
+            "normality": self.normality.sentence,
+            "variance": self.variance.sentence,
+            "level": self.level.sentence,
+        }
+        return {name: sentence for name, sentence in said.items() if sentence}
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything as plain JSON values, what is not known as null; angles in radians.
+
+        Examples
+        --------
+        >>> nothing = ResidualAnalysis("r", "alpha", "fit", 0, 3, 0.01, Whiteness("none"), Spectrum(""),
+        ...                            Normality(""), Variance(""), Level(""))
+        >>> nothing.to_json()["whiteness"]["p_value"] is None, nothing.sentences
+        (True, {'whiteness': 'none'})
+        """
+        return dict(_plain(asdict(self)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {n: _plain(v) for n, v in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

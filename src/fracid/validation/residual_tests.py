@@ -1,0 +1,93 @@
+"""The statistical tests of a residual analysis."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.signals.correlation import power_spectrum
+from fracid.validation.residual_records import ENOUGH, NAN
+
+__all__ = [
+    "breusch_pagan",
+    "fisher",
+    "harmonic_number",
+    "is_testable",
+    "ljung_box",
+    "mann_whitney",
+    "spread_ratio",
+    "swing_band",
+]
+
+
+def is_testable(thin: FloatArray) -> bool:
+    """Whether a thinned residual can be tested."""
+    return thin.size >= ENOUGH and bool(np.ptp(thin) > 0)
+
+
+def ljung_box(ρ: FloatArray, n: int) -> tuple[int, float, float]:
+    """Lags, Q and p-value.  From ρ by FFT: acorr_ljungbox takes n² steps for it, ten seconds at 20,000 samples."""
+    from statsmodels.tsa.stattools import q_stat  # type: ignore[import-untyped]
+
+    lags = min(10, n // 5, ρ.size - 1)
+    Q, p = q_stat(ρ[1 : lags + 1], n)
+    return lags, float(Q[-1]), float(p[-1])
+
+
+def swing_band(speed: FloatArray, step: float) -> tuple[float, float, float] | None:
+    """Where the fitted speed has its peak [Hz], between the ends of the band that has half its density and more.
+
+    The speed knows nothing of a plateau; a peak below three periods a record is no swing.
+    """
+    if np.ptp(speed) <= 1e-12:
+        return None
+    f, S = power_spectrum(speed, step)
+    at = int(np.argmax(S))
+    strong = f[S[at] <= 2 * S]
+    return (float(strong[0]), float(f[at]), float(strong[-1])) if at >= 3 else None
+
+
+def harmonic_number(f: float, band: tuple[float, float, float] | None, bin_width: float) -> int | None:
+    """Which multiple of the swing a frequency is; a damped swing is a band, and so are its multiples."""
+    if band is None:
+        return None
+    low, swing, high = band
+    m, margin = round(f / swing), max(1.5 * bin_width, 0.1 * swing)
+    return m if 1 <= m <= 5 and m * low - margin <= f <= m * high + margin else None
+
+
+def mann_whitney(e: FloatArray) -> float:
+    """The p-value of |e| being larger in the last third than in the first, or smaller."""
+    from scipy.stats import mannwhitneyu
+
+    size, third = np.abs(e - np.median(e)), e.size // 3
+    return float(mannwhitneyu(size[:third], size[-third:])[1])
+
+
+def fisher(ratio: float, freedom: float) -> float:
+    """The p-value of a ratio of spreads, each of as many independent samples: Fisher's F."""
+    from scipy.stats import f
+
+    return float(2 * f.sf(max(ratio, 1 / ratio) ** 2, freedom, freedom)) if math.isfinite(ratio) else NAN
+
+
+def spread_ratio(e: FloatArray, by: NDArray[Any]) -> float:
+    """Spread where `by` is in its upper third, divided by that in its lower; NaN where `by` does not vary."""
+    if np.ptp(by) <= 1e-12:
+        return NAN
+    low, high = np.quantile(by, (1 / 3, 2 / 3))
+    small, large = e[by <= low] - e.mean(), e[by >= high] - e.mean()
+    return float(np.sqrt(np.mean(large**2) / max(np.mean(small**2), 1e-300)))
+
+
+def breusch_pagan(e: FloatArray, by: FloatArray) -> float:
+    """The p-value of e² rising or falling with `by`; Koenker's form, which needs no normal errors."""
+    from statsmodels.stats.diagnostic import het_breuschpagan  # type: ignore[import-untyped]
+
+    if not is_testable(e) or np.ptp(by) <= 1e-12:
+        return NAN
+    return float(het_breuschpagan(e - e.mean(), np.column_stack([np.ones_like(by), by / by.max()]))[1])

@@ -1,0 +1,492 @@
+r"""How much do the orders move with where the record begins, and with what is taken for the motion before it?
+
+A fractional derivative sums over all that was, so a record that starts in motion has its past in the equations.  A
+fit has to take something for that past, and nothing in its residuals says whether it was the right thing.  So the
+fit is made again with something else in its place, from the minimum found, by least squares over all unknowns:
+
+===================== ===================================================================================
+treatment             what is taken for the motion before the start
+===================== ===================================================================================
+with the past         the samples before the start enter the memory (``history = "measured"``)
+without the past      nothing: the rig is struck in the posture of the start (no ``history``)
+from the plateau      there is none: the record begins with the release, found in the samples before the
+                      start, free to some 50 ms, of a rig at rest (``from = "release"``)
+cut later             as the fit has it, but the record begins at its next turning point; what was
+                      known of the past goes on, and a start at rest becomes a past
+===================== ===================================================================================
+
+Each is left out where it is what the fit has done already, or where there is nothing to do it with.  One that fits
+as well as the fit did, to a tenth of the residual's rms, is a rival: nothing tells which of the two is right.  Where a
+rival moves an order by more than the half width of its 95 % interval, the interval is too narrow: it knows of noise,
+not of what the model lacks.  And where the past makes the residual smaller, it belongs in.
+
+On a real SRV02 (release from 92°, cut 0.19 s after it, 18 unknowns) the fit says μ = 1.008 ± 0.035; with the past μ is
+1.053, from the plateau 1.045.  All three fit to 0.20 … 0.22°: a long flat valley runs from the one to the others, and
+what is taken for the first 0.2 s decides about the place in it.  The valley is curved, so a refit takes as long as a
+search, and :func:`cut_check` is asked for (``fracid fit --cut``), not part of every fit.
+``python benchmarks/evidence.py cut`` prints these figures.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.horizons import Watch, refined
+from fracid.figures import Style, draw
+from fracid.optimise import Outcome
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.project import Project
+from fracid.recording import Recording, load_recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
+
+SHIFT = 1e-4
+"""Orders that move by less than this do not matter, however narrow their intervals."""
+
+TURNS = 0.1
+"""A turning point is a peak that stands out by this part of the signal's range."""
+
+EARLY = 0.25
+"""A later cut leaves out at most this part of the record."""
+
+HELD = 0.2
+"""A plateau shorter than this [s] is none."""
+
+RIVAL = 1.1
+"""A treatment whose residual's rms is more than this many times the fit's explains less, and is no rival."""
+
+BETTER = 0.95
+"""A past that brings the residual's rms below this part of what it was belongs in."""
+
+RELEASED = 0.05
+"""How far the release may lie from where it was found [s]."""
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """The orders, with something else taken for the motion before the start."""
+
+    name: str
+    """As in the module's table; ``cut later by 0.34 s``."""
+    orders: Mapping[str, float]
+    """Free orders → value."""
+    shift: Mapping[str, float]
+    """How far each lies from the fit's."""
+    cost: float
+    levels: Mapping[str, float]
+    """Output → rms of its residual [rad]; of the samples that this treatment scores."""
+    stopped: bool
+    """Whether the budget ended the refit: the orders were still moving."""
+
+
+@dataclass(frozen=True)
+class CutCheck:
+    """What :func:`cut_check` found."""
+
+    orders: Mapping[str, float]
+    """Free orders → value, as fitted."""
+    half_width: Mapping[str, float | None]
+    """Of their 95 % intervals; None where there is none."""
+    cost: float
+    levels: Mapping[str, float]
+    """Output → rms of its residual [rad], as fitted."""
+    treatments: tuple[Treatment, ...]
+    left_out: Mapping[str, str]
+    """Treatment → why it does not apply, in words."""
+
+    @property
+    def rivals(self) -> tuple[Treatment, ...]:
+        """Treatments that fit as well."""
+        return tuple(t for t in self.treatments if self._ratio(t) < RIVAL)
+
+    @property
+    def range(self) -> dict[str, tuple[float, float]]:
+        """Order → its least and its greatest value over the fit and its rivals."""
+        rows = [self.orders, *(t.orders for t in self.rivals)]
+        return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.orders}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence for each order that moves by more than its interval, and one for a past that belongs in."""
+        better = (self._better(t) for t in self.treatments if t.name == "with the past")
+        return tuple(w for w in (*map(self._moves, self.orders), *better) if w)
+
+    @property
+    def verdict(self) -> str:
+        """In words: what the warnings say, or that there is nothing to be warned of."""
+        if not self.treatments:
+            return "The cut was not checked: " + "; ".join(f"{n}: {why}" for n, why in self.left_out.items()) + "."
+        if self.warnings:
+            return " ".join(self.warnings)
+        if not self.rivals:
+            return "Nothing else that is taken for the motion before the start fits as well."
+        moved = ", ".join(f"{n} by {self._farthest(n).shift[n]:+.2g}" for n in self.orders)
+        return f"No order moves by more than its interval, wherever the record is cut; at most they move: {moved}."
+
+    def _ratio(self, t: Treatment) -> float:
+        """Its residual's rms over that of the fit, a geometric mean over the outputs: each counts by its own size."""
+        logs = [math.log(max(t.levels[n], 1e-300) / max(level, 1e-300)) for n, level in self.levels.items()]
+        return math.exp(sum(logs) / len(logs))
+
+    def _farthest(self, name: str) -> Treatment:
+        return max(self.rivals, key=lambda t: abs(t.shift[name]))
+
+    def _moves(self, name: str) -> str:
+        half = self.half_width[name]
+        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(SHIFT, half):
+            return ""  # without an interval the order is not known anyway, and the fit says why
+        far, (low, high) = self._farthest(name), self.range[name]
+        by = far.shift[name]
+        cause = "where the record is cut" if far.name.startswith("cut") else "what is taken for the motion before it"
+        stopped = ", and still moving when the refit was stopped" if far.stopped else ""
+        return (
+            f"{name} moves by {by:+.2g} with {cause} ({self.orders[name]:.4g} as fitted, {far.orders[name]:.4g} "
+            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ±{half:.2g}: the interval does not know "
+            f"of what the model lacks. Take {low:.4g} … {high:.4g} for what is known of {name}."
+        )
+
+    def _better(self, t: Treatment) -> str:
+        if self._ratio(t) > BETTER:
+            return ""
+        was, now = (", ".join(f"{n} {math.degrees(v):.3g}°" for n, v in at.items()) for at in (self.levels, t.levels))
+        orders = ", ".join(f"{n} {self.orders[n]:.4g} -> {v:.4g}" for n, v in t.orders.items())
+        plateau = any(other.name == "from the plateau" for other in self.treatments)
+        what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
+        return (
+            f"The motion before the start explains part of the residual: with it the rms falls from {was} to {now} "
+            f"({orders}). Give the fit its past: type {what}."
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything, as plain JSON values; angles in radians."""
+        return {
+            "as_fitted": {"orders": dict(self.orders), "cost": self.cost, "rmse": dict(self.levels)},
+            "half_width": dict(self.half_width),
+            "treatments": {
+                t.name: {"orders": dict(t.orders), "shift": dict(t.shift), "cost": t.cost, "rmse": dict(t.levels),
+                         "still_moving": t.stopped}
+                for t in self.treatments
+            },
+            "left_out": dict(self.left_out),
+            "rivals": [t.name for t in self.rivals],
+            "range": {n: list(ends) for n, ends in self.range.items()},
+            "warnings": list(self.warnings),
+        }  # fmt: skip
+
+    @classmethod
+    def of_json(cls, said: Mapping[str, Any]) -> CutCheck:
+        """The same from :meth:`to_json`.
+
+        Examples
+        --------
+        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
+        >>> CutCheck.of_json(check.to_json()) == check
+        True
+        """
+        treatments = (
+            Treatment(name, t["orders"], t["shift"], t["cost"], t["rmse"], t["still_moving"])
+            for name, t in said["treatments"].items()
+        )
+        fit = said["as_fitted"]
+        return cls(fit["orders"], said["half_width"], fit["cost"], fit["rmse"], tuple(treatments), said["left_out"])
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+        Examples
+        --------
+        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
+        >>> check.plot().axes[0].get_xlabel()
+        'order $\\\\mu$ [–]'
+        """
+        return draw("cut_shifts", self, style=style)
+
+
+def cut_check(
+    problem: Problem,
+    x: FloatArray,
+    known: Uncertainty | str,
+    *,
+    whole: Mapping[str, Experiment] | None = None,
+    jobs: int = 1,
+    budget: int = 60,
+) -> CutCheck | str:
+    """Fit again with something else taken for the motion before the start, and see how far the orders move.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : ndarray, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or str
+        Of x, from :func:`fracid.estimation.covariance.uncertainty`; a string is taken for "no interval".
+    whole : mapping, optional
+        Recording → itself with all samples before its start (:func:`whole_records`).  A past that the problem has
+        already is known without.
+    jobs : int
+        Threads.
+    budget : int
+        Trial steps of each refit.
+
+    Returns
+    -------
+    CutCheck or str
+        The sentence says why there is none: no order is free, a user's own cost, a run that fails.
+
+    References
+    ----------
+    The first screens of this module and of :mod:`fracid.problem.problem`.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.estimation.covariance import uncertainty
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.5}, step=5e-3, end=5.0)
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing.until(4.0),), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> found = cut_check(problem, problem.start, uncertainty(problem, problem.start))
+    >>> [t.name for t in found.treatments], abs(found.treatments[0].shift["mu"]) < 2e-3
+    (['cut later by 0.33 s'], True)
+    """
+    if not problem.order_indices:
+        return "no order is free"
+    if problem.cost_function.loss is None:
+        return f"the cost {problem.cost_function.name} is a user's own, which least squares cannot refine"
+    if isinstance(failed := problem.errors(x), str):
+        return f"the fit's own run fails: {failed}"
+    records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
+    names = [problem.unknowns[i].target for i in problem.order_indices]
+    treatments, left_out = [], {}
+    for name, treatment in TREATMENTS.items():
+        try:
+            other = treatment(problem, records)
+            found = other if isinstance(other, str) else _refitted(name, problem, x, other, jobs, budget)
+        except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
+            found = str(error)
+        if isinstance(found, str):
+            left_out[name] = found
+        else:
+            treatments.append(found)
+    ends = [None if isinstance(known, str) else known.interval(x, i) for i in problem.order_indices]
+    return CutCheck(
+        dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
+        {n: None if end is None else (end[1] - end[0]) / 2 for n, end in zip(names, ends, strict=True)},
+        problem.cost(x), problem.levels(x), tuple(treatments), left_out,
+    )  # fmt: skip
+
+
+def whole_records(project: Project) -> dict[str, Experiment]:
+    """The recordings that a project fits, from their files' first samples on: what came before ``from`` is in them.
+
+    Parameters
+    ----------
+    project : Project
+
+    Returns
+    -------
+    dict
+        Recording → the whole; those that begin with their file's first sample are left out.
+
+    Examples
+    --------
+    >>> import tempfile, fracid
+    >>> from pathlib import Path
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> time = np.arange(0, 4, 0.01)
+    >>> np.savez(folder / "swing.npz", time=time, alpha=0.1 * np.cos(6 * time))
+    >>> text = '[[recording]]\\nfile = "swing.npz"\\nfrom = 1.0\\nalpha = { column = "alpha" }'
+    >>> _ = (folder / "rig.toml").write_text(text)
+    >>> whole = whole_records(fracid.load_project(folder / "rig.toml"))["swing"]
+    >>> whole.start, len(whole.measured)
+    (0.0, 400)
+    """
+    model, outputs = project.problem.model, project.problem.outputs
+    begins = {e.name: e.start for e in project.problem.experiments}
+    return {
+        r.name: Experiment.of(r, model, outputs) for r in whole_recordings(project)
+        if r.name in begins and r.step is not None and r.time[0] < begins[r.name]
+    }  # fmt: skip
+
+
+def whole_recordings(project: Project) -> list[Recording]:
+    """A project's recordings as its file has them, but each from its own first sample on.
+
+    Examples
+    --------
+    See :func:`whole_records`.
+    """
+    signals = (*project.problem.model.outputs, *project.problem.model.inputs)
+    return [
+        recording if "from" not in said else load_recording(
+            recording.path, {n: said[n] for n in signals if n in said}, time=said.get("time"), stop=said.get("to"),
+            name=recording.name, resample=said.get("resample", "needed"), variable=said.get("variable"),
+        )
+        for said, recording in zip(tomllib.loads(project.text)["recording"], project.recordings, strict=True)
+    ]  # fmt: skip
+
+
+# --- the treatments ----------------------------------------------------------------------------------------
+
+
+Records = Mapping[str, Experiment]
+"""Recording → all that is known of it, from its first sample on, beginning with the past."""
+
+
+def _with_past(problem: Problem, records: Records) -> Problem | str:
+    if problem.initial_state not in ("estimate", "measured"):
+        return "the fit starts at rest"
+    if all(e.past is not None for e in problem.experiments):
+        return "as fitted"
+    changed = {e.name: _onwards(records[e.name], e, 0) for e in problem.experiments
+               if e.past is None and records[e.name].start < e.start}  # fmt: skip
+    return _changed(problem, changed, "estimate") if changed else "there are no samples before the start"
+
+
+def _without_past(problem: Problem, records: Records) -> Problem | str:
+    del records
+    changed = {e.name: replace(e, past=None, past_inputs=None) for e in problem.experiments if e.past is not None}
+    return _changed(problem, changed, "estimate") if changed else "the fit has none"
+
+
+def _from_plateau(problem: Problem, records: Records) -> Problem | str:
+    if problem.initial_state not in ("estimate", "measured"):
+        return "the fit starts at rest"
+    changed = {}
+    for e in problem.experiments:
+        if records[e.name].start == e.start:
+            return f"there are no samples before the start of {e.name}"
+        release = _onwards(records[e.name], e, 0).release_in_past()
+        if release * e.step < HELD:
+            return f"no plateau was found before the start of {e.name}"
+        begun = _slice(records[e.name], release)
+        changed[e.name] = replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED))
+    return _changed(problem, changed, "rest")
+
+
+def _cut_later(problem: Problem, records: Records) -> Problem | str:
+    at_rest, changed = problem.initial_state in ("rest", "held"), {}
+    for e in problem.experiments:
+        k = _turning_point(e)
+        if k is not None:
+            knows = e.past is not None or at_rest
+            changed[e.name] = _onwards(records[e.name], e, k) if knows else _slice(e, k)
+    if not changed:
+        return f"no turning point was found in the first {EARLY:.0%} of the record"
+    return _changed(problem, changed, "estimate" if at_rest else problem.initial_state)
+
+
+TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | str]] = {
+    "with the past": _with_past,
+    "without the past": _without_past,
+    "from the plateau": _from_plateau,
+    "cut later": _cut_later,
+}
+"""Name → the problem that it makes of another, or why it makes none."""
+
+
+def _changed(problem: Problem, changed: Mapping[str, Experiment], initial_state: Any) -> Problem:
+    experiments = tuple(changed.get(e.name, e) for e in problem.experiments)
+    return replace(problem, experiments=experiments, initial_state=initial_state)
+
+
+def _turning_point(e: Experiment) -> int | None:
+    """The first sample after the release at which the output that moves most turns back; None if that is late."""
+    from scipy.signal import find_peaks
+
+    x = e.measured[:, np.argmax(np.ptp(e.measured, axis=0))]
+    start = e.release_time.upper if isinstance(e.release_time, Free) else e.release_time
+    first = max(0, math.ceil(start / e.step))
+    peaks = [find_peaks(sign * x[first:], prominence=TURNS * np.ptp(x))[0] for sign in (1, -1)]
+    turns = first + np.sort(np.concatenate(peaks))
+    return int(turns[0]) if len(turns) and turns[0] < EARLY * len(x) else None
+
+
+# --- pieces of records -----------------------------------------------------------------------------------------
+
+
+def _whole(e: Experiment, given: Experiment | None) -> Experiment:
+    """A recording with all samples before its start: as given, or from its past; itself where nothing is known."""
+    if given is not None:
+        return given
+    if e.past is None:
+        return e
+    return replace(
+        e, measured=np.vstack([e.past, e.measured]), inputs=e.all_inputs, start=e.start - len(e.past) * e.step,
+        past=None, past_inputs=None, initial={}, release_time=0.0,
+    )  # fmt: skip
+
+
+def _slice(e: Experiment, k: int) -> Experiment:
+    """From its sample k on; what was known of its start is known no more."""
+    return replace(
+        e, measured=e.measured[k:], inputs=_from(e.inputs, k), start=e.start + k * e.step, initial={},
+        release_time=0.0, past=None, past_inputs=None,
+    )  # fmt: skip
+
+
+def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
+    """A recording from its sample k on, all samples before as its past."""
+    at = round((e.start - whole.start) / e.step)
+    past = whole.measured[:at] + (e.measured[0] - whole.measured[at])  # zero = "rest" may differ between the two
+    inputs = whole.inputs[: at + k] if len(whole.inputs) > 1 else whole.inputs
+    return replace(
+        _slice(e, k), past=np.vstack([past, e.measured[:k]]), past_inputs=inputs, weight=e.weight,
+        initial=e.initial if k == 0 else {},
+    )  # fmt: skip
+
+
+def _from(inputs: FloatArray, k: int) -> FloatArray:
+    return inputs[k:] if len(inputs) > 1 else inputs
+
+
+# --- the refit -------------------------------------------------------------------------------------------------
+
+
+def _refitted(name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int) -> Treatment | str:
+    result = refined(other, _carried(problem, x, other), jobs, Watch(), tolerance=1e-5, budget=budget)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    if not math.isfinite(result.best.cost):
+        return f"no run reached its end: {result.best.reason}"
+    later = max(o.start - e.start for e, o in zip(problem.experiments, other.experiments, strict=True))
+    at = {other.unknowns[i].target: i for i in other.order_indices}
+    before = {problem.unknowns[i].target: float(x[i]) for i in problem.order_indices}
+    orders = {n: float(result.best.point[i]) for n, i in at.items()}
+    label = f"{name} by {later:.2g} s" if later > 0 else name
+    return Treatment(
+        label, orders, {n: orders[n] - before[n] for n in orders}, result.best.cost, other.levels(result.best.point),
+        result.outcome is Outcome.BUDGET_SPENT,
+    )  # fmt: skip
+
+
+def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
+    """The minimum x in another problem's unknowns; the state of a start at another time from the fit's own run."""
+    kept = dict(zip(problem.names, x.tolist(), strict=True))
+    for e, later in zip(problem.experiments, other.experiments, strict=True):
+        at = later.start - e.start
+        if at < 0:  # the start as measured
+            kept = {n: v for n, v in kept.items() if not n.endswith(f"(0) [{e.name}]")}
+        elif at > 0:
+            state = problem.simulate(x, e).at([at])[0]
+            kept |= {f"{n}(0) [{e.name}]": float(v) for n, v in zip(problem.model.states, state, strict=True)}
+    return np.array([kept.get(n, start) for n, start in zip(other.names, other.start.tolist(), strict=True)])

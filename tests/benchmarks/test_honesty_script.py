@@ -1,0 +1,60 @@
+"""The measurement behind docs/honesty.md: its parts do what they say, and every fault of the page is made."""
+
+import importlib.util
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def script():
+    """benchmarks/honesty.py, which is no package."""
+    spec = importlib.util.spec_from_file_location("measured_honesty", ROOT / "benchmarks" / "honesty.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["measured_honesty"] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["measured_honesty"]
+
+
+LEFT_OUT = {"stopped-short"}
+"""Of a search, not of a twin: tests/validation/test_findings.py stops one."""
+
+
+def test_every_fault_of_the_page_is_made(script):
+    page = (ROOT / "docs" / "honesty.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([a-z-]+)`", page, flags=re.M)) - LEFT_OUT == {f.code for f in script.FAULTS}
+
+
+def test_a_twin_without_a_fault_has_no_finding_and_its_orders_are_the_truth(script):
+    said = script.ask(script.TWINS[0].problem(), ())
+    assert said.findings == ()
+    assert said.off < 2
+
+
+def test_a_fault_climbs_from_silence_to_being_said(script):
+    late = next(f for f in script.FAULTS if f.what == "α read later than θ")
+    row = script.climb(replace(late, ladder=(0.0, 1.0), gross=1.0, needs="drive"))
+    assert row.first == (1,)
+    assert row.silent < 2
+    assert row.shown.code == "late"
+    assert (row.gross, row.missed) == (1, ())
+
+
+def test_a_gross_fault_that_is_not_said_is_a_miss(script):
+    late = next(f for f in script.FAULTS if f.what == "α read later than θ")
+    row = script.climb(replace(late, code="blow-up", also=(), ladder=(0.0,), gross=0.0, needs="drive"))
+    assert row.first == (None,)
+    assert row.gross == len(row.missed) == 1
+
+
+def test_play_follows_only_when_it_is_pushed(script):
+    x = np.array([0.0, 1.0, 2.0, 1.5, 0.0, -2.0])
+    assert script.with_play(x, 1.0).tolist() == [0.0, 0.5, 1.5, 1.5, 0.5, -1.5]
+    assert script.with_play(x, 0.0).tolist() == x.tolist()

@@ -1,0 +1,133 @@
+"""``fracid check``: table, verdict, JSON, figure, exit codes."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from program import run
+
+T = np.arange(600) / 100
+SWING = np.where(T < 1, 40, 40 * np.cos(5 * (T - 1)) * np.exp(-2 * (T - 1)))
+
+
+@pytest.fixture
+def swing(tmp_path):
+    file = tmp_path / "swing.csv"
+    file.write_text("t,alpha [deg]\n" + "".join(f"{t:.2f},{a:.3f}\n" for t, a in zip(T, SWING, strict=True)))
+    return file
+
+
+def test_a_good_recording_gets_a_table_a_sketch_and_a_verdict(capsys, swing):
+    code, out, err = run(capsys, "check", swing)
+    assert (code, err) == (0, "")
+    assert "100 Hz (step 10 ms)" in out
+    assert "… 40°" in out
+    assert "alpha [deg] is in deg, as the header says." in out
+    assert "good: 600 samples, 5.99 s at 100 Hz, released at 0.99" in out
+    assert any(0x2800 < ord(c) < 0x2900 for c in out)
+
+
+def test_json_is_all_that_stands_on_standard_output(capsys, swing):
+    code, out, err = run(
+        capsys, "check", swing, "--column", "alpha=1,unit=deg,sign=-1,zero=rest", "--time", 0, "--json"
+    )
+    content = json.loads(out)
+    assert (code, err) == (0, "")
+    assert content["level"] == "good"
+    assert content["step"] == pytest.approx(0.01)
+    assert content["signals"]["alpha"]["minimum"] == pytest.approx(-np.radians(40), rel=1e-3)
+    assert len(content["sha256"]) == 64
+
+
+def test_the_figure_is_written_where_out_says(capsys, swing, tmp_path):
+    code, out, _ = run(capsys, "check", swing, "--out", tmp_path / "new" / "folder")
+    assert code == 0
+    figure = tmp_path / "new" / "folder" / "swing.png"
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "swing.png" in out
+
+
+def test_from_and_to_cut_a_part_out(capsys, swing):
+    _, out, _ = run(capsys, "check", swing, "--from", "release", "--to", 3, "--json")
+    assert json.loads(out)["clock"]["duration"] == pytest.approx(2, abs=0.05)
+
+
+def test_an_unfit_recording_is_shown_and_exits_3(capsys, tmp_path):
+    file = tmp_path / "holes.csv"
+    file.write_text("t,alpha\n0,1\n1,\n2,3\n3,5\n")
+    code, out, _ = run(capsys, "check", file)
+    assert code == 3
+    assert "unfit: alpha misses 1 sample at 1 s\n" in out
+    code, out, _ = run(capsys, "check", file, "--json", "--out", tmp_path)
+    assert code == 3
+    assert json.loads(out)["level"] == "unfit"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--column", "alpha"], "--column 'alpha' is not possible; expected NAME=COLUMN"),
+        (["--column", "alpha=9"], "has no column 9"),
+        (["--column", "alpha=1,unit=grad"], "unit = 'grad' is not possible"),
+        (["--column", "alpha=1,colour=red"], "unknown field 'colour'"),
+        (["--rate", "100", "--time", "0"], "give --time or --rate, not both"),
+        (["--rate", "-1"], "rate = -1.0 is not possible"),
+        (["--from", "later"], "--from 'later' is not possible"),
+        (["--from", "90"], "holds 0 samples"),
+        (["--variable", "x"], "leave out the variable 'x'"),
+        (["--rate", "fast"], "--rate"),
+        (["--nonsense"], "nonsense"),
+    ],
+)
+def test_a_callers_mistake_is_a_sentence_and_exits_2(capsys, swing, arguments, message):
+    code, out, err = run(capsys, "check", swing, *arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "code", "message"),
+    [
+        ("none.csv", None, 2, "no file"),
+        ("log.xyz", "1 2\n", 2, "unknown ending '.xyz'"),
+        ("empty.csv", "", 3, "is empty"),
+        ("text.csv", "t,a\n0,1\n1,stuck\n2,2\n", 3, "line 3, column 1 (a): 'stuck' is not a number"),
+        ("broken.mat", "no mat file", 3, "broken.mat is damaged"),
+        ("clockless.txt", "3\n1\n2\n", 2, "Give the rate"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_a_sentence(capsys, tmp_path, name, content, code, message):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    got, out, err = run(capsys, "check", tmp_path / name)
+    assert (got, out) == (code, "")
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_help_shows_a_worked_example(capsys):
+    code, out, _ = run(capsys, "check", "--help")
+    assert code == 0
+    assert "fracid check release.mat" in out
+
+
+def test_check_needs_no_heavy_module(swing):
+    """Matplotlib, Numba, pymoo and pandas would each break the half second."""
+    code = f"""
+import sys
+from fracid.cli.app import main
+try: main(["check", {str(swing)!r}])
+except SystemExit: pass
+sys.exit(",".join({{"matplotlib", "numba", "pymoo", "pandas", "scipy"}} & set(sys.modules)) or 0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_python_m_fracid_is_the_program():
+    done = subprocess.run([sys.executable, "-m", "fracid", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("fracid ")

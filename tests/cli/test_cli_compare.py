@@ -1,0 +1,250 @@
+"""``fracid compare``: tables, files and figures; the journal goes on; exit codes and mistakes in words."""
+
+import csv
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.cli.app import main
+from program import run
+
+PROJECT = """
+[model]
+rig = "stepper-freeswing"
+[model.parameters]
+C1 = { start = 9.8e-5, lower = 5e-5, upper = 2e-4 }
+[model.orders]
+lambda = 1.0
+[[recording]]
+name = "high"
+file = "high.csv"
+alpha = { column = "alpha", unit = "rad" }
+initial = { alpha = 0.6 }
+[[recording]]
+name = "low"
+file = "low.csv"
+alpha = { column = "alpha", unit = "rad" }
+initial = { alpha = 0.3 }
+use = "validate"
+[fit]
+initial_state = "held"
+"""
+QUICK = ("--keep", "drag_theta", "--keep", "drag_alpha")
+
+
+def write_swing(file, angle, seed, end=3.0):
+    rig = fracid.rotary_pendulum("stepper-freeswing", coulomb_alpha=5e-5)
+    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": angle}, step=1e-2, end=end)
+    noisy = run.states[:, 2] + 1e-3 * np.random.default_rng(seed).standard_normal(len(run.time))
+    np.savetxt(file, np.column_stack([run.time, noisy]), delimiter=",", header="time,alpha", comments="")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A project with two swings, and its comparison with the amplitude test."""
+    folder = tmp_path_factory.mktemp("compare")
+    for name, angle, seed in (("high", 0.6, 1), ("low", 0.3, 2)):
+        write_swing(folder / f"{name}.csv", angle, seed)
+    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    with pytest.raises(SystemExit) as stop:
+        main(["compare", str(folder / "rig.toml"), "--out", str(folder / "run"), "--amplitude", "--jobs", "2", *QUICK])
+    assert not stop.value.code
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """A copy of it, to be changed; its figures were drawn once."""
+    shutil.copytree(made, tmp_path / "copy")
+    monkeypatch.setattr("fracid.plots.save", lambda *_: [tmp_path / "figure.png"])
+    return tmp_path / "copy"
+
+
+# --- what it gives ----------------------------------------------------------------------------------------
+
+
+def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, folder):
+    code, out, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--amplitude", *QUICK)
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    assert [row[:2] for row in rows if row[:1] == ["viscous"]] == [["viscous", "1"], ["viscous", "free"]] * 2
+    assert "free ←" in out
+    assert "held out: low" in out
+    assert "effective samples" in out
+    assert "mu " in out
+    assert "Orders make no difference, an integer-order model predicts as well" in out
+    assert "One recording is few" in out
+    for name in ("compare.json", "compare.csv", "figure.png"):
+        assert name in out
+
+
+def test_the_run_folder_holds_numbers_table_and_figures(made):
+    record = json.loads((made / "run" / "compare.json").read_text(encoding="utf-8"))
+    assert [s["name"] for s in record["structures"]] == [
+        "viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1", "viscous + Coulomb, orders free",
+    ]  # fmt: skip
+    assert record["held_out"] == ["low"]
+    assert set(record["data_sha256"]) == {"high", "low"}
+    assert set(record["amplitude"]) == {"viscous, orders free", record["best"]["fractional"]}
+    assert all(test["windows"] for test in record["amplitude"].values())
+    with (made / "run" / "compare.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 4 * 2
+    first = record["structures"][0]
+    assert float(lines[0]["rmse_deg"]) == pytest.approx(np.degrees(first["in_sample"]["high"]["rmse"]["alpha"]))
+    for name in ("ladder.png", "ladder.svg", "amplitude-viscous-orders-free.png"):
+        assert (made / "run" / "figures" / name).stat().st_size > 1000
+
+
+def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folder):
+    before = (folder / "run" / "compare.json").read_text(encoding="utf-8")
+    code, out, err = run(
+        capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--amplitude", "--json", *QUICK
+    )
+    assert code == 0
+    assert out == before  # also: what the journal has gives the same numbers
+    assert all(json.loads(line)["event"] == "progress" for line in err.splitlines())
+
+
+# --- going on -----------------------------------------------------------------------------------------------
+
+
+def test_the_same_command_goes_on_from_its_journal_and_ends_the_same(capsys, folder):
+    journal, result = folder / "run" / "journal.jsonl", folder / "run" / "compare.json"
+    whole, before = journal.read_bytes(), result.read_bytes()
+    assert len(whole.splitlines()) == 1 + 4 + 2
+    result.unlink()
+    journal.write_bytes(b"\n".join(whole.splitlines()[:3]) + b'\n{"key": "visc')  # killed in writing the third
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--amplitude", *QUICK)
+    assert code == 0
+    assert "was cut off in writing and is removed" in err
+    assert result.read_bytes() == before
+    assert journal.read_bytes().startswith(b"\n".join(whole.splitlines()[:3]))
+
+
+def test_what_is_not_finished_is_not_given_up_for_another_comparison(capsys, folder):
+    (folder / "run" / "compare.json").unlink()
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--seed", 7, *QUICK)
+    assert code == 2
+    assert "seed was 1 and is 7" in err
+    assert "fracid resume" in err
+
+
+def test_what_is_finished_gives_way_to_another_comparison(capsys, folder):
+    (folder / "rig.toml").write_text(PROJECT.replace('use = "validate"', ""), encoding="utf-8")
+    code, out, _ = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)
+    assert code == 0
+    assert "No recording was held out, so this is no proof" in out
+    record = json.loads((folder / "run" / "compare.json").read_text(encoding="utf-8"))
+    assert record["held_out"] == []
+
+
+@pytest.mark.slow
+def test_threads_processes_and_leave_one_out_agree_to_the_bit(capsys, folder):
+    records = []
+    for executor in ("threads", "processes"):
+        code, out, _ = run(capsys, "compare", folder / "rig.toml", "--out", folder / executor, "--leave-one-out",
+                           "--executor", executor, "--jobs", 2, "--json", *QUICK)  # fmt: skip
+        assert code == 0
+        records.append(json.loads(out))
+    assert records[0] == records[1]
+    assert records[0]["held_out"] == ["high", "low"]
+
+
+# --- mistakes -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--keep", "b_alfa"), "unknown parameter to keep 'b_alfa': did you mean b_alpha?"),
+        (("--executor", "thread"), "There is no executor 'thread'"),
+        (("--preset", "papers"), "papers"),
+    ],
+)
+def test_mistakes_are_answered_in_words(capsys, folder, arguments, says):
+    code, out, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "other", *arguments)
+    assert (code, out) == (2, "")
+    assert says in err
+    assert "Traceback" not in err
+
+
+def test_one_recording_cannot_be_left_out(capsys, folder):
+    text = PROJECT[: PROJECT.index('[[recording]]\nname = "low"')] + '[fit]\ninitial_state = "held"\n'
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "other", "--leave-one-out")
+    assert code == 2
+    assert "takes two at least" in err
+
+
+def test_a_folder_of_somebody_else_is_refused(capsys, folder):
+    (folder / "other").mkdir()
+    (folder / "other" / "thesis.tex").write_text("", encoding="utf-8")
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "other")
+    assert code == 2
+    assert "holds files that are not a run's" in err
+
+
+def test_a_fit_is_not_cleared_away(capsys, folder):
+    (folder / "run" / "result.json").write_text("{}", encoding="utf-8")
+    code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)
+    assert code == 2
+    assert "holds a fit; give the comparison a folder of its own" in err
+    assert (folder / "run" / "result.json").exists()
+
+
+# --- a real rig -------------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[2]
+FOLDER = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """A function that compares the structures on the recordings of a real SRV02 by the command line."""
+    if not (FOLDER / "srv02-rotpen").is_dir():
+        pytest.skip(f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER")
+    folder = tmp_path_factory.mktemp("real")
+    text = (ROOT / "examples" / "real" / "srv02-compare.toml").read_text(encoding="utf-8")
+    text = re.sub(r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(FOLDER.rglob(m[2])).as_posix()}"', text, flags=re.M)
+    (folder / "srv02.toml").write_text(text, encoding="utf-8")
+
+    def compared(name, *options):
+        with pytest.raises(SystemExit) as stop:
+            main(["compare", str(folder / "srv02.toml"), "--out", str(folder / name), "--json", *options])
+        assert not stop.value.code
+        return json.loads((folder / name / "compare.json").read_text(encoding="utf-8"))
+
+    return compared
+
+
+@pytest.mark.slow
+def test_a_real_rig_needs_dry_friction_and_cable_and_no_orders_and_the_numbers_repeat(real, capsys):
+    record = real("one", "--jobs", "2", "--amplitude")
+    assert len(record["structures"]) == 8
+    by_name = {s["name"]: s for s in record["structures"]}
+    plain, paper, dry, ladder, free = (
+        by_name[f"viscous{more}"] for more in (", orders 1", ", orders free", " + Coulomb, orders 1",
+                                               " + Coulomb + drag + cable, orders 1",
+                                               " + Coulomb + drag + cable, orders free")
+    )  # fmt: skip
+    fitted, low = ({s["name"]: np.degrees([*s[use][name]["rmse"].values()]) for s in record["structures"]}
+                   for use, name in (("in_sample", "release 92°"), ("held_out", "release 16°")))  # fmt: skip
+    assert fitted[ladder["name"]].max() < 0.24  # a good ladder
+    assert low[ladder["name"]].max() < 0.2
+    assert low[paper["name"]].max() > 5 * low[dry["name"]].max()  # the paper's structure
+    assert low[plain["name"]].max() > low[paper["name"]].max()
+    assert free["bic_above_best"] > 0  # two more unknowns that explain nothing
+    for order in free["orders"].values():
+        assert order["interval95"][0] <= 1 <= order["interval95"][1]
+    assert "The paper's structure" in record["verdict"]
+    assert record["amplitude"]["viscous, orders free"]["friction_in_disguise"]
+    assert not record["amplitude"][free["name"]]["friction_in_disguise"]
+    again = real("two", "--jobs", "1", "--amplitude")
+    assert again == record

@@ -1,0 +1,271 @@
+"""Habits of a good program: completion, colours, widths, versions, an order in the help, and a start without delay."""
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fracid.cli import PANELS, app, completion
+from fracid.cli.completion import from_run, one_of
+from program import run
+
+COMMANDS = [command.callback.__name__ for command in app.registered_commands]
+COLOUR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-7]|4[0-7]|9[0-7]|10[0-7]|38;[\d;]+|48;[\d;]+)(?:;\d+)*m")
+ESCAPE = re.compile(r"\x1b\[")
+
+
+# --- completion -------------------------------------------------------------------------------------------
+
+
+def completed(capsys, monkeypatch, words, shell="bash"):
+    """What a shell is offered for the last of some words."""
+    with monkeypatch.context() as patch:
+        patch.setenv("_FRACID_COMPLETE", f"complete_{shell}")
+        typed = words.split(" ")
+        patch.setenv("COMP_WORDS", words.strip())
+        patch.setenv("COMP_CWORD", str(len(typed) - 1))
+        patch.setenv("_TYPER_COMPLETE_ARGS", words)
+        patch.setenv("_TYPER_COMPLETE_FISH_ACTION", "get-args")
+        return run(capsys)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("fracid re", {name for name in COMMANDS if name.startswith("re")}),
+        ("fracid fit rig.toml --opt", {"--optimiser"}),
+        ("fracid fit rig.toml --optimiser ge", {"genetic"}),
+        ("fracid simulate qu", {"qube-servo2"}),
+        ("fracid simulate qube-servo2 --method pi2", {"pi2", "pi2-implicit"}),
+        ("fracid init swing.mat --rig s", {"srv02-rotpen", "stepper-freeswing"}),
+        ("fracid noise runs/rig --cost it", {"itae", "itse"}),
+        ("fracid export runs/rig --to s", {"state-space"}),
+        ("fracid regress rig.toml --estimator t", {"tls", "tukey"}),
+        ("fracid check rel", set()),  # a file: the shell's own
+    ],
+)
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_commands_options_and_values(capsys, monkeypatch, words, offered, shell):
+    said = completed(capsys, monkeypatch, words, shell)
+    if shell == "bash":
+        assert set(said.split()) == offered
+    elif shell == "zsh":
+        assert set(re.findall(r'"([^"]+)"(?::"[^"]*")?', said)) >= offered
+        assert bool(offered) or said.strip() == "_files"
+    else:
+        assert {line.split("\t")[0] for line in said.splitlines() if line} >= offered
+
+
+def test_the_names_of_a_run_are_completed_from_its_result(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    content = {
+        "orders": {"lambda": {"free": False}, "mu": {"free": True}},
+        "parameters": {"C1": {"free": True}, "mass": {"free": False}},
+        "recordings": {"swing": {}, "other": {}},
+    }
+    (tmp_path / "result.json").write_text(json.dumps(content))
+    assert completed(capsys, monkeypatch, "fracid profile . --parameter ").split() == ["mu", "C1"]
+    assert completed(capsys, monkeypatch, "fracid resid . --recording s").split() == ["swing"]
+    (tmp_path / "result.json").write_text("{")
+    assert completed(capsys, monkeypatch, "fracid profile . --parameter ").split() == []
+
+
+def test_the_words_of_the_completion_are_those_of_the_tables():
+    from fracid.export import FORMATS
+    from fracid.models import RIGS
+    from fracid.optimise import OPTIMISERS
+    from fracid.problem.costs import COSTS
+    from fracid.problem.project import PRESETS
+    from fracid.recording.readers.table import READERS
+    from fracid.safety.paths import RECORDINGS
+    from fracid.solver.methods import METHODS
+    from fracid.tasks.tasks import EXECUTORS
+
+    tables = {"COSTS": COSTS, "EXECUTORS": EXECUTORS, "FORMATS": FORMATS, "METHODS": METHODS,
+              "OPTIMISERS": OPTIMISERS, "PRESETS": PRESETS, "RIGS": RIGS}  # fmt: skip
+    for name, table in tables.items():
+        assert set(getattr(completion, name)) == set(table), name
+    assert set(RECORDINGS) == set(READERS)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_completion_of_each_shell_can_be_shown(shell):
+    command = [sys.executable, "-c", "from fracid.cli import main; main()", "--show-completion"]
+    environment = os.environ | {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+    done = subprocess.run([*command, shell], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert f"_FRACID_COMPLETE=complete_{shell}" in done.stdout
+
+
+def test_a_word_that_cannot_be_completed_is_left_alone():
+    assert one_of("a", "b")("c") == []
+    assert callable(from_run("orders"))
+
+
+# --- the help -----------------------------------------------------------------------------------------------
+
+
+def test_every_command_has_a_place_in_the_help_in_the_order_of_use(capsys):
+    placed = [name for names in PANELS.values() for name in names]
+    assert set(COMMANDS) <= set(placed)
+    assert [name for name in placed if name in COMMANDS] == COMMANDS
+    _, out, _ = run(capsys, "--help")
+    places = [out.index(f"─ {panel} ─") for panel in PANELS]
+    assert places == sorted(places)
+    assert "fracid demo" in out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_every_command_has_an_example_that_is_of_it(capsys, command):
+    code, out, err = run(capsys, command, "--help")
+    assert (code, err) == (0, "")
+    assert "Example" in out
+    assert f"fracid {command}" in out.split("Example", 1)[1]
+
+
+def test_the_help_needs_no_module_that_takes_time():
+    code = (
+        "import sys\nfrom fracid.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'pydantic', 'pandas'} & set(sys.modules)\n"
+        "print(*heavy, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.split() == []
+
+
+# --- colours ------------------------------------------------------------------------------------------------
+
+
+class Terminal:
+    """A pseudo-terminal in the place of standard output, and what was written to it."""
+
+    def __enter__(self):
+        self.ours, theirs = pty.openpty()
+        self.file = os.fdopen(theirs, "w", encoding="utf-8")
+        return self
+
+    def __exit__(self, *_):
+        self.file.close()
+        os.close(self.ours)
+
+    def text(self):
+        self.file.flush()
+        os.set_blocking(self.ours, False)
+        parts = []
+        try:
+            while part := os.read(self.ours, 65536):
+                parts.append(part)
+        except OSError:  # nothing more
+            pass
+        return b"".join(parts).decode()
+
+
+def shown(monkeypatch, words, terminal=True, width=100, **environment):
+    """What a command shows on a terminal, or through a pipe."""
+    from fracid.cli.app import main
+
+    for name in ("NO_COLOR", "FORCE_COLOR", "PY_COLORS", "GITHUB_ACTIONS", "COLORTERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in {"TERM": "xterm-256color", "COLUMNS": str(width), **environment}.items():
+        monkeypatch.setenv(name, value)
+    if not terminal:
+        command = [sys.executable, "-m", "fracid", *words]
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        return done.stdout
+    with Terminal() as there, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", there.file)
+        with pytest.raises(SystemExit):
+            main(words)
+        return there.text()
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    """A recording to look at."""
+    from fracid.cli.app import main
+
+    file = tmp_path_factory.mktemp("colours") / "swing.csv"
+    with pytest.raises(SystemExit):
+        main(["simulate", "qube-servo2", "--end", "3", "--hold", "0.5", "--step", "5ms", "--to", str(file)])
+    return file
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_the_help_is_coloured_on_a_terminal_alone_never_with_no_color_and_never_wider(capsys, monkeypatch, command):
+    words = [w for w in (command, "--help") if w]
+    for width, coloured in ((60, True), (100, False)):
+        text = shown(monkeypatch, words, width=width, **({} if coloured else {"NO_COLOR": "1"}))
+        assert bool(COLOUR.search(text)) == coloured
+        lines = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", text).replace("\r", "").split("\n")
+        assert max(map(len, lines)) <= width
+        assert not any(line.rstrip(" │").endswith("…") for line in lines)  # nothing is cut off
+    assert not ESCAPE.search(run(capsys, *words)[1])  # captured: no terminal
+
+
+def main_outputs(swing):
+    return [["check", str(swing)], ["simulate", "qube-servo2", "--end", "1", "--to", str(swing.with_name("x.npz")),
+            "--force"], ["init", str(swing), "--yes", "--force", "--out", str(swing.with_suffix(".toml"))]]  # fmt: skip
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_what_a_command_prints_is_coloured_on_a_terminal_alone_and_never_with_no_color(monkeypatch, swing, which):
+    words = main_outputs(swing)[which]
+    coloured = shown(monkeypatch, words)
+    assert bool(COLOUR.search(coloured)) == (which < 2)  # init prints sentences alone
+    assert not COLOUR.search(shown(monkeypatch, words, NO_COLOR="1"))
+    assert not COLOUR.search(shown(monkeypatch, words, NO_COLOR="1", FORCE_COLOR="1"))
+    assert not ESCAPE.search(shown(monkeypatch, words, TERM="dumb"))
+
+
+def test_through_a_pipe_there_is_no_colour_unless_it_is_forced(monkeypatch, swing):
+    words = ["check", str(swing)]
+    assert not ESCAPE.search(shown(monkeypatch, words, terminal=False))
+    assert COLOUR.search(shown(monkeypatch, words, terminal=False, FORCE_COLOR="1"))
+    plain = shown(monkeypatch, [*words, "--json"], terminal=False, FORCE_COLOR="1")
+    assert json.loads(plain)["level"] == "good"
+
+
+def test_every_command_prints_through_the_one_console_that_keeps_to_this():
+    """Then what holds for three commands above holds for all."""
+    folder = Path(completion.__file__).parent
+    for file in folder.glob("*.py"):
+        if file.name not in ("app.py", "progress.py"):
+            text = file.read_text(encoding="utf-8")
+            assert not re.search(r"\bConsole\(|\bprint\(|\\x1b|\\033", text.replace("console.print(", "")), file.name
+
+
+@pytest.mark.parametrize("width", [60, 100])
+def test_a_table_of_a_check_fits_the_terminal(monkeypatch, swing, width):
+    text = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown(monkeypatch, ["check", str(swing)], width=width))
+    table = [line for line in text.replace("\r", "").split("\n") if line.startswith(("signal", "theta", "alpha"))]
+    assert len(table) == 3
+    assert max(map(len, table)) <= width
+
+
+# --- versions -------------------------------------------------------------------------------------------------
+
+
+def test_the_version_is_told_with_those_that_results_depend_on_where_json_is_asked_for(capsys):
+    import fracid
+
+    code, out, _ = run(capsys, "--version")
+    assert (code, out) == (0, f"fracid {fracid.__version__}\n")
+    for words in (["--version", "--json"], ["--json", "--version"]):
+        code, out, _ = run(capsys, *words)
+        assert code == 0
+        assert set(json.loads(out)) >= {"fracid", "python", "numpy", "scipy", "numba"}
+
+
+def test_long_names_are_not_broken_on_a_narrow_terminal(monkeypatch, tmp_path):
+    name = "states_of_joint_1/position_of_its_encoder"
+    rows = "\n".join(f"{k / 100},{0.5 ** (k / 50) * (-1) ** (k // 20):.4f}" for k in range(400))
+    (tmp_path / "log.csv").write_text(f"time,{name}\n{rows}\n")
+    text = re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", shown(monkeypatch, ["check", str(tmp_path / "log.csv")], width=60))
+    line = next(line for line in text.replace("\r", "").split("\n") if line.startswith(name))
+    assert line.startswith(f"{name}: range -")
+    assert len(line) <= 60

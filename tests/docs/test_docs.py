@@ -1,0 +1,49 @@
+"""The Python of the pages runs, and prints what they say that it prints."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = (
+    "docs/solver.md",
+    "docs/residuals.md",
+    "docs/identification.md",
+    "docs/uncertainty.md",
+    "docs/compare.md",
+    "docs/export.md",
+    "docs/figures.md",
+    "docs/theory.md",
+    "docs/recording.md",
+    "docs/choosing.md",
+    "docs/coming-from.md",
+    "docs/limits.md",
+    "docs/honesty.md",
+    "README.md",
+)
+LINKED = sorted(str(page.relative_to(ROOT)) for page in (*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")))
+
+
+def blocks(page):
+    """The Python blocks of a page that need no recording, in one string: later ones use the names of earlier ones."""
+    found = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    return [code for code in found if "load_project" not in code]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_prints_is_what_stands_beside_it(page):
+    code = "\n".join(blocks(page))
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, page, "exec"), {"__name__": "page"})
+    assert printed.getvalue().splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
+    assert printed.getvalue()
+
+
+@pytest.mark.parametrize("page", LINKED)
+def test_links_and_pictures_of_a_page_are_there(page):
+    targets = re.findall(r"\]\((?!https?:|#)([^)#]+)", (ROOT / page).read_text(encoding="utf-8"))
+    assert [t for t in targets if not ((ROOT / page).parent / t).exists()] == []

@@ -1,0 +1,302 @@
+"""Intervals: how often they hold the truth, and what they say of what cannot be known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+import fracid
+from fracid.estimation.covariance import METHODS, Uncertainty, at_bound, jacobian, sandwich, uncertainty, widening
+from fracid.optimise import least_squares, minimise
+from fracid.problem import Experiment, Free, Prior, Problem
+from fracid.problem.costs import COSTS, Cost
+from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+TRUE = np.array([0.9, 0.95])
+ORDERS = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
+
+
+def clean(step=2e-3, end=4.0):
+    run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.3}, step=step, end=end)
+    return run.states[:, [0, 2]]
+
+
+def problem(measured, step=2e-3, **options):
+    swing = Experiment("swing", step, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.3})
+    return Problem(RIG, (swing,), **{"orders": ORDERS, "initial_state": "held"} | options)
+
+
+def noise(n, rho, seed):
+    """AR(1) of a standard deviation of 3 mrad: lag-one correlation rho."""
+    white = np.random.default_rng(seed).standard_normal((n + 500, 2))
+    return 3e-3 * np.sqrt(1 - rho**2) * lfilter([1], [1, -rho], white, axis=0)[500:]
+
+
+def held(cost, rho, seeds=40):
+    """In how many of the twins the interval of each order holds the truth: ours, and by σ²(J'J)⁻¹."""
+    exact, ours, plain = clean(), np.zeros(2, int), np.zeros(2, int)
+    for seed in range(seeds):
+        p = problem(exact + noise(len(exact), rho, seed), cost_function=COSTS[cost])
+        x = minimise(p.evaluate, least_squares(p.space, None)).best.point
+        e, J = np.concatenate(p.errors(x)).ravel(), jacobian(p, x, np.arange(2))[0].reshape(-1, 2)
+        naive = np.sqrt(np.var(e) * np.diag(np.linalg.inv(J.T @ J)))
+        ours += np.abs(x - TRUE) < 1.96 * uncertainty(p, x).standard_error
+        plain += np.abs(x - TRUE) < 1.96 * naive
+    return ours, plain
+
+
+# Of 40 intervals that hold the truth with a probability of 95 %, 35 or fewer do so in 5 % of cases.
+
+
+@pytest.mark.parametrize("cost", ["rmse", "huber"])
+def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
+    ours, _ = held(cost, rho=0.0)
+    assert np.all(ours >= 36)
+
+
+def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
+    ours, plain = held("rmse", rho=0.9)
+    assert np.all(ours >= 36)
+    assert np.all(plain < 25)
+
+
+def test_intervals_are_sensible_under_itae_too():
+    ours, _ = held("itae", rho=0.0, seeds=20)
+    assert np.all(ours >= 17)
+
+
+def test_an_interval_is_as_wide_as_the_scatter_of_its_estimate():
+    exact = clean()
+    found, widths = [], []
+    for seed in range(60):
+        p = problem(exact + noise(len(exact), 0.0, 100 + seed))
+        x = minimise(p.evaluate, least_squares(p.space, None)).best.point
+        found.append(x)
+        widths.append(uncertainty(p, x).standard_error)
+    assert np.mean(widths, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.3)
+
+
+def test_two_recordings_give_a_narrower_interval_by_the_root_of_two():
+    exact = clean()
+    e = problem(exact + noise(len(exact), 0.0, 1)).experiments[0]
+    f = replace(e, name="again", measured=exact + noise(len(exact), 0.0, 2))
+    one, two = problem(e.measured), replace(problem(e.measured), experiments=(e, f))
+    ratio = uncertainty(one, TRUE).standard_error / uncertainty(two, TRUE).standard_error
+    assert ratio == pytest.approx(np.sqrt(2), rel=0.15)
+
+
+def test_jobs_do_not_change_a_bit():
+    p = problem(clean() + noise(2001, 0.5, 3))
+    one, three = uncertainty(p, TRUE, jobs=1), uncertainty(p, TRUE, jobs=3)
+    assert np.array_equal(one.standard_error, three.standard_error)
+
+
+# --- what cannot be known ----------------------------------------------------------------------------
+
+LUMPED = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
+
+
+def free(*names):
+    return {n: Free(v := RIG.parameter(n).value, v / 10, 10 * v) for n in names}
+
+
+def test_a_free_response_knows_only_ratios_and_names_all_that_are_confounded():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95}, parameters=free(*LUMPED))
+    found = uncertainty(p, p.start)
+    assert found.confounded == (LUMPED,)
+    assert np.all(np.isnan(found.standard_error))
+    assert found.interval(p.start, 0) is None
+
+
+def test_one_known_constant_makes_the_others_known():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95},
+                parameters={n: v for n, v in free(*LUMPED).items() if n != "C4"})  # fmt: skip
+    found = uncertainty(p, p.start)
+    assert found.confounded == ()
+    assert np.all(found.standard_error > 0)
+
+
+def test_two_unseen_directions_are_named_apart():
+    # without dry friction the slip speed does nothing; the ratios remain another direction
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95},
+                parameters={"slip_speed": Free(0.02, 0.01, 0.1), **free(*LUMPED)})  # fmt: skip
+    assert sorted(uncertainty(p, p.start).confounded) == [LUMPED, ("slip_speed",)]
+
+
+def test_what_lies_at_its_bound_has_no_interval_and_the_rest_has():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": ORDERS["mu"]})
+    found = uncertainty(p, p.start)
+    assert found.at_bound.tolist() == [True, False]
+    assert np.isnan(found.standard_error[0])
+    assert found.standard_error[1] > 0
+    both = problem(clean(), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": Free(0.95, 0.95, 1.2)})
+    assert np.all(uncertainty(both, both.start).at_bound)
+
+
+def test_with_a_cost_of_unknown_loss_who_comes_near_a_bound_is_at_it():
+    own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
+    p = problem(clean(), cost_function=own, orders={"lambda": Free(0.9, 0.5, 0.90001), "mu": ORDERS["mu"]})
+    assert at_bound(p, TRUE).tolist() == [True, False]
+
+
+def test_intervals_are_those_of_the_unknowns_off_their_bounds_alone():
+    dry = Free(1e-9, 0.0, 1.0)  # far nearer to 0 than the data can tell, and not at it
+    p = problem(clean() + noise(2001, 0.0, 1), parameters={"coulomb_alpha": dry})
+    found, x = uncertainty(p, p.start), p.start
+    assert found.at_bound.tolist() == [name == "coulomb_alpha" for name in p.names]
+    alone = sandwich(p, x, np.flatnonzero(~found.at_bound))
+    assert found.standard_error[~found.at_bound] == pytest.approx(np.sqrt(np.diag(alone.covariance)), rel=1e-12)
+
+
+def test_there_is_a_sentence_where_there_is_no_interval():
+    own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
+    assert uncertainty(problem(clean(), cost_function=own), TRUE) == "the cost own is a user's own, of unknown loss"
+    fixed = problem(clean(), orders={"lambda": 0.9, "mu": 0.95})
+    assert uncertainty(fixed, np.empty(0)) == "nothing is free"
+    broken = problem(clean(), parameters={"C3": 0.1})
+    assert "det M = 0" in uncertainty(broken, TRUE)
+
+
+def test_an_interval_is_1_96_standard_errors_to_each_side():
+    found = Uncertainty(np.array([0.1]), np.array([False]), (), 0.0, 1.0)
+    assert found.interval(np.array([2.0]), 0) == pytest.approx((1.804, 2.196), abs=1e-4)
+
+
+# --- its parts ---------------------------------------------------------------------------------------
+
+
+def test_the_jacobian_is_the_derivative_of_the_errors_also_beside_a_bound():
+    p = problem(clean(), orders={"lambda": Free(0.9, 0.5, 0.9), "mu": ORDERS["mu"]})
+    x = p.start - [1e-12, 0.0]  # as close to the bound as a search may end
+    h = 1e-6
+    wanted = (p.errors(x + h * np.eye(2)[1])[0] - p.errors(x - h * np.eye(2)[1])[0]) / (2 * h)
+    found = jacobian(p, x, np.arange(2))[0]
+    assert found.shape == (2001, 2, 2)
+    assert found[..., 1] == pytest.approx(wanted, rel=1e-5, abs=1e-6 * np.max(np.abs(wanted)))
+
+
+@given(
+    scores=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=2, max_size=30),
+    bandwidth=st.integers(0, 12),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_long_run_covariance_is_bartletts_sum(scores, bandwidth):
+    s = np.array(scores)
+    wanted = s.T @ s
+    for k in range(1, min(bandwidth, len(s) - 1) + 1):
+        lagged = s[:-k].T @ s[k:]
+        wanted = wanted + (1 - k / (bandwidth + 1)) * (lagged + lagged.T)
+    found = bartlett_long_run(s, bandwidth)
+    assert found == pytest.approx(wanted, abs=1e-12)
+    assert np.all(np.linalg.eigvalsh(found) > -1e-12)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.97])
+def test_the_bandwidth_is_five_correlation_times(rho):
+    scores = noise(20_000, rho, 1)
+    assert sokal_bandwidth(scores) == pytest.approx(5 * (1 + rho) / (1 - rho), rel=0.25)
+
+
+def test_the_bandwidth_sees_a_slow_error_under_a_fast_one():
+    both = noise(20_000, 0.98, 1) + noise(20_000, 0.0, 2)
+    assert sokal_bandwidth(both) > 150
+
+
+# --- both covariances ----------------------------------------------------------------------------------
+
+
+def test_the_white_one_is_sigma_squared_times_the_inverse_of_j_transposed_j():
+    p = problem(clean() + noise(2001, 0.5, 3))
+    found = uncertainty(p, TRUE)
+    J = jacobian(p, TRUE, np.arange(2))[0].reshape(-1, 2)
+    variance = np.mean(np.concatenate(p.errors(TRUE)) ** 2)
+    assert found.white == pytest.approx(np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))), rel=1e-9)
+    assert found.standard_error == pytest.approx(np.sqrt(np.diag(found.covariance)))
+
+
+@pytest.mark.parametrize(("rho", "share"), [(0.0, 1.0), (0.5, 1 / 3), (0.9, 1 / 19)])
+def test_of_ar1_samples_one_in_1_plus_rho_over_1_minus_rho_counts(rho, share):
+    # for a slope that changes as slowly as the noise is long; the pendulum's swings are nearly so
+    p = problem(clean() + noise(2001, rho, 3))
+    counted = uncertainty(p, TRUE).effective_samples / 2001
+    assert np.all(counted > 0.5 * share)
+    assert np.all(counted < 2.5 * share)
+
+
+def test_each_method_has_its_interval_and_its_sentence():
+    found = uncertainty(problem(clean() + noise(2001, 0.9, 3)), TRUE)
+    wide, narrow = found.interval(TRUE, 0), found.interval(TRUE, 0, "white")
+    assert wide[1] - wide[0] > 2 * (narrow[1] - narrow[0])
+    assert set(METHODS) == {"sandwich", "white", "profile", "bootstrap"}
+
+
+def test_unseen_directions_are_relative_changes():
+    p = problem(clean() + noise(2001, 0.0, 1), orders={"lambda": 0.9, "mu": 0.95}, parameters=free(*LUMPED))
+    (direction,) = uncertainty(p, p.start).unseen
+    assert direction == pytest.approx(direction[0] * np.ones(7), abs=1e-2)  # all scale together
+    assert np.max(np.abs(direction)) == 1.0
+
+
+def test_outputs_that_count_by_their_noise_give_the_weighted_covariance():
+    rough = noise(2001, 0.0, 3) * [1.0, 10.0]
+    p = replace(problem(clean() + rough), weights="noise")
+    J = jacobian(p, TRUE, np.arange(2))[0]
+    sigma = np.sqrt(np.mean(p.errors(TRUE)[0] ** 2, axis=0))
+    whole = (J / sigma[:, None]).reshape(-1, 2)
+    assert uncertainty(p, TRUE).white == pytest.approx(np.sqrt(np.diag(np.linalg.inv(whole.T @ whole))), rel=1e-6)
+
+
+def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
+    orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": 0.95}
+    p = problem(clean() + noise(2001, 0.0, 3), orders=orders)
+    alone = uncertainty(p, p.start).white[0]
+    known = Free(0.9, 0.5, 1.2, prior=Prior(0.9, alone))
+    both = uncertainty(replace(p, orders=orders | {"lambda": known}), p.start)
+    assert both.white[0] == pytest.approx(alone / np.sqrt(2), rel=1e-2)
+    assert both.standard_error[0] < 0.8 * uncertainty(p, p.start).standard_error[0]
+
+
+# --- few samples ---------------------------------------------------------------------------------------
+
+
+def means(n, rho, seeds=2000):
+    """Of AR(1) records with mean 0: their mean, its standard error as it comes, and by what that is to be widened."""
+    rng, rows = np.random.default_rng(1), [np.ones((n, 1, 1))]
+    found = []
+    for white in rng.standard_normal((seeds, n + 200, 1)):
+        y = lfilter([1], [1, -rho], white, axis=0)[200:]
+        scores = y - y.mean()
+        B = sokal_bandwidth(scores)
+        error = np.sqrt(bartlett_long_run(scores, B)[0, 0]) / n
+        found.append((y.mean(), error, widening(rows, np.array([[1 / n]]), B)[0]))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize(("n", "rho"), [(80, 0.5), (200, 0.8), (400, 0.9)])
+def test_a_mean_of_few_samples_lies_in_its_widened_interval_and_not_in_the_plain_one(n, rho):
+    mean, error, wider = means(n, rho)
+    assert np.mean(np.abs(mean) < 1.96 * error) < 0.89
+    assert 0.915 < np.mean(np.abs(mean) < 1.96 * wider * error) < 0.97
+
+
+@pytest.mark.parametrize("n", [5, 10, 100])
+def test_white_samples_widen_as_students_t_does(n):
+    # s²/n knows n - 1 degrees of freedom, of which a fit of the mean took one: f = 1/n, ν = n
+    wider = widening([np.ones((n, 1, 1))], np.array([[1 / n]]), 0.0)[0]
+    assert wider == pytest.approx(student.ppf(0.975, n) / 1.96 / np.sqrt(1 - 1 / n), rel=1e-4)
+    assert wider == pytest.approx(student.ppf(0.975, n - 1) / 1.96 / np.sqrt(1 - 1 / n), rel=0.1)
+
+
+def test_what_two_recordings_tell_is_widened_less_than_what_one_tells():
+    one, two = [np.ones((50, 2, 1))], [np.ones((50, 2, 1))] * 2
+    assert 1 < widening(two, np.array([[1 / 200]]), 5.0)[0] < widening(one, np.array([[1 / 100]]), 5.0)[0]
+
+
+def test_samples_that_do_not_count_widen_nothing():
+    rows, inverse = np.concatenate([np.ones((40, 1, 1)), np.zeros((400, 1, 1))]), np.array([[1 / 40]])
+    assert widening([rows], inverse, 3.0) == pytest.approx(widening([rows[:40]], inverse, 3.0))

@@ -1,0 +1,199 @@
+"""What the data can tell of each unknown, in words; the cost over the plane of the orders."""
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.estimation.cost_plane import cost_plane
+from fracid.estimation.cost_profile import profile
+from fracid.estimation.parameter_verdicts import identifiability
+from fracid.estimation.profile_walk import refit
+from fracid.models import Model, Parameter
+from fracid.problem import Experiment, Free, Problem
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+FREE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+
+
+def problem(orders=FREE, **options):
+    run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.4}, step=5e-3, end=1.0)
+    swing = Experiment("swing", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.4})
+    return Problem(RIG, (swing,), orders, initial_state="held", **options)
+
+
+def test_the_plane_has_the_cost_at_each_of_its_points_and_the_centre_is_one_of_them():
+    p = problem()
+    plane = cost_plane(p, np.array([0.9, 0.95]), points=7, reach=0.12)
+    assert plane.names == ("lambda", "mu")
+    i, j = np.unravel_index(np.argmin(plane.cost), plane.cost.shape)
+    assert (plane.first[i], plane.second[j], plane.cost[i, j]) == (0.9, 0.95, 0.0)
+    assert plane.cost[1, 5] == p.cost(np.array([plane.first[1], plane.second[5]]))
+    assert (plane.first[0], plane.first[-1]) == (pytest.approx(0.78), pytest.approx(1.02))
+
+
+@pytest.mark.parametrize("centre", [(0.5, 1.2), (1.2, 0.5), (1.19, 0.51)])
+def test_the_plane_stays_within_the_bounds_and_grows_steadily(centre):
+    plane = cost_plane(problem(), np.array(centre), points=9)
+    for axis, middle in zip((plane.first, plane.second), centre, strict=True):
+        assert len(axis) == 9
+        assert middle in axis
+        assert np.all(np.diff(axis) > 0)
+        assert 0.5 <= axis[0] < axis[-1] <= 1.2
+
+
+def test_other_unknowns_stay_where_they_are_and_jobs_change_nothing():
+    p = problem(parameters={"C1": Free(4e-3, 1e-3, 1e-2)})
+    x = np.array([0.9, 0.95, 5e-3])
+    one, three = (cost_plane(p, x, points=3, jobs=jobs) for jobs in (1, 3))
+    assert np.array_equal(one.cost, three.cost)
+    assert one.cost[1, 1] == p.cost(x)
+
+
+def test_where_a_run_fails_the_plane_is_infinite():
+    plane = cost_plane(problem(parameters={"C3": 0.1}), np.array([0.9, 0.95]), points=3)
+    assert np.all(np.isinf(plane.cost))
+
+
+def test_a_plane_needs_two_free_orders():
+    with pytest.raises(InputError, match="needs two free orders"):
+        cost_plane(problem({"lambda": 0.9, "mu": FREE["mu"]}), np.array([0.95]))
+
+
+# --- what the data can tell ----------------------------------------------------------------------------
+
+LUMPED = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
+ORDERS = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
+FIXED = {"lambda": 0.9, "mu": 0.95}
+
+
+def twin(rig=RIG, alpha=0.5, outputs=("theta", "alpha"), sd=1e-3, **options):
+    """A release of orders 0.9 and 0.95 with white noise."""
+    run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": alpha}, step=5e-3, end=4.0)
+    measured = run.states[:, [rig.outputs[n] for n in outputs]]
+    measured = measured + sd * np.random.default_rng(1).standard_normal(measured.shape)
+    swing = Experiment("swing", 5e-3, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+    return Problem(rig, (swing,), **{"orders": FIXED, "outputs": outputs, "initial_state": "held"} | options)
+
+
+def free(*names):
+    return {n: Free(v := RIG.parameter(n).value, v / 10, 10 * v) for n in names}
+
+
+def verdicts(p, **options):
+    """At the minimum, or x."""
+    x = options.pop("x", None)
+    return identifiability(p, refit(p, p.start).point if x is None else x, **options)
+
+
+def test_a_full_release_with_one_constant_known_identifies_all_others_and_both_orders():
+    found = verdicts(twin(alpha=1.2, orders=ORDERS, parameters=free(*(n for n in LUMPED if n != "C4"))))
+    assert {v.sentence for v in found.values()} == {"identifiable"}
+    assert len(found) == 8
+
+
+def test_a_free_response_knows_ratios_and_names_them():
+    found = verdicts(twin(parameters=free(*LUMPED)))
+    assert {v.kind for v in found.values()} == {"only in a ratio"}
+    assert "with C1: the data know C4/C1, and so with C3" in found["C4"].reason
+    assert set(found["C4"].partners) == set(LUMPED) - {"C4"}
+
+
+def test_constants_that_work_through_their_product_are_named_as_a_product():
+    def product(t, x, u, p, out):
+        out[0] = p[0] * p[1] * (1.0 - x[0])
+
+    parameters = (Parameter("gain", "", 1.0, "one"), Parameter("rate", "1/s", 1.0, "the other"))
+    rig = Model(name="lag", zero="", source="a test", states=("y",), orders=("q",), outputs={"y": 0}, inputs=(),
+                rhs=product, parameters=parameters)  # fmt: skip
+    y = 1 - np.exp(-np.arange(400) * 0.01) + 1e-3 * np.random.default_rng(1).standard_normal(400)
+    step = Experiment("step", 0.01, y[:, None], np.zeros((1, 0)), initial={"y": 0.0})
+    both = {"gain": Free(1.0, 0.1, 10.0), "rate": Free(1.0, 0.1, 10.0)}
+    found = verdicts(Problem(rig, (step,), {"q": 1.0}, both, outputs=("y",), initial_state="held"))
+    assert found["gain"].sentence == "only in a ratio: with rate: the data know gain·rate; fix one of them"
+
+
+@pytest.mark.parametrize("profiled", [False, True])
+def test_the_order_of_a_clamped_arm_cannot_be_known_and_the_reason_is_that_it_stands_still(profiled):
+    p = twin(fracid.rotary_pendulum("stepper-freeswing"), orders=ORDERS)
+    profiles = profile(p, points=5).profiles if profiled else None
+    found = verdicts(p, profiles=profiles)
+    assert found["lambda"].kind == "practically not"
+    assert "theta hardly moves" in found["lambda"].reason
+    assert "an order shows in motion alone: fix it" in found["lambda"].reason
+    assert found["mu"].sentence == "identifiable"
+    assert ("its profile is flat from 0.5 to 1.2" in found["lambda"].reason) is profiled
+
+
+def test_a_score_on_alpha_alone_warns_about_lambda():
+    found = verdicts(twin(outputs=("alpha",), orders=ORDERS))
+    assert found["lambda"].sentence == "identifiable: through alpha alone; score theta too"
+    assert found["mu"].sentence == "identifiable"
+    unsure = verdicts(twin(outputs=("alpha",), orders=ORDERS, sd=0.3))
+    assert unsure["lambda"].kind == "practically not"
+    assert "theta is not scored: score it too, or fix lambda" in unsure["lambda"].reason
+
+
+def test_a_small_angle_record_names_the_inertia_term_that_it_cannot_see():
+    small, large = (verdicts(twin(alpha=a, parameters=free("C6", "J_theta", "b_alpha"))) for a in (0.05, 0.8))
+    assert small["C6"].kind == "practically not"
+    assert "it shows with the power 3.0 of the swing, and alpha swings by" in small["C6"].reason
+    assert "release it from further out" in small["C6"].reason
+    assert {n for n, v in small.items() if v.kind == "identifiable"} == {"J_theta", "b_alpha"}
+    assert {v.kind for v in large.values()} == {"identifiable"}
+
+
+def test_upright_angles_are_not_halved():
+    rig = fracid.rotary_pendulum("srv02-rotpen", zero="upright")
+    p = twin(rig, alpha=np.pi - 0.05, parameters={"C6": Free(4e-3, 1e-5, 1e-1)}, sd=0.05)
+    found = verdicts(p)["C6"]
+    assert "power" not in found.sentence
+
+
+def test_what_does_nothing_is_not_known_at_all():
+    rig = RIG.with_parameters(coulomb_theta=0.0)
+    p = twin(rig, parameters={"slip_speed": Free(0.02, 0.01, 0.1)})
+    found = verdicts(p, x=p.start)
+    assert found["slip_speed"].sentence == "not at all: nothing that was measured depends on it"
+
+
+def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
+    p = twin(parameters={"coulomb_theta": Free(1e-4, 0.0, 0.1)})
+    assert verdicts(p)["coulomb_theta"].sentence == "at its bound: 0; widen it, or the model lacks something"
+    found = verdicts(p, profiles=profile(p, parameters=["coulomb_theta"]).profiles)["coulomb_theta"]
+    assert found.sentence.startswith("at its bound: 0; the data say below ")
+
+
+def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
+    # gravity over inertia is the frequency; each alone is seen only in what a heavy arm gives way
+    p = twin(RIG.with_parameters(J_theta=1.0, b_alpha=0.0), sd=0.03, parameters=free("C1", "C4"))
+    wide = verdicts(p, x=p.start)
+    assert {v.kind for v in wide.values()} == {"only in a ratio"}
+    assert "with C1, nearly: C4/C1 is known to" in wide["C4"].reason
+
+
+def test_without_intervals_nothing_is_said_but_why():
+    p = twin(orders=ORDERS)
+    found = identifiability(p, p.start, "a run fails")
+    assert {v.sentence for v in found.values()} == {"unknown: a run fails"}
+
+
+@pytest.mark.parametrize("widest", [0.01, 1.0, 100.0])
+def test_what_is_known_lies_at_no_bound_however_wide_its_range(widest):
+    p = twin(RIG.with_parameters(coulomb_theta=1e-4), parameters={"coulomb_theta": Free(1e-4, 0.0, widest)})
+    assert verdicts(p)["coulomb_theta"].sentence == "identifiable"
+    profiles = profile(p, parameters=["coulomb_theta"]).profiles
+    assert profiles["coulomb_theta"].verdict == "two-sided"
+    assert verdicts(p, profiles=profiles)["coulomb_theta"].sentence == "identifiable"
+
+
+def test_the_speed_at_the_start_is_not_known_from_a_record_far_rougher_than_its_motion():
+    run = fracid.simulate(RIG, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.4}, step=5e-3, end=0.2)
+    rough = 2.0 * np.random.default_rng(1).standard_normal((41, 2))
+    starts = {}
+    for name, noise in (("smooth", 1e-4 * rough), ("rough", rough)):
+        swing = Experiment(name, 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
+        p = Problem(RIG, (swing,), {"lambda": 0.9, "mu": 0.95})
+        x = np.array([0.0, 0.0, 0.4, 0.0])
+        starts[name] = identifiability(p, x)[f"D^lambda theta(0) [{name}]"].kind
+    assert starts == {"smooth": "identifiable", "rough": "practically not"}

@@ -1,0 +1,247 @@
+"""Many starts: where they come from, what is left and why, and that the best is never worse than one start's."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError, Unfinished
+from fracid.estimation.horizons import Watch
+from fracid.estimation.search import search
+from fracid.estimation.starts import Start, final_cost, won
+from fracid.identification import identify
+from fracid.optimise import Evaluation, Outcome, Path, Space, least_squares, lockstep, minimise, sobol_points
+from fracid.plots import waterfall
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.costs import COSTS
+from fracid.tasks.journal import Journal
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+TRUE = {"coulomb_theta": 1e-2, "coulomb_alpha": 3e-4, "b_theta": 5e-3, "b_alpha": 2e-4}
+WIDE = {
+    "C1": Free(6e-3, 1e-3, 2e-2),
+    "b_theta": Free(2.4e-3, -1.0, 1.0),
+    "b_alpha": Free(2e-4, -1e-2, 1e-2),
+    "coulomb_theta": Free(1e-3, 0.0, 0.1),
+    "coulomb_alpha": Free(1e-4, 0.0, 1e-2),
+}
+
+
+def release(noise=1e-3, end=4.0):
+    run = fracid.simulate(RIG, orders={"lambda": 0.97, "mu": 0.98}, parameters=TRUE, initial={"alpha": 1.2}, step=4e-3,
+                          end=end)  # fmt: skip
+    y = run.states[:, [0, 2]] + noise * np.random.default_rng(1).standard_normal((len(run.states), 2))
+    return Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+
+
+def stiff(twin=None, **options):
+    """Constants with friction, from bounds as wide as ignorance."""
+    free = {"orders": {"lambda": Free(1.0, 0.6, 1.2), "mu": Free(1.0, 0.6, 1.2)}, "parameters": WIDE}
+    return Problem(RIG, (twin or release(),), **free | options)
+
+
+@pytest.fixture(scope="module")
+def eight():
+    return identify(stiff(), starts=8, jobs=2)
+
+
+# --- the starts -----------------------------------------------------------------------------------------
+
+
+def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
+    kinds = [s.origin.split()[0] for s in eight.starts]
+    assert kinds == ["given", "regression", *["Sobol"] * 6]
+    assert eight.starts[0].point.tolist() == eight.problem.start.tolist()
+    assert eight.starts[1].first_cost < eight.starts[0].first_cost  # what a regression is for
+    sobol = [s.first_cost for s in eight.starts[2:]]
+    assert sobol == sorted(sobol)
+
+
+def test_initial_states_stay_as_measured(eight):
+    at = [i for i, u in enumerate(eight.problem.unknowns) if u.kind == "initial"]
+    assert len(at) == 4
+    for start in eight.starts:
+        assert start.point[at].tolist() == eight.problem.start[at].tolist()
+
+
+def test_most_starts_of_a_stiff_problem_come_to_the_truth(eight):
+    assert eight.recordings["twin"].rmse["alpha"] == pytest.approx(1e-3, rel=0.1)
+    costs = [final_cost(s, eight.starts) for s in eight.starts]
+    assert sum(c is not None and c < 1.01 * eight.cost for c in costs) >= 4
+    for name, true in TRUE.items():
+        low, high = eight.parameters[name].interval95
+        assert low - (high - low) < true < high + (high - low)
+
+
+def test_what_became_of_each_start_is_in_the_result(eight):
+    content = json.loads(json.dumps(eight.to_json(), allow_nan=False))
+    assert len(content["starts"]) == 8
+    assert content["start_that_won"] == won(eight.starts).origin
+    assert sum(s["evaluations"] for s in content["starts"]) < content["evaluations"]  # and the scoring of candidates
+    for start in content["starts"]:
+        assert set(start["start"]) == set(start["end"]) == set(eight.problem.names)
+        assert (start["cost"] is None) == start["ended"].startswith("left at ")
+        assert (start["joined"] is None) or start["cost"] is None
+    assert won(eight.starts).cost == eight.cost
+
+
+def test_the_result_is_the_same_for_any_number_of_threads():
+    p = stiff(release(end=2.0), parameters={"C1": WIDE["C1"]})
+    one, three = (identify(p, starts=4, jobs=jobs) for jobs in (1, 3))
+    assert json.dumps(one.to_json()) == json.dumps(three.to_json())
+
+
+def test_the_seed_decides_the_sobol_points():
+    p = stiff(release(end=1.0), parameters={})
+    points = [[s.point.tolist() for s in search(p, "multistart", np.random.default_rng(seed), starts=4)[1]]
+              for seed in (1, 1, 2)]  # fmt: skip
+    assert points[0] == points[1] != points[2]
+
+
+@pytest.mark.parametrize("starts", [2, 4])
+def test_many_starts_never_end_above_one(starts):
+    p = stiff(release(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
+    one = search(p, "multistart", np.random.default_rng(1))[0]
+    assert search(p, "multistart", np.random.default_rng(1), starts=starts)[0].best.cost <= one.best.cost
+
+
+def test_where_the_regression_does_not_apply_sobol_points_take_its_place():
+    p = stiff(release(end=2.0), parameters={"slip_speed": Free(0.05, 1e-3, 1.0)})  # not in the regression
+    made = search(p, "multistart", np.random.default_rng(1), starts=3)[1]
+    assert [s.origin.split()[0] for s in made] == ["given", "Sobol", "Sobol"]
+
+
+def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
+    p, calls = stiff(release(end=3.0)), []
+
+    def callback(best, n):
+        calls.append(n)
+        if n > 150:
+            raise KeyboardInterrupt
+
+    result, made = search(p, "multistart", np.random.default_rng(1), starts=4, watch=Watch(callback=callback))
+    assert result.interrupted
+    assert result.best.cost == p.cost(result.best.point) < p.cost(p.start)
+    assert len(made) == 4
+    assert all(s.cost is None for s in made)
+
+
+def test_every_start_that_fails_has_its_reason():
+    p = stiff(release(end=2.0), parameters={"C3": 0.1})
+    result, made = search(p, "multistart", np.random.default_rng(1), starts=3)
+    assert result.outcome is Outcome.ALL_FAILED
+    assert made[0].ended == "every run failed"
+    assert won(made).cost == np.inf
+
+
+# --- all together ----------------------------------------------------------------------------------------
+
+SPACE = Space(("a",), np.array([-9.0]), np.array([9.0]), np.array([1.0]))
+
+
+def wells(x):
+    """Minima near ±1, the left one lower."""
+    r = np.array([x[0] ** 2 - 1, 0.3 * (x[0] + 1), 0.1])
+    return Evaluation(x, float(r @ r), r)
+
+
+def descents(*starts):
+    return [least_squares(Space(("a",), SPACE.lower, SPACE.upper, np.array([a])), None) for a in starts]
+
+
+def test_a_search_that_falls_into_anothers_minimum_is_left():
+    paths = [Path() for _ in range(4)]
+    found = minimise(wells, lockstep(descents(2.0, -3.0, 2.5, -4.0), paths))
+    assert [p.joined is None for p in paths] == [True, True, False, False]
+    assert (paths[2].joined, paths[3].joined) == (0, 1)
+    assert found.best.point[0] == pytest.approx(-1, abs=1e-4)
+    assert found.evaluations == sum(p.evaluations for p in paths)
+    assert all(paths[i].outcome is Outcome.CONVERGED for i in (0, 1))
+
+
+def test_what_is_to_be_kept_is_not_left():
+    paths = [Path() for _ in range(3)]
+    minimise(wells, lockstep(descents(2.0, 2.5, 3.0), paths, keep=(0, 1)))
+    assert paths[1].joined is None
+    assert paths[2].joined in (0, 1)
+
+
+def test_sobol_points_fill_bounds_by_decades_where_the_bounds_are_wide():
+    space = Space(("b", "mu"), np.array([-1.0, 0.5]), np.array([1.0, 1.2]), np.array([0.002, 1.0]))
+    points = sobol_points(space, 256, np.random.default_rng(1))
+    assert np.all((space.lower <= points) & (points <= space.upper))
+    size = np.abs(points[:, 0])
+    assert all(np.count_nonzero((low < size) & (size < 10 * low)) > 20 for low in (1e-3, 1e-2, 1e-1))
+    assert np.histogram(points[:, 1], 7, (0.5, 1.2))[0].min() > 25  # a narrow one evenly
+
+
+# --- the waterfall -------------------------------------------------------------------------------------
+
+
+def start(origin, cost, joined=None):
+    return Start(origin, np.zeros(1), 1.0, np.zeros(1), cost, "in words", 9, joined)
+
+
+FOUR = (start("given", 0.2), start("Sobol 1", None, "Sobol 2"), start("Sobol 2", 0.1), start("Sobol 7", None))
+
+
+def test_a_waterfall_shows_every_start_once_by_its_final_cost():
+    axes = waterfall(FOUR, cost_name="rmse").axes[0]
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in axes.get_lines() if line.get_marker() != "None"}
+    assert drawn == {"given": [[3, 0.2]], "Sobol": [[2, 0.1]], "Sobol, left in another's minimum": [[1, 0.1]]}
+    assert axes.get_title() == "2 of 4 starts at the lowest cost; 1 left for their cost"
+    assert axes.get_ylabel() == "final RMSE [rad]"
+
+
+def test_a_waterfall_of_which_nothing_arrived_is_still_a_figure():
+    axes = waterfall([start("given", np.inf)]).axes[0]
+    assert axes.get_title() == "0 of 1 starts at the lowest cost; 1 left for their cost"
+
+
+def test_no_start_at_all_is_told():
+    with pytest.raises(InputError, match="There is no start to draw"):
+        waterfall([])
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("differential-evolution", {"generations": 2}), ("cma", {"generations": 2}), ("nelder-mead", {"budget": 12})],
+)
+def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
+    p = stiff(release(end=2.0), parameters=TRUE, initial_state="held")
+    rng = np.random.default_rng(1)
+    polished, _ = search(p, name, rng, options=options)
+    best, _ = search(p, "multistart", rng)
+    assert polished.best.cost == pytest.approx(best.best.cost, rel=1e-6)
+    assert polished.best.point == pytest.approx(best.best.point, abs=1e-5)
+    raw, _ = search(p, "genetic", np.random.default_rng(1), options={"generations": 2})
+    assert raw.best.cost > 1.001 * best.best.cost  # the paper's own keeps what it found
+
+
+# --- starts that know nothing of each other ----------------------------------------------------------------
+
+
+def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum_of_those_together(tmp_path):
+    p = stiff(release(end=2.0))
+    found = {}
+    for jobs in (1, 2):
+        with Journal(tmp_path / f"{jobs}.jsonl", {}) as journal:
+            result, made = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", jobs=jobs,
+                                  journal=journal)  # fmt: skip
+            assert list(journal.done) == [s.origin for s in made] or jobs == 2
+        found[jobs] = result.best.cost, result.best.point.tolist(), [s.cost for s in made]
+    assert found[1] == found[2]
+    together, _ = search(p, "multistart", np.random.default_rng(1), starts=4)
+    assert found[1][0] <= 1.001 * together.best.cost
+    with Journal(tmp_path / "1.jsonl", {}) as journal:  # all of them are kept: nothing is done again
+        again, _ = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", journal=journal)
+    assert again.best.point.tolist() == found[1][1]
+
+
+def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
+    own = replace(COSTS["rmse"], name="mine")
+    p = stiff(release(end=2.0), parameters=TRUE, cost_function=own)
+    with pytest.raises(Unfinished, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
+        search(p, "multistart", np.random.default_rng(1), starts=2, executor="processes")

@@ -1,0 +1,360 @@
+"""A run for other programs: model.m simulates in Octave what fracid simulates, files hold what the run found."""
+
+import csv
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+import fracid
+from fracid.errors import InputError
+from fracid.export import FORMATS, export_run
+from fracid.export.c import c_model
+from fracid.export.matlab import matlab_model
+from fracid.export.recursion import Case, Recursion
+from fracid.models import Parameter
+from fracid.runs.saved import load_run
+from fracid.solver.memory import compressed, full, short
+from program import fit_in, run
+
+octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
+
+FRICTION = {"coulomb_theta": 2e-3, "coulomb_alpha": 1e-5, "drag_alpha": 1e-5, "cable_stiffness": 1e-3,
+            "theta_rest": 0.1, "alpha_rest": -0.01}  # fmt: skip
+
+
+def driven(n):
+    return 2 * np.sin(0.03 * np.arange(n + 1))[:, None]
+
+
+def problem_of(orders=(0.8623, 0.9146), method="pi2", *, zero="hanging", drive=False, past=0, steps=250, h=2e-3,
+               memory=None, **constants):  # fmt: skip
+    """A pendulum released from 0.3 rad, or driven from rest; `past` samples of a run come before the start."""
+    rig = fracid.rotary_pendulum("srv02-rotpen", zero=zero, **(constants or FRICTION))
+    q = dict(zip(("lambda", "mu"), orders, strict=True))
+    initial = {"alpha": 0.0 if drive else 0.3}
+    if past:
+        run = fracid.simulate(rig, orders=q, initial=initial, step=h, end=h * (steps + past))
+        swing = fracid.Experiment(
+            "twin", h, run.states[past:, [0, 2]], np.zeros((1, 1)), past=run.states[:past, [0, 2]]
+        )
+    else:
+        inputs = driven(steps) if drive else np.zeros((1, 1))
+        swing = fracid.Experiment("twin", h, np.zeros((steps + 1, 2)), inputs, initial=initial)
+    options = {"initial_state": "measured" if past else "held", "method": method, "memory": memory or compressed()}
+    return fracid.Problem(rig, (swing,), q, **options)
+
+
+VARIANTS = {
+    "pi2, released": problem_of(),
+    "pi2, driven": problem_of(drive=True),
+    "pi2, upright": problem_of(zero="upright"),
+    "pi2, low orders, several corrections": problem_of((0.5, 0.6)),
+    "pi2, an order above 1": problem_of((1.1, 0.95)),
+    "pi2, integer orders": problem_of((1.0, 1.0), drive=True),
+    "pi2, steep dry friction": problem_of((0.95, 0.9), coulomb_theta=3e-2, slip_speed=1e-3),
+    "pi2, a measured past": problem_of(past=300),
+    "pi2, full memory": problem_of(memory=full()),
+    "pi2, short memory": problem_of(memory=short(50)),
+    "pi2, another unit of time": problem_of(time_scale=0.1),
+    "pi3, released": problem_of(method="pi3", b_alpha=2e-4),
+    "pi3, driven": problem_of((0.9, 1.0), method="pi3", drive=True, b_alpha=2e-4),
+    "pi3, integer orders": problem_of((1.0, 1.0), method="pi3"),
+    "pi2-implicit": problem_of(method="pi2-implicit", drive=True),
+    "gl": problem_of(method="gl"),
+    "gl, short memory": problem_of(method="gl", memory=short(50)),
+    "gl-sequential, driven": problem_of((1.0, 0.95), method="gl-sequential", drive=True),
+    "gl-paper": problem_of(method="gl-paper"),
+}
+
+
+def tables_and_case(problem):
+    return Recursion.of(problem, problem.start), Case.of(problem, problem.start, problem.experiments[0])
+
+
+@pytest.fixture(scope="module")
+def in_octave(tmp_path_factory):
+    """What model.m gives for each variant, all in one process."""
+    folder = tmp_path_factory.mktemp("octave")
+    lines = []
+    for i, problem in enumerate(VARIANTS.values()):
+        tables, case = tables_and_case(problem)
+        (folder / str(i)).mkdir()
+        (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
+        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        lines.append(
+            f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 't', 'x');"
+        )
+    run_octave(folder, "\n".join(lines))
+    return {name: loadmat(folder / str(i) / "out.mat") for i, name in enumerate(VARIANTS)}
+
+
+def run_octave(folder, script):
+    (folder / "script.m").write_text(script + "\n", encoding="utf-8")
+    done = subprocess.run(["octave-cli", "-q", "script.m"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@octave
+@pytest.mark.parametrize("name", VARIANTS)
+def test_model_m_simulates_what_fracid_simulates(in_octave, name):
+    problem, found = VARIANTS[name], in_octave[name]
+    ours = problem.simulate(problem.start, problem.experiments[0])
+    assert ours.completed
+    assert np.ptp(ours.states[:, 2]) > 1e-3
+    np.testing.assert_allclose(found["t"][:, 0], ours.time - ours.time[0], atol=1e-12)
+    np.testing.assert_allclose(found["x"], ours.states, atol=1e-6)
+
+
+# --- C ---------------------------------------------------------------------------------------------
+
+compiler = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+
+MAIN = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "fracid_model.h"
+static fracid_state s;
+int main(int argc, char **argv)
+{
+    double x[FRACID_STATES], u[FRACID_INPUTS];
+    if (argc < 2 || fread(x, sizeof x, 1, stdin) != 1 || fread(u, sizeof u, 1, stdin) != 1) return 2;
+    fracid_init(&s, x, u);
+    fwrite(x, sizeof x, 1, stdout);
+    for (long n = atol(argv[1]); n > 0; n--) {
+        if (fread(u, sizeof u, 1, stdin) != 1 || fracid_step(&s, u, x)) return 3;
+        fwrite(x, sizeof x, 1, stdout);
+    }
+    return 0;
+}
+"""
+
+
+def in_c(folder, problem):
+    """The states of the run by the compiled function, and the exit code."""
+    tables, case = tables_and_case(problem)
+    for name, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    strict = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
+    done = subprocess.run([*strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder, capture_output=True,
+                          text=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(np.float64)
+    given = np.concatenate([case.past[-1], inputs.ravel()]).tobytes()
+    done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
+    return np.frombuffer(done.stdout).reshape(-1, 4), done.returncode
+
+
+STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controller does not know
+IN_C = [n for n in VARIANTS if "past" not in n and n != STEPPED_TOGETHER]
+
+
+@compiler
+@pytest.mark.parametrize("name", IN_C)
+def test_the_c_function_steps_as_fracid_does(tmp_path, name):
+    problem = VARIANTS[name]
+    found, code = in_c(tmp_path, problem)
+    ours = problem.simulate(problem.start, problem.experiments[0])
+    assert code == 0
+    np.testing.assert_allclose(found, ours.states, atol=1e-9)
+
+
+@compiler
+def test_in_c_inputs_that_change_while_the_first_steps_are_solved_together_cost_little(tmp_path):
+    problem = VARIANTS[STEPPED_TOGETHER]
+    found, _ = in_c(tmp_path, problem)
+    ours = problem.simulate(problem.start, problem.experiments[0]).states
+    assert np.all(np.abs(found - ours).max(axis=0) < 2e-3 * np.ptp(ours, axis=0))
+
+
+@compiler
+def test_a_run_that_fails_in_c_is_told(tmp_path):
+    impossible = problem_of(C3=0.1)  # no masses make such a matrix
+    found, code = in_c(tmp_path, impossible)
+    ours = impossible.simulate(impossible.start, impossible.experiments[0])
+    assert not ours.completed
+    assert code == 3
+    np.testing.assert_allclose(found, ours.states)
+
+
+# --- a run folder ----------------------------------------------------------------------------------
+
+PROJECT = """
+[model.orders]
+lambda = 0.8623
+mu = { start = 0.9, lower = 0.7, upper = 1.2 }
+[[recording]]
+name = "release 20°"
+file = "swing.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+[[recording]]
+name = "driven"
+file = "driven.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+voltage = { column = "voltage", unit = "V" }
+initial = { theta = 0.0, alpha = 0.0 }
+use = "validate"
+[fit]
+initial_state = "held"
+"""
+
+
+def write_twin(file, alpha, inputs=None):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(
+        rig, orders={"lambda": 0.8623, "mu": 0.9146}, initial={"alpha": alpha}, step=5e-3, end=2.0, inputs=inputs
+    )
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(run.time), 2))
+    columns, header = [run.time, run.states[:, [0, 2]] + noise], "time,theta,alpha"
+    if inputs is not None:
+        columns, header = [*columns, inputs], header + ",voltage"
+    np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="")
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A project and its run, as `fracid fit` leaves it."""
+    folder = tmp_path_factory.mktemp("fitted")
+    write_twin(folder / "swing.csv", 0.35)
+    write_twin(folder / "driven.csv", 0.0, driven(400))
+    fit_in(folder, PROJECT)
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def exported(fitted):
+    without_figures = [name for name in FORMATS if name != "state-space"]
+    return fitted / "export", export_run(load_run(fitted), fitted / "export", without_figures)
+
+
+def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
+    folder, _ = exported
+    saved, found = load_run(fitted), loadmat(folder / "results.mat", simplify_cells=True)
+    mu = saved.result["orders"]["mu"]
+    assert found["orders"]["mu"]["value"] == mu["value"]
+    np.testing.assert_array_equal(found["orders"]["mu"]["interval95"], mu["interval95"])
+    assert found["orders"]["lambda"]["free"] == 0
+    assert found["parameters"]["C1"]["value"] == saved.result["parameters"]["C1"]["value"]
+    assert found["options"]["method"] == "pi2"
+    for recording in found["recordings"]:
+        ours = saved.recordings[recording["name"]]
+        assert recording["use"] == ours.use
+        for output in ("theta", "alpha"):
+            np.testing.assert_array_equal(recording["fitted"][output], ours.fitted[output])
+            np.testing.assert_array_equal(recording["measured"][output], ours.measured[output])
+            np.testing.assert_array_equal(recording["residual"][output], ours.residual(output))
+
+
+@octave
+def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exported):
+    folder, _ = exported
+    said = run_octave(folder, """
+        d = load('results.mat');
+        for j = 1:numel(d.recordings)
+          r = d.recordings{j};
+          [t, x] = model(r.past_states, r.inputs, r.steps, r.step, r.constants);
+          printf('%s %.3g\\n', r.use, max(max(abs(x(:, [1 3]) - [r.fitted.theta, r.fitted.alpha]))));
+        end
+        [t, x] = model();
+        printf('%d %d %d\\n', numel(t), size(x));""")  # fmt: skip
+    fit, validate, alone = said.strip().splitlines()
+    assert alone == "401 401 4"
+    assert fit.split()[0] == "fit"
+    assert validate.split()[0] == "validate"
+    assert max(float(fit.split()[1]), float(validate.split()[1])) < 1e-6
+
+
+def test_the_equations_stand_in_the_file_with_numbers_and_the_papers_equation_numbers(exported):
+    text = (exported[0] / "model.m").read_text(encoding="utf-8")
+    for words in ("% (1)", "% (8)", "% (9)", "% (10)", "p.C1 = 0.00", "mu = 0.9", "alpha = 0 is hanging"):
+        assert words in text
+    assert "release 20°" in text
+    assert "\t" not in text
+
+
+def test_what_a_recording_is_called_is_no_code(tmp_path):
+    tables, case = tables_and_case(problem_of())
+    named = replace(case, name="bad\nerror('run')")
+    text = matlab_model(tables, named, "runs\nerror('run')")
+    assert not any(line.lstrip().startswith("error('run')") for line in text.splitlines())
+
+
+def test_a_table_holds_time_measured_fitted_residual_and_the_input(fitted, exported):
+    saved = load_run(fitted)
+    for file, name in (("release-20.csv", "release 20°"), ("driven.csv", "driven")):
+        with (exported[0] / file).open(encoding="utf-8", newline="") as lines:
+            heading, *rows = csv.reader(lines)
+        table = dict(zip(heading, np.array(rows, dtype=float).T, strict=True))
+        ours = saved.recordings[name]
+        np.testing.assert_array_equal(table["time [s]"], ours.time)
+        np.testing.assert_array_equal(table["alpha fitted [rad]"], ours.fitted["alpha"])
+        np.testing.assert_array_equal(table["theta residual [rad]"], ours.residual("theta"))
+        assert ("voltage [V]" in table) == (name == "driven")
+    np.testing.assert_array_equal(table["voltage [V]"], driven(400)[:, 0])
+
+
+def test_the_json_file_is_the_result_with_its_curves(fitted, exported):
+    found, saved = json.loads((exported[0] / "export.json").read_text(encoding="utf-8")), load_run(fitted)
+    assert found["orders"] == saved.result["orders"]
+    assert found["curves"]["driven"]["fitted"]["alpha"] == saved.recordings["driven"].fitted["alpha"].tolist()
+
+
+def test_the_c_function_of_a_run_remembers_hours_and_model_m_its_recordings(exported):
+    header, program = ((exported[0] / name).read_text(encoding="utf-8") for name in ("fracid_model.h", "model.m"))
+    assert "good for 10000000 steps (14 h at this step)" in header
+    assert "good for 10000 steps" in program
+
+
+def own_model(problem):
+    def rhs(t, x, u, p, out):
+        out[0] = -p[0] * x[0]
+
+    return fracid.Model(
+        name="own", rhs=rhs, states=("alpha",), orders=("mu",), outputs={"alpha": 0}, inputs=(),
+        parameters=(Parameter("rate", "1/s", 1.0, "of decay"),), zero="", source="a test",
+    )  # fmt: skip
+
+
+def test_a_users_own_model_has_no_program(tmp_path):
+    swing = fracid.Experiment("own", 0.01, np.zeros((100, 1)), np.zeros((1, 0)))
+    problem = fracid.Problem(own_model(None), (swing,), {"mu": 0.9}, outputs=("alpha",), initial_state="held")
+    with pytest.raises(InputError, match="is no rotary pendulum"):
+        matlab_model(*tables_and_case(problem), "run")
+
+
+# --- the command -----------------------------------------------------------------------------------
+
+
+def test_the_command_says_what_it_wrote_and_writes_nothing_else(capsys, fitted, tmp_path):
+    code, out, err = run(capsys, "export", fitted, "--out", tmp_path / "new" / "here", "--to", "matlab", "--json")
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    assert sorted(record["files"]) == sorted(str(p) for p in tmp_path.rglob("*") if p.is_file())
+    assert {"model.m", "results.mat"} <= {p.name for p in (tmp_path / "new" / "here").iterdir()}
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    (["--to", "matlap"], "did you mean matlab"),
+    (["--to", "excel"], "unknown format 'excel'"),
+])  # fmt: skip
+def test_a_callers_mistake_is_told_and_ends_with_2(capsys, fitted, tmp_path, options, words):
+    code, out, err = run(capsys, "export", fitted, "--out", tmp_path / "out", *options)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):
+    assert "is no run folder" in run(capsys, "export", tmp_path)[2]
+    (tmp_path / "file").write_text("")
+    code, _, err = run(capsys, "export", fitted, "--out", tmp_path / "file", "--to", next(iter(FORMATS)))
+    assert code == 2
+    assert "cannot be written" in err

@@ -1,0 +1,42 @@
+"""What tests of the commands share: the program called in this process, and a folder with a run in it."""
+
+import sys
+from contextlib import nullcontext
+
+import pytest
+
+from fracid.cli.app import main
+
+RELEASE = """
+[model.orders]
+lambda = 1.0
+mu = { start = 1.0, lower = 0.9, upper = 1.1 }
+[fit]
+initial_state = "held"
+[[recording]]
+file = "swing.npz"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+"""
+"""The project of a release whose recording, swing.npz, stands beside it: mu is free."""
+
+
+def run(capsys, *arguments):
+    """Return exit code, standard output and standard error of the program."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return stop.value.code or 0, out, err
+
+
+def fit_in(folder, text, drawn=lambda fit: ()):
+    """Write a project into a folder and fit it there, as a person would; what draws its figures gets the fit."""
+    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    words = ["fit", "rig.toml", "--out", "run", "--json"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
+        patch.chdir(folder)
+        patch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(drawn))
+        with pytest.raises(SystemExit):
+            main(words)

@@ -1,0 +1,238 @@
+"""A project drafted from a recording runs as it is, and says what was guessed."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import fracid
+from fracid.cli import app
+from fracid.errors import InputError
+from fracid.problem.draft import draft_project, guess_columns
+from fracid.recording import Recording
+
+TIME = np.arange(0, 10, 0.005)
+SWING = np.where(TIME < 1, 0.9, 0.9 * np.exp(-(TIME - 1)) * np.cos(6.73 * (TIME - 1)))
+ARM = 0.15 * SWING
+
+
+def counted(x, step):
+    return np.round(x / step) * step
+
+
+def columns(**signals):
+    return guess_columns(Recording.of("log", TIME, signals))[0]
+
+
+def written(folder, **signals):
+    path = folder / "swing.csv"
+    table = np.column_stack([TIME, *signals.values()])
+    np.savetxt(path, table, delimiter=",", header=",".join(["time", *signals]), comments="", fmt="%.9g")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "alpha", "theta"),
+    [
+        (("theta", "alpha"), "alpha", "theta"),
+        (("alpha", "theta"), "alpha", "theta"),
+        (("joint0/position", "joint1/position"), "joint1/position", "joint0/position"),
+        (("arm_angle", "pend_angle"), "pend_angle", "arm_angle"),
+        (("motor", "pole"), "pole", "motor"),
+    ],
+)
+def test_columns_are_known_by_their_names(names, alpha, theta):
+    found = columns(**dict.fromkeys(names, SWING) | {f"{names[1]}_velocity": SWING})
+    assert (found["alpha"]["column"], found["theta"]["column"]) == (alpha, theta)
+    assert "voltage" not in found
+
+
+def test_without_names_the_pendulum_is_who_swings_most():
+    found = columns(**{"column 1": ARM, "column 2": SWING})
+    assert (found["alpha"]["column"], found["theta"]["column"]) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("factor", "step", "expected"),
+    [
+        (1.0, 2 * np.pi / 4096, {"unit": "rad"}),
+        (180 / np.pi, 360 / 2000, {"unit": "deg"}),
+        (4096 / (2 * np.pi), 1.0, {"unit": "counts", "counts_per_turn": 4096}),
+        (180 / np.pi, 1e-6, {"unit": "deg"}),
+        (1.0, 1e-6, {"unit": "rad"}),
+    ],
+)
+def test_the_unit_is_told_by_the_encoders_step_or_by_the_size(factor, step, expected):
+    assert columns(alpha=counted(factor * SWING, step))["alpha"] == {"column": "alpha"} | expected
+
+
+def test_a_recording_in_which_nothing_moves_is_refused():
+    with pytest.raises(InputError, match=r"has no column that could be an angle and moves; name it: --column alpha="):
+        columns(alpha=np.zeros(len(TIME)))
+
+
+@pytest.mark.parametrize(
+    ("signals", "free", "outputs"),
+    [
+        ({"theta": ARM, "alpha": SWING}, {"lambda", "mu", "C1", "C3", "C6", "J_theta", "b_theta", "coulomb_alpha"}, 2),
+        ({"theta": 1e-4 * ARM, "alpha": SWING}, {"mu", "C1", "b_alpha", "coulomb_alpha"}, 1),
+        ({"alpha": SWING}, {"mu", "C1", "b_alpha", "coulomb_alpha"}, 1),
+        ({"theta": ARM, "alpha": SWING, "voltage": np.sign(ARM)}, {"torque_per_volt", "lambda", "mu"}, 2),
+    ],
+)
+def test_what_is_free_is_what_the_recording_can_tell(tmp_path, signals, free, outputs):
+    draft = draft_project(written(tmp_path, **signals), folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "rig.toml").problem
+    assert free <= set(problem.names)
+    assert len(problem.outputs) == outputs
+    assert ("lambda" in problem.names) == (outputs == 2)
+    assert (problem.model.parameter("C3").value == 0) == (outputs == 1)  # an arm that is held has no coupling
+    assert "C4" not in problem.names
+
+
+def test_small_swings_leave_the_terms_of_large_ones_alone(tmp_path):
+    draft = draft_project(written(tmp_path, theta=0.1 * ARM, alpha=0.1 * SWING), folder=tmp_path)
+    assert "# C6 stays" in draft.text
+    assert "\n# drag_alpha" in draft.text
+
+
+def test_the_inertia_of_a_pendulum_on_a_still_arm_begins_at_its_period(tmp_path):
+    draft = draft_project(written(tmp_path, alpha=SWING), folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "rig.toml").problem
+    C4 = problem.model.parameter("C4").value
+    assert problem.start[problem.names.index("C1")] == pytest.approx(C4 / 6.73**2, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("rest", "zero"), [(0.0, None), (np.pi, 3.141592654), (-2 * np.pi, -6.283185307), (1.0, "rest")]
+)
+def test_the_zero_is_where_the_pendulum_comes_to_rest(tmp_path, rest, zero):
+    swing = np.where(TIME < 9, SWING * np.clip((8 - TIME) / 6, 0, 1), 0) + rest
+    draft = draft_project(written(tmp_path, alpha=swing), folder=tmp_path)
+    assert draft.columns["alpha"].get("zero") == zero
+
+
+def test_an_arm_that_is_turns_away_is_brought_back(tmp_path):
+    draft = draft_project(written(tmp_path, theta=ARM + 326.0, alpha=SWING), folder=tmp_path)
+    assert draft.columns["theta"]["zero"] == pytest.approx(326.0, abs=0.01)
+    assert any("theta ends at 326 rad" in note for note in draft.notes)
+
+
+def test_init_writes_a_file_that_fits_as_it_is_and_overwrites_none(tmp_path):
+    path, target = written(tmp_path, alpha=SWING), tmp_path / "rigs" / "rig.toml"
+    target.parent.mkdir()
+    run = CliRunner()
+    done = run.invoke(app, ["init", str(path), "--yes", "--out", str(target)])
+    assert done.exit_code == 0, done.output
+    assert "fracid fit" in done.output
+    assert 'file = "../swing.csv"' in target.read_text(encoding="utf-8")
+    assert fracid.identify(fracid.load_project(target)).orders["mu"].free
+    again = run.invoke(app, ["init", str(path), "--yes", "--out", str(target)])
+    assert isinstance(again.exception, InputError)
+    assert "is there already" in str(again.exception)
+
+
+def test_an_unknown_rig_is_refused_before_anything_is_written(tmp_path):
+    path = written(tmp_path, alpha=SWING)
+    with pytest.raises(InputError, match="rig"):
+        draft_project(path, rig="srv20", folder=tmp_path)
+
+
+# --- inputs -------------------------------------------------------------------------------------------------
+
+
+def test_a_column_of_a_few_values_that_stay_is_the_input_and_the_arm_says_its_sign(tmp_path):
+    push = np.where((TIME > 1) & (TIME < 1.2), 10.0, 0.0)
+    for sign in (1, -1):
+        arm = sign * 0.5 * np.clip(TIME - 1, 0, 0.4)
+        draft = draft_project(written(tmp_path, theta=arm, pend=SWING, c=push), folder=tmp_path)
+        assert draft.columns["voltage"] == {"column": "c", "unit": "V"}
+        line = next(line for line in draft.text.splitlines() if line.startswith("torque_per_volt"))
+        assert f"the arm goes {'with' if sign > 0 else 'against'} the voltage" in line
+        assert np.sign(float(line.split("start = ")[1].split(",")[0])) == sign
+
+
+def test_a_command_that_is_logged_when_it_changes_is_held(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{t:.3f},{a:.6f},{b:.6f},{'' if k % 40 else f'{np.sin(t):.4f}'}"
+            for k, (t, a, b) in enumerate(zip(TIME, SWING, ARM, strict=True))]  # fmt: skip
+    path.write_text("stamp,pend,motor,effort_control/data\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    draft = draft_project(path, folder=tmp_path)
+    assert draft.columns["voltage"] == {"column": "effort_control/data", "unit": "V", "fill": "hold"}
+    assert any("a command that is logged when it changes" in note for note in draft.notes)
+
+
+# --- where it begins ------------------------------------------------------------------------------------------
+
+
+def begins(tmp_path, alpha):
+    """The line of the draft that says where it begins."""
+    text = draft_project(written(tmp_path, alpha=alpha), folder=tmp_path).text
+    return next(line for line in text.splitlines() if line.startswith(("from", "# from")))
+
+
+def test_a_release_begins_at_the_release(tmp_path):
+    assert begins(tmp_path, SWING).startswith('from = "release"')
+
+
+def decay(start, first=1.5):
+    """A swing that decays evenly from a turn on; before it something else."""
+    return first * np.exp(-0.15 * (TIME - start)) * np.cos(6.0 * (TIME - start))
+
+
+def test_a_swing_by_hand_begins_where_it_turns_and_the_hand_is_off(tmp_path):
+    start = 1.3
+    by_hand = np.where(start > TIME, -2.3 * np.cos(2.9 * (TIME - start) + np.pi), decay(start))
+    line = begins(tmp_path, by_hand)
+    turn = float(line.split()[2])
+    later = (turn - start) / (np.pi / 6.0)
+    assert later == pytest.approx(round(later), abs=0.1)  # at a turn of the free swing
+    assert 0 <= round(later) <= 2
+    assert "it turns there, and swings freely from then on" in line
+
+
+def test_a_fall_from_upright_begins_at_a_turn_below_the_top(tmp_path):
+    start = 1.5  # held upright, then a fall through hanging to a turn on the other side
+    fall = np.where(TIME < 1, np.pi, np.pi * np.cos(np.pi * np.clip(TIME - 1, 0, 0.5)))
+    falls = np.where(start > TIME, fall, -2.4 * np.exp(-0.15 * (TIME - start)) * np.sin(6.0 * (TIME - start)))
+    line = begins(tmp_path, falls)
+    assert line.startswith("from = ")
+    assert start < float(line.split()[2]) < start + 1.0
+    assert "below the top: how it left that, a hair decides" in line
+
+
+def test_a_simulation_that_begins_at_rest_begins_with_its_first_sample(tmp_path):
+    assert begins(tmp_path, decay(0.0)).startswith("# from = 1.0")
+
+
+# --- constants and clock ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("omega", "as_the_rig"), [(6.9, True), (8.5, True), (13.0, False), (3.0, False)])
+def test_a_pendulum_that_swings_otherwise_than_the_rigs_has_its_inertias_scaled(tmp_path, omega, as_the_rig):
+    swing = np.where(TIME < 1, 0.3, 0.3 * np.exp(-0.3 * (TIME - 1)) * np.cos(omega * (TIME - 1)))
+    draft = draft_project(written(tmp_path, theta=0.2 * swing, alpha=swing), folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "rig.toml").problem
+    start = dict(zip(problem.names, problem.start, strict=True))
+    own = {n: problem.model.parameter(n).value for n in ("C1", "C3", "J_theta")}
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    ratios = {n: start[n] / rig.parameter(n).value for n in own}
+    assert np.ptp(list(ratios.values())) < 1e-3 * ratios["C1"]
+    assert (abs(ratios["C1"] - 1) < 1e-3) == as_the_rig
+    if not as_the_rig:  # between a free arm and one that its friction holds
+        C1, C3, C4, J = (start.get(n, rig.parameter(n).value) for n in ("C1", "C3", "C4", "J_theta"))
+        assert np.sqrt(C4 / C1) * 0.97 < omega < np.sqrt(C4 / (C1 - C3**2 / J)) * 1.03
+
+
+def test_a_header_with_the_sampling_rate_is_the_clock_of_a_single_column(tmp_path):
+    path = tmp_path / "swing.txt"
+    numbers = "\n".join(f"{np.degrees(a):.2f}" for a in 10 * decay(0.0))
+    path.write_text(f"start_deg, sample_rate, duration_sec\n90, 200, 10\n{numbers}\n", encoding="utf-8")
+    recording = fracid.load_recording(path, {"alpha": 0})
+    assert recording.step == pytest.approx(0.005)
+    assert "The rate is 200 Hz, as the header says." in recording.report.reading
+    draft = draft_project(path, folder=tmp_path)
+    assert draft.columns["alpha"]["column"] == 0
+    assert draft.columns["alpha"]["unit"] == "deg"

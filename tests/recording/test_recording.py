@@ -1,0 +1,681 @@
+"""Recordings: every format and dialect, units and zeros, what is measured, what is refused."""
+
+import math
+import os
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fracid.errors import DataError, InputError
+from fracid.problem.draft import guess_file
+from fracid.recording import Channel, Recording, inspect_recording, load_recording, read_table
+from fracid.recording.readers.text import parse_text
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import release_time
+
+COUNT = 2 * math.pi / 4096
+TIME = np.arange(400) / 100
+ALPHA = np.where(TIME < 1, 0.8, 0.8 * np.cos(5 * (TIME - 1)) * np.exp(-0.5 * (TIME - 1)))
+THETA = 0.1 * np.sin(3 * TIME)
+
+
+# --------------------------------------------------------------------------- text dialects
+
+finite = st.floats(-1e6, 1e6).map(lambda x: float(f"{x:.6g}"))
+dialects = st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", "."), ("   ", ".")])
+headers = st.sampled_from(["none", "names", "names and units", "remarks"])
+
+
+@given(
+    rows=st.lists(st.tuples(finite, finite, finite), min_size=3, max_size=20),
+    dialect=dialects,
+    header=headers,
+    newline=st.sampled_from(["\n", "\r\n"]),
+    bom=st.booleans(),
+)
+def test_a_table_written_in_any_dialect_is_read_back(tmp_path_factory, rows, dialect, header, newline, bom):
+    delimiter, decimal = dialect
+    lines = {
+        "none": [],
+        "names": [delimiter.join(["t", "theta", "alpha"])],
+        "names and units": [delimiter.join(["t", "theta", "alpha"]), delimiter.join(["s", "deg", "rad"])],
+        "remarks": ["# rig 7", "logged by hand on a rainy day in autumn, twice"],
+    }[header]
+    lines += [delimiter.join(repr(x).replace(".", decimal) for x in row) for row in rows]
+    file = tmp_path_factory.mktemp("dialect") / "log.csv"
+    file.write_bytes((b"\xef\xbb\xbf" if bom else b"") + newline.join([*lines, ""]).encode())
+    table = read_table(file)
+    np.testing.assert_array_equal(table.values, np.array(rows))
+    if header.startswith("names"):
+        assert table.names == ("t", "theta", "alpha")
+    if header == "names and units":
+        assert table.units == ("s", "deg", "rad")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("1,5\n2,7\n", [[1, 5], [2, 7]]),
+        ("angle\n1,5\n2,7\n", [[1.5], [2.7]]),
+        ("1, 2\n3, 4\n", [[1, 2], [3, 4]]),
+        ("1,2,\n3,4,\n", [[1, 2], [3, 4]]),
+        ("a;b\n1;\n;2\n", [[1, np.nan], [np.nan, 2]]),
+        ("% x y\n1e-3 2\n\n3 +4\n", [[1e-3, 2], [3, 4]]),
+        ('"t","x"\n"0","1"\n"1","2"\n', [[0, 1], [1, 2]]),
+        ("a,b,c\n9, 8, 7\n1\n2\n3\n", [[1], [2], [3]]),
+        ("t,x\n0,NaN\n1,null\n2,3\n", [[0, np.nan], [1, np.nan], [2, 3]]),
+    ],
+)
+def test_awkward_texts_are_read_as_a_person_would(tmp_path, text, values):
+    file = tmp_path / "log.txt"
+    file.write_text(text)
+    np.testing.assert_array_equal(read_table(file).values, values)
+
+
+def test_a_header_in_a_comment_names_the_columns():
+    assert parse_text("# t theta\n0 1\n1 2\n").names == ("t", "theta")
+
+
+def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("t [ms],alpha (deg)\n0,180\n10,90\n20,0\n")
+    recording = load_recording(file, {"alpha": "alpha"}, time="t [ms]")
+    np.testing.assert_allclose(recording.signals["alpha"], [math.pi, math.pi / 2, 0])
+    np.testing.assert_allclose(recording.time, [0, 0.01, 0.02])
+    assert "as the header says" in recording.report.reading[0]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_other_encodings_are_read(tmp_path, encoding):
+    file = tmp_path / "log.csv"
+    file.write_bytes("t;Winkel [°]\n0;1\n1;2\n".encode(encoding))
+    assert read_table(file).units == ("", "°")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty"),
+        ("\n\n  \n", "is empty"),
+        ("hello\nworld\n", "no row of numbers"),
+        ("t,x\n0,1\n1,stuck\n2,3\n", r"line 3, column 1 \(x\): 'stuck' is not a number"),
+        ("t,x\n0,abc\n1,2\n2,3\n", "'abc' in column 1"),
+        ("0 1\n1 2\n2\n", "line 3: 1 cell where other lines have 2"),
+        ("a\0b", "is not text"),
+    ],
+)
+def test_text_that_is_no_recording_is_refused_with_its_place(tmp_path, text, message):
+    file = tmp_path / "log.csv"
+    file.write_text(text)
+    with pytest.raises(DataError, match=message):
+        read_table(file)
+
+
+# --------------------------------------------------------------------------- binary formats
+
+
+def _write_mat(version):
+    def write(file, layout):
+        if version == "7.3":
+            _write_mat73(file, layout)
+            return
+        form = {"format": "4" if version == "4" else "5", "do_compression": version == "7"}
+        scipy.io.savemat(
+            file, {"t": TIME, "alpha": ALPHA} if layout == "vectors" else {"data": _matrix(layout)}, **form
+        )
+
+    return write
+
+
+def _write_mat73(file, layout):
+    with h5py.File(file, "w", userblock_size=512) as h5:
+        _fill_hdf5(h5, layout)
+    with file.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+def _write_hdf5(file, layout):
+    with h5py.File(file, "w") as h5:
+        _fill_hdf5(h5.create_group("run"), layout)
+
+
+def _fill_hdf5(group, layout):
+    for name, array in ({"t": TIME, "alpha": ALPHA} if layout == "vectors" else {"data": _matrix(layout)}).items():
+        group[name] = array if array.ndim == 2 else array[None, :]
+
+
+def _write_npz(file, layout):
+    np.savez(file, **({"t": TIME, "alpha": ALPHA} if layout == "vectors" else {"data": _matrix(layout)}))
+
+
+def _matrix(layout):
+    matrix = np.column_stack([TIME, ALPHA])
+    return matrix.T if layout == "rows" else matrix
+
+
+@pytest.mark.parametrize("layout", ["rows", "columns", "vectors"])
+@pytest.mark.parametrize(
+    ("ending", "write"),
+    [(".mat", _write_mat(v)) for v in ("4", "5", "7", "7.3")] + [(".h5", _write_hdf5), (".npz", _write_npz)],
+    ids=["mat v4", "mat v5", "mat v7", "mat v7.3", "hdf5", "npz"],
+)
+def test_a_binary_file_is_read_in_any_layout(tmp_path, ending, write, layout):
+    file = tmp_path / f"run{ending}"
+    write(file, layout)
+    recording = load_recording(
+        file, {"alpha": "alpha" if layout == "vectors" else 1}, time="t" if layout == "vectors" else 0
+    )
+    np.testing.assert_array_equal(recording.time, TIME)
+    np.testing.assert_array_equal(recording.signals["alpha"], ALPHA)
+
+
+def test_a_clock_beside_a_matrix_is_seen_and_the_columns_of_the_matrix_keep_their_positions(tmp_path):
+    signals = np.column_stack([0.1 * np.sin(3 * TIME), ALPHA])
+    scipy.io.savemat(tmp_path / "run.mat", {"out": {"time": TIME, "values": signals, "gains": np.ones(7)}})
+    recording = load_recording(tmp_path / "run.mat", {"alpha": 1})
+    np.testing.assert_array_equal(recording.time, TIME)
+    np.testing.assert_array_equal(recording.signals["alpha"], ALPHA)
+    with pytest.raises(InputError, match="'gains' has 7 numbers beside the matrix 'values'"):
+        load_recording(tmp_path / "run.mat", {"alpha": "gains"})
+
+
+def test_a_struct_of_a_mat_file_is_walked(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"log": {"t": TIME, "alpha": ALPHA}})
+    assert read_table(tmp_path / "run.mat").names == ("t", "alpha")
+
+
+def test_a_structured_npy_array_keeps_its_names(tmp_path):
+    array = np.zeros(5, dtype=[("t", float), ("alpha", float)])
+    array["t"] = np.arange(5)
+    np.save(tmp_path / "run.npy", array)
+    assert read_table(tmp_path / "run.npy").names == ("t", "alpha")
+
+
+def test_parquet_is_read_when_pyarrow_is_there(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pyarrow.table({"t": TIME, "alpha": ALPHA, "who": ["me"] * len(TIME)}), tmp_path / "run.parquet")
+    np.testing.assert_array_equal(load_recording(tmp_path / "run.parquet", {"alpha": "alpha"}).signals["alpha"], ALPHA)
+
+
+def test_parquet_without_pyarrow_names_the_install_line(tmp_path, monkeypatch):
+    (tmp_path / "run.parquet").write_bytes(b"PAR1")
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    with pytest.raises(InputError, match=r"pip install 'fracid\[parquet\]'"):
+        read_table(tmp_path / "run.parquet")
+
+
+def test_several_matrices_ask_for_a_choice_and_take_it(tmp_path):
+    np.savez(tmp_path / "run.npz", first=_matrix("rows"), second=2 * _matrix("rows"))
+    with pytest.raises(InputError, match=r"several arrays: first 2×400, second 2×400. Choose one: variable = 'first'"):
+        read_table(tmp_path / "run.npz")
+    assert read_table(tmp_path / "run.npz", "second").values[-1, 0] == 2 * TIME[-1]
+    with pytest.raises(InputError, match=r"no variable 'third'. It holds: first 2×400"):
+        read_table(tmp_path / "run.npz", "third")
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz", ".npy", ".h5", ".parquet"])
+def test_a_damaged_binary_file_is_told_so(tmp_path, ending):
+    file = tmp_path / f"run{ending}"
+    file.write_bytes(bytes(range(256)) * 8)
+    with pytest.raises(DataError, match=r"damaged|is no|no arrays"):
+        read_table(file)
+
+
+def test_a_mat_file_cut_short_is_told_so(tmp_path):
+    file = tmp_path / "run.mat"
+    scipy.io.savemat(file, {"data": _matrix("rows")})
+    file.write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(DataError, match="is damaged"):
+        read_table(file)
+
+
+def test_a_file_that_is_not_there_or_of_no_known_kind_is_the_callers_mistake(tmp_path):
+    (tmp_path / "swing.csv").write_text("0 1\n1 2\n")
+    (tmp_path / "swing.docx").write_text("x")
+    with pytest.raises(InputError, match=r"no file .*swin.csv: did you mean .*swing.csv\?"):
+        read_table(tmp_path / "swin.csv")
+    with pytest.raises(InputError, match="it is a folder"):
+        read_table(tmp_path)
+    with pytest.raises(InputError, match=r"unknown ending '.docx'; fracid reads .csv"):
+        read_table(tmp_path / "swing.docx")
+
+
+# --------------------------------------------------------------------------- channels
+
+
+@given(
+    raw=st.lists(st.floats(-100, 100), min_size=4, max_size=10),
+    sign=st.sampled_from([1, -1]),
+    scale=st.floats(0.1, 10),
+    zero=st.floats(-4, 4),
+    unit=st.sampled_from([("rad", 1.0), ("deg", math.pi / 180), ("turns", 2 * math.pi), ("counts", COUNT), ("V", 1.0)]),
+)
+def test_value_is_sign_times_scale_times_raw_minus_zero(raw, sign, scale, zero, unit):
+    name, factor = unit
+    channel = Channel(0, name, sign, scale, zero, counts_per_turn=4096 if name == "counts" else None)
+    np.testing.assert_allclose(channel.convert(np.array(raw)), sign * scale * factor * np.array(raw) - zero, atol=1e-12)
+
+
+def test_unwrapping_undoes_whole_turns_and_passes_over_blanks():
+    true = np.linspace(0, 20, 200)
+    wrapped = (true + math.pi) % (2 * math.pi) - math.pi
+    wrapped[50] = np.nan
+    unwrapped = Channel(0, "rad", unwrap=True).convert(wrapped)
+    np.testing.assert_allclose(np.delete(unwrapped, 50), np.delete(true, 50), atol=1e-12)
+
+
+def test_zero_rest_is_the_mean_of_a_tail_at_rest_and_refuses_one_that_moves():
+    still = np.r_[np.cos(np.linspace(0, 20, 900)), np.full(100, 0.25)]
+    assert Channel(0, "rad", zero="rest").convert(still)[-1] == pytest.approx(0)
+    with pytest.raises(DataError, match='alpha: zero = "rest" needs a recording that ends at rest'):
+        Channel(0, "rad", zero="rest").convert(np.cos(np.linspace(0, 20, 900)), "alpha")
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"column": 1, "unit": "grad"}, "unit = 'grad' is not possible; expected 'rad' 'deg'"),
+        ({"column": 1, "unit": ["deg"]}, r"unit = \['deg'\] is not possible"),
+        ({"column": 1, "unwrap": "yes"}, "unwrap = 'yes' is not possible; expected true or false"),
+        ({"column": 1, "sign": 2}, "sign = 2 is not possible; expected 1 or -1"),
+        ({"column": 1, "scale": 0}, "scale = 0"),
+        ({"column": 1, "zero": "tail"}, 'expected a number .* or "rest"'),
+        ({"column": 1, "zero": math.nan}, "zero = nan"),
+        ({"column": 1, "fill": "linear"}, 'expected "hold"'),
+        ({"column": 1, "unit": "counts"}, "counts_per_turn = None .* e.g. 4096"),
+        ({"column": 1, "counts_per_turn": 0}, "counts_per_turn = 0"),
+        ({"column": -1}, "column = -1"),
+        ({"column": 1.5}, "column = 1.5"),
+        ({"column": 1, "offset": 3}, "alpha: unknown field 'offset'; the fields of a channel are column, unit"),
+        ({"unit": "deg"}, r"alpha: no column given; type e.g. alpha = \{ column = 1 \}"),
+    ],
+)
+def test_a_channel_with_an_impossible_field_is_refused(fields, message):
+    with pytest.raises(InputError, match=message):
+        Channel.of(fields, "alpha")
+
+
+def _csv(folder: Path, **columns) -> Path:
+    file = folder / "log.csv"
+    rows = zip(*columns.values(), strict=True)
+    text = [",".join("" if np.isnan(x) else repr(float(x)) for x in row) for row in rows]
+    file.write_text("\n".join([",".join(columns), *text]) + "\n")
+    return file
+
+
+def test_a_missing_column_lists_those_that_are_there(tmp_path):
+    file = _csv(tmp_path, t=TIME, alpha=ALPHA)
+    with pytest.raises(
+        InputError, match=r"no column 'alhpa'. Did you mean 'alpha'\? Its columns, .*: 0 't', 1 'alpha'"
+    ):
+        load_recording(file, {"alpha": "alhpa"})
+    with pytest.raises(InputError, match="no column 7"):
+        load_recording(file, {"alpha": 7})
+
+
+def test_a_command_logged_only_when_it_changes_is_held(tmp_path):
+    command = np.full(400, np.nan)
+    command[[100, 200]] = 2.0, -1.0
+    file = _csv(tmp_path, t=TIME, alpha=ALPHA, u=command)
+    recording = load_recording(file, {"u": {"column": "u", "unit": "V", "fill": "hold"}}, time="t")
+    np.testing.assert_array_equal(recording.signals["u"], np.repeat([0.0, 2.0, -1.0], [100, 100, 200]))
+    assert "398 blanks hold the last value (0 before the first)" in " ".join(recording.report.notes)
+    resampled = recording.resample(0.004).signals["u"]
+    assert set(np.unique(resampled)) == {0.0, 2.0, -1.0}
+
+
+# --------------------------------------------------------------------------- time
+
+
+@pytest.mark.parametrize(
+    ("time", "message"),
+    [
+        ({}, None),
+        ({"rate": 0}, "rate = 0 is not possible"),
+        ({"rate": "fast"}, "rate = 'fast'"),
+        ({"column": 0, "rate": 100}, "is not possible; expected"),
+        ({"unit": "ms"}, "is not possible; expected"),
+        ({"column": 0, "unit": "days"}, "unit = 'days' is not possible; expected one of s, ms"),
+        ({"columm": 0}, "is not possible; expected"),
+    ],
+)
+def test_an_impossible_time_is_refused(tmp_path, time, message):
+    file = _csv(tmp_path, t=TIME, alpha=ALPHA)
+    if message is None:
+        assert load_recording(file, time=time).step == pytest.approx(0.01)
+        return
+    with pytest.raises(InputError, match=message):
+        load_recording(file, {"alpha": 1}, time=time)
+
+
+@pytest.mark.parametrize("columns", [{}, ["alpha"]])
+def test_columns_that_name_no_signal_are_refused(tmp_path, columns):
+    with pytest.raises(InputError, match=r"names no signal; expected e.g. \{'alpha': 2\}"):
+        load_recording(_csv(tmp_path, t=TIME, alpha=ALPHA), columns)
+
+
+def test_without_a_clock_the_rate_is_asked_for_and_the_header_shown(tmp_path):
+    (tmp_path / "log.txt").write_text("start_deg, rate\n90, 1000\n3.5\n2.5\n3.0\n")
+    with pytest.raises(InputError, match=r"no column increases like time. The header says: start_deg, rate | 90, 1000"):
+        load_recording(tmp_path / "log.txt")
+    assert load_recording(tmp_path / "log.txt", time={"rate": 1000}).step == pytest.approx(1e-3)
+
+
+def test_dates_are_counted_from_the_first_and_said(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("stamp,alpha\n" + "".join(f"{1.7e9 + i / 8:.3f},{i}\n" for i in range(5)))
+    recording = load_recording(file, {"alpha": 1})
+    np.testing.assert_array_equal(recording.time, np.arange(5) / 8)
+    assert any("counted from the first stamp" in note for note in recording.report.notes)
+
+
+def test_rows_without_a_time_stamp_are_left_out_and_said(tmp_path):
+    time = TIME.copy()
+    time[::3] = np.nan
+    recording = load_recording(_csv(tmp_path, t=time, alpha=ALPHA), {"alpha": 1}, time="t")
+    assert recording.time.size == np.isfinite(time).sum()
+    assert any("134 of 400 rows have no time stamp" in note for note in recording.report.notes)
+
+
+def test_missing_samples_are_a_data_error_that_says_how_many_where_and_what_to_do(tmp_path):
+    alpha = ALPHA.copy()
+    alpha[[10, 50]] = np.nan
+    file = _csv(tmp_path, t=TIME, alpha=alpha)
+    with pytest.raises(DataError, match=r'alpha misses 2 samples from 0.1 to 0.5 s. Cut them off .* fill = "hold"'):
+        load_recording(file, {"alpha": 1})
+    assert load_recording(file, {"alpha": 1}, start=0.6).time[0] == pytest.approx(0.6)
+
+
+def test_the_name_of_a_signal_that_fills_a_page_is_cut_in_what_is_said_of_it(tmp_path):
+    (tmp_path / "log.csv").write_text(f"t,a,{'9' * 900}x\n0,1,2\n0.1,,3\n0.2,2,\n0.3,4,2\n")
+    with pytest.raises(DataError, match=r"a misses 1 sample at 0.1 s\. .* 9{40}\.\.\. misses 1 sample") as said:
+        load_recording(tmp_path / "log.csv")
+    assert len(str(said.value)) < 700
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    ["0,1e-320,2e-320,3e-320", "-1.5e308,-0.5e308,0.5e308,1.5e308", "0,1,inf,3", "0,,,", "0,1e300,2e300,3e300"],
+)
+def test_a_column_of_time_that_is_no_clock_says_nothing_against_the_rate(stamps, tmp_path):
+    rows = "".join(f"{t},{k % 2}\n" for k, t in enumerate(stamps.split(",")))
+    (tmp_path / "log.csv").write_text(f"time,alpha\n{rows}")
+    found = load_recording(tmp_path / "log.csv", {"alpha": "alpha"}, time={"rate": 100})
+    assert found.time.tolist() == [0.0, 0.01, 0.02, 0.03]
+    assert not found.report.findings
+
+
+LONG = {
+    "digits": "9" * 300_000 + "x",
+    "decimals": "9" * 150_000 + "." + "9" * 150_000 + "e",
+    "a rate": "sampl" * 60_000,
+    "a rate's line": "sampl" + "_" * 300_000,
+    "blanks": "a" + " " * 300_000 + "b",
+    "a bracket": "x" * 300_000 + " [",
+    "joints": "joint2" * 50_000,
+}
+PLACES = {
+    "a name": "t,{},a\n{}",
+    "a line above": "# {}, b\n5, 3\nt,x,a\n{}",
+    "a unit": "t,x,a\ns,{},rad\n{}",
+    "a number": "t,x,a\n{1}0.6,{0},3\n",
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("what", LONG)
+def test_a_cell_of_300_000_characters_costs_no_more_than_to_read_it(what, place, tmp_path):
+    rows = "".join(f"{k / 100},{k % 7},{k % 5}\n" for k in range(50))
+    (tmp_path / "log.csv").write_text(PLACES[place].format(LONG[what], rows))
+    if place == "a number":  # who tries all ways to cut it in two is at it for hours
+        with pytest.raises(DataError, match=r"log.csv, line 52, column 1 \(x\): '.{40}\.\.\.' is not a number"):
+            inspect_recording(tmp_path / "log.csv")
+    else:
+        assert len(max(read_table(tmp_path / "log.csv").names, key=len)) <= 200
+        assert len(max(inspect_recording(tmp_path / "log.csv").signals, key=len)) <= 200
+        assert guess_file(tmp_path / "log.csv")[0]["alpha"]
+
+
+@pytest.mark.parametrize(
+    ("shift", "message"), [(0.0, "1 stamps repeat and 0 go back"), (-0.5, "0 stamps repeat and 1 go")]
+)
+def test_time_that_does_not_increase_is_a_data_error(tmp_path, shift, message):
+    time = np.arange(20.0)
+    time[7] = time[6] + shift
+    with pytest.raises(DataError, match=message):
+        load_recording(_csv(tmp_path, t=time, alpha=np.arange(20.0)), {"alpha": 1}, time=0)
+
+
+def test_one_sample_is_too_few(tmp_path):
+    (tmp_path / "log.csv").write_text("t,alpha\n0,1\n")
+    with pytest.raises(DataError, match="1 sample; a recording needs at least two"):
+        load_recording(tmp_path / "log.csv", {"alpha": 1}, time=0)
+
+
+def test_a_long_gap_makes_a_recording_unfit_and_a_short_one_usable():
+    time = np.arange(400) / 100
+    short = Recording.of("short", np.delete(time, slice(200, 205)), {"alpha": np.delete(ALPHA, slice(200, 205))})
+    assert short.report.level == "usable"
+    assert short.report.clock.gaps == ((1.99, 0.06),)
+    long = Recording.of("long", np.delete(time, slice(200, 300)), {"alpha": np.delete(ALPHA, slice(200, 300))})
+    assert long.report.level == "unfit"
+    with pytest.raises(DataError, match=r"a gap of 1.01 s after 1.99 s is 25 % of the recording"):
+        long.resample()
+
+
+# --------------------------------------------------------------------------- trim, split, resample
+
+
+def test_a_straight_line_survives_resampling_of_a_jittering_clock():
+    rng = np.random.default_rng(1)
+    time = np.arange(500) / 100 + rng.uniform(-2e-3, 2e-3, 500)
+    line = Recording.of("line", time, {"alpha": 3 * time - 1})
+    assert line.step is None
+    even = line.resample()
+    assert even.step == pytest.approx(0.01)
+    np.testing.assert_allclose(even.signals["alpha"], 3 * even.time - 1, atol=1e-12)
+    assert even.report.resampled is not None
+    assert even.report.level == "usable"
+
+
+def test_resampling_names_each_gap_it_bridges():
+    time = np.delete(np.arange(400) / 100, slice(200, 205))
+    even = Recording.of("gap", time, {"alpha": np.cos(time)}).resample()
+    assert even.report.resampled is not None
+    assert "The gap of 60 ms after 1.99 s was bridged by a line." in even.report.resampled
+
+
+def test_resample_needed_leaves_a_uniform_recording_alone(tmp_path):
+    file = _csv(tmp_path, t=TIME, alpha=ALPHA)
+    assert load_recording(file, {"alpha": 1}, resample="needed").report.resampled is None
+    assert load_recording(file, {"alpha": 1}, resample=True).report.resampled is not None
+    assert load_recording(file, {"alpha": 1}, resample=0.02).step == pytest.approx(0.02)
+    with pytest.raises(InputError, match="resample = 'always'"):
+        load_recording(file, {"alpha": 1}, resample="always")
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, 100.0, math.nan])
+def test_an_impossible_step_is_refused(step):
+    with pytest.raises(InputError, match=r"expected above 0 and at most 3.99 s"):
+        Recording.of("twin", TIME, {"alpha": ALPHA}).resample(step)
+
+
+@given(at=st.floats(0.1, 3.8))
+def test_split_parts_together_are_the_whole(at):
+    twin = Recording.of("twin", TIME, {"alpha": ALPHA})
+    before, after = twin.split(at)
+    np.testing.assert_array_equal(np.r_[before.time, after.time], TIME)
+    np.testing.assert_array_equal(np.r_[before.signals["alpha"], after.signals["alpha"]], ALPHA)
+
+
+def test_trimming_to_nothing_is_refused_with_the_span():
+    with pytest.raises(InputError, match=r"from 7 to 9 s holds 0 samples; it spans 0 to 3.99 s"):
+        Recording.of("twin", TIME, {"alpha": ALPHA}).trim(7, 9)
+
+
+def test_a_recording_cannot_be_changed():
+    twin = Recording.of("twin", TIME, {"alpha": ALPHA})
+    with pytest.raises(FrozenInstanceError):
+        twin.name = "other"
+    with pytest.raises(ValueError, match="read-only"):
+        twin.signals["alpha"][0] = 1.0
+
+
+def test_signals_of_another_length_than_time_are_refused():
+    with pytest.raises(InputError, match=r"alpha has shape \(3,\) and time \(400,\)"):
+        Recording.of("twin", TIME, {"alpha": np.zeros(3)})
+
+
+# --------------------------------------------------------------------------- what is measured
+
+
+@pytest.mark.parametrize("counts", [1024, 4000, 4096, 20000])
+@pytest.mark.parametrize("digits", [None, 5])
+def test_the_encoder_is_recognised_even_through_a_rounding_logger(counts, digits):
+    q = 2 * math.pi / counts
+    signal = q * np.round(np.cos(5 * np.arange(5000) / 500) / q)
+    report = Recording.of(
+        "twin", np.arange(5000) / 500, {"alpha": signal if digits is None else signal.round(digits)}
+    ).report
+    assert report.signals[0].counts_per_turn == counts
+
+
+def test_a_signal_of_floating_point_has_no_resolution():
+    assert resolution(np.random.default_rng(0).normal(size=2000)) is None
+    assert resolution(np.zeros(10)) is None
+
+
+def test_the_noise_is_measured_beside_a_swing():
+    t = np.arange(5000) / 500
+    noisy = np.cos(6 * t) + np.random.default_rng(3).normal(scale=1e-3, size=t.size)
+    assert Recording.of("twin", t, {"alpha": noisy}).report.signals[0].noise == pytest.approx(1e-3, rel=0.05)
+
+
+def test_the_rest_is_given_as_its_distance_from_a_multiple_of_pi():
+    signal = np.r_[2 * np.cos(np.arange(2000) / 50), np.zeros(500)] - 2 * math.pi - 0.02
+    measured = Recording.of("twin", np.arange(2500) / 500, {"alpha": signal}).report.signals[0]
+    assert measured.at_rest
+    assert measured.rest_offset == pytest.approx(-0.02)
+
+
+def _held_release(shake: float, drift: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """At rest, lifted by hand, held by a hand that shakes and drifts, let go at 5 s."""
+    t = np.arange(0, 20, 0.002)
+    w = np.random.default_rng(seed).uniform(3, 12, 3)
+    lift = np.interp(t, [0, 2, 3.5, 20], [0, 0, 1.0, 1.0])
+    hold = lift + (t > 3.5) * (drift * (t - 3.5) + shake * sum(np.sin(wi * t) for wi in w) / 3)
+    free = hold[np.searchsorted(t, 5.0)] * np.cos(6.5 * (t - 5)) * np.exp(-0.2 * (t - 5))
+    return t, COUNT * np.round(np.where(t < 5, hold, free) / COUNT)
+
+
+@pytest.mark.parametrize(("shake", "drift"), [(0, 0), (0.005, 0), (0, 0.03), (0.005, -0.03)])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_release_is_found_though_the_hand_shakes_and_drifts(shake, drift, seed):
+    release, reason = release_time(*_held_release(shake, drift, seed))
+    assert release == pytest.approx(5.0, abs=0.03), reason
+
+
+@given(phase=st.floats(0, 6.2), decay=st.floats(0, 0.5))
+def test_a_swing_without_a_plateau_has_no_release(phase, decay):
+    t = np.arange(0, 10, 0.002)
+    release, reason = release_time(t, np.cos(6 * t + phase) * np.exp(-decay * t))
+    assert release is None
+    assert "not held still" in reason
+
+
+def test_start_at_release_begins_on_the_plateau(tmp_path):
+    file = _csv(tmp_path, t=TIME, alpha=ALPHA)
+    recording = load_recording(file, {"alpha": 1}, start="release")
+    assert recording.time[0] == pytest.approx(1.0, abs=0.03)
+    with pytest.raises(DataError, match=r"no release found \(nothing moves\). Give from as a time"):
+        load_recording(_csv(tmp_path, t=TIME, alpha=0 * TIME), {"alpha": 1}, time=0, start="release")
+
+
+def test_guessing_takes_the_most_even_clock_and_says_all(tmp_path):
+    arrival = TIME + np.random.default_rng(0).uniform(0, 0.005, TIME.size)
+    file = _csv(tmp_path, arrival=arrival, stamp=TIME, alpha=ALPHA, still=0 * TIME)
+    report = inspect_recording(file).report
+    said = " ".join(report.reading)
+    assert "Time is taken from 'stamp' [s]." in said
+    assert "Left out as constant: 'still'." in said
+    assert "alpha has no unit: taken as rad." in said
+
+
+def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):
+    time = TIME.copy()
+    time[200:] -= 1.0
+    recording = inspect_recording(_csv(tmp_path, counter=np.arange(400.0), time=time, alpha=ALPHA))
+    assert len(recording.report.clock.backward) == 1
+    assert set(recording.signals) == {"counter", "alpha"}
+
+
+def test_few_samples_are_never_good():
+    assert Recording.of("few", np.arange(9.0), {"alpha": np.arange(9.0)}).report.level == "usable"
+
+
+def test_a_report_is_plain_json(tmp_path):
+    import json
+
+    report = inspect_recording(_csv(tmp_path, t=TIME, alpha=np.full(400, np.nan)), {"alpha": 1}, time=0).report
+    content = json.loads(json.dumps(report.to_dict(), allow_nan=False))
+    assert content["level"] == "unfit"
+    assert len(content["signals"]["alpha"]["missing"]) == 400
+
+
+# --------------------------------------------------------------------------- real rigs
+
+RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", Path(__file__).parents[2] / "../shared/recordings")).resolve()
+real = pytest.mark.skipif(
+    not RECORDINGS.is_dir(), reason=f"no recordings in {RECORDINGS}; set FRACID_RECORDINGS to their folder"
+)
+JOINTS = "/joint_states"
+SRV02 = {"theta": {"column": 1, "unit": "rad"}, "alpha": {"column": 2, "unit": "rad", "zero": math.pi}}
+ODRIVE = {name: {"column": f"{JOINTS}/joint{k}/position", "unit": "rad"} for k, name in enumerate(["theta", "alpha"])}
+STAMP = {"column": f"{JOINTS}/header/stamp"}
+STEPPER = {"alpha": {"column": 0, "unit": "deg", "scale": 0.99}}
+
+
+@real
+@pytest.mark.parametrize(
+    ("file", "columns", "time", "samples", "step", "release"),
+    [
+        ("srv02-rotpen/release_92deg.mat", SRV02, 0, 27896, 0.002, 9.66),
+        ("srv02-rotpen/release_16deg.mat", SRV02, 0, 24546, 0.002, 7.37),
+        ("srv02-rotpen/pulse_10V.mat", SRV02 | {"u": {"column": 3, "unit": "V"}}, 0, 25400, 0.002, 0.1),
+        ("odrive-furuta/fall_a.csv", ODRIVE, STAMP, 20144, 0.002, 1.39),
+        ("odrive-furuta/fall_b.csv", ODRIVE, STAMP, 15258, 0.002, 0.24),
+        ("odrive-furuta/sine_2V.csv", ODRIVE | {"u": Channel("/effort_control/data.0", "V", fill="hold")}, STAMP, 2226,
+         0.002, None),
+        *((f"stepper-freeswing/pendulum_free_swing_data_0{k}.txt", STEPPER, {"rate": 1000}, 5000, 0.001, None)
+          for k in (1, 2, 3)),
+    ],
+)  # fmt: skip
+def test_every_recording_of_a_real_rig_loads_as_it_is(file, columns, time, samples, step, release):
+    recording = load_recording(RECORDINGS / file, columns, time=time)
+    assert recording.time.size == samples
+    assert recording.report.release == (None if release is None else pytest.approx(release, abs=0.02))
+    even = load_recording(RECORDINGS / file, columns, time=time, resample="needed")
+    assert even.step == pytest.approx(step)
+    assert (even.report.resampled is not None) == file.startswith("odrive")
+    if file.startswith("srv02"):
+        assert {s.counts_per_turn for s in recording.report.signals if s.unit == "rad"} == {4096}
+
+
+@real
+def test_the_43_ms_gap_of_fall_a_is_named():
+    clock = load_recording(RECORDINGS / "odrive-furuta/fall_a.csv", ODRIVE, time=STAMP).report.clock
+    assert max(length for _, length in clock.gaps) == pytest.approx(0.0428, abs=1e-4)
+
+
+def test_a_comment_with_as_many_commas_as_columns_is_not_taken_for_the_header(tmp_path):
+    file = tmp_path / "twin.csv"
+    file.write_text("# SIMULATED, not measured\n# made by a script\ntime [s],alpha [deg]\n0,1\n1,2\n2,3\n")
+    recording = load_recording(file)
+    assert list(recording.signals) == ["alpha [deg]"]

@@ -1,0 +1,787 @@
+"""The report is one page that says what result.json says, escapes what came from files, asks nobody, and moves."""
+
+import base64
+import hashlib
+import json
+import math
+import re
+import shutil
+import sys
+import tomllib
+from dataclasses import replace
+from html.parser import HTMLParser
+from importlib.resources import files
+from itertools import pairwise
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import fracid
+from browser import CHROMIUM, Browser
+from fracid.cli.app import main
+from fracid.errors import InputError
+from fracid.report import report_page, write_report
+from fracid.report.equations import equations
+from fracid.report.material import Material, first_part
+from fracid.report.rig import rig_lengths
+from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
+from fracid.report.verdict import verdict
+from fracid.runs.folder import open_folder, write_result
+from fracid.runs.saved import load_run
+from fracid.selection.comparison import Comparison, Row, Score
+
+HOSTILE = "</script><img src=x onerror=\"window.hit=1\"> & 'swing'"
+
+PROJECT = f"""
+[model.parameters]
+b_alpha = {{ start = 3e-4, lower = 0.0, upper = 1e-2 }}
+coulomb_theta = 0.001
+[[recording]]
+name = {json.dumps(HOSTILE)}
+file = "one.csv"
+theta = {{ column = "theta", unit = "rad" }}
+alpha = {{ column = "alpha", unit = "rad" }}
+from = 0.5
+[[recording]]
+name = "held out"
+file = "two.csv"
+theta = {{ column = "theta", unit = "rad" }}
+alpha = {{ column = "alpha", unit = "rad" }}
+use = "validate"
+"""
+
+SECTIONS = ("verdict", "data", "model", "values", "fitted", "residuals", "cost", "ladder", "checks", "reproduce")
+"""As the issue orders them."""
+
+
+def write_twin(file, alpha, seed):
+    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=1e-3)
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": alpha}, step=1e-2, end=6.0)
+    noise = 2e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
+    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
+    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A run with all that a report can show: its folder, the fit, the project."""
+    folder = tmp_path_factory.mktemp("report")
+    write_twin(folder / "one.csv", 0.5, 1)
+    write_twin(folder / "two.csv", 0.3, 2)
+    (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
+    project = fracid.load_project(folder / "rig.toml")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["fracid", "fit", str(folder / "rig.toml"), "--out", "<run>"])
+        open_folder(folder / "run")
+    fit = fracid.identify(project, jobs=2)
+    write_result(folder / "run", fit, project, {"search": 1.0})
+    profiles = fracid.profile(fit, parameters=["mu"], joint=("lambda", "mu"), points=5, jobs=2)
+    (folder / "run" / "profiles.json").write_text(json.dumps(profiles.to_json()), encoding="utf-8")
+    (folder / "run" / "compare.json").write_text(json.dumps(comparison().to_json()), encoding="utf-8")
+    return folder / "run", fit, project
+
+
+def comparison():
+    """Two rungs, one of which fails on a recording."""
+    good = Score({"theta": 0.01, "alpha": 0.02}, {"theta": 90.0, "alpha": 91.0}, {"theta": 1.0, "alpha": 2.0})
+    bad = Score(dict.fromkeys(good.rmse, math.inf), dict.fromkeys(good.rmse, -math.inf), good.itae, "it left")
+    rungs = [("viscous, orders 1", False, bad, {}), ("viscous, orders free", True, good, {"mu": (0.9, (0.8, 1.0))})]
+    rows = tuple(
+        Row("viscous", free, name, free, 1.0, 3, 2.0, orders, {}, (), {HOSTILE: good}, {"held out": score}, "converged")
+        for name, free, score, orders in rungs
+    )
+    return Comparison(rows, "Orders <b>help</b>.", ("a note",), ("theta", "alpha"), 50.0, False, "rmse", 1, 1)
+
+
+@pytest.fixture(scope="module")
+def material(fitted):
+    return Material.of_run(
+        load_run(fitted[0]), fracid.estimation.cost_plane.cost_plane(fitted[1].problem, fitted[1].x, points=5)
+    )
+
+
+@pytest.fixture(scope="module")
+def page(material):
+    return report_page(material)
+
+
+class Parsed(HTMLParser):
+    """Elements in a row, the text that is seen, and whether every element is closed."""
+
+    VOID = frozenset({"meta", "input", "link", "img", "br", "hr"})
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.elements, self.open, self.text, self.scripts = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        (self.scripts if self.open and self.open[-1] in ("script", "style") else self.text).append(data)
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def parsed(page):
+    return Parsed(page)
+
+
+def samples(page):
+    return json.loads(re.search(r'<script type="application/json" id="samples">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def decoded(text):
+    return np.frombuffer(base64.b64decode(text), dtype="<f4")
+
+
+# --- the page as text ------------------------------------------------------------------------------
+
+
+def test_every_element_is_closed_and_every_id_is_there_once(parsed):
+    assert parsed.open == []
+    ids = [a["id"] for _, a in parsed.elements if "id" in a]
+    assert len(ids) == len(set(ids))
+
+
+def test_no_two_regions_have_one_name(page, parsed):
+    regions = [a["aria-label"] for _, a in parsed.elements if a.get("role") == "region"]
+    regions += re.findall(r'<h2 id="h-\w+">(.*?)</h2>', page)  # sections are regions too
+    assert len(regions) > 2 * len(SECTIONS)
+    assert len(regions) == len(set(regions))
+
+
+def test_the_sections_are_all_there_in_their_order_and_linked(parsed):
+    assert [a["id"] for a in parsed.all("section")] == list(SECTIONS)
+    assert [a["href"] for a in parsed.all("a")] == [f"#{name}" for name in SECTIONS]
+
+
+def test_nothing_on_the_page_can_be_fetched(parsed):
+    for tag, attributes in parsed.elements:
+        for name in ("src", "srcset", "action", "poster", "data", "xlink:href", "style"):
+            assert name not in attributes, f"<{tag} {name}>"
+        assert attributes.get("href", "#").startswith("#")
+    assert not re.search(r"url\(|@import", "".join(parsed.scripts))
+    assert policy_of(parsed).startswith("default-src 'none';")
+
+
+def policy_of(parsed):
+    return next(a["content"] for a in parsed.all("meta") if a.get("http-equiv") == "Content-Security-Policy")
+
+
+def test_the_policy_allows_the_pages_own_scripts_and_styles_by_their_hashes_and_no_others(page, parsed):
+    policy = policy_of(parsed)
+    assert "unsafe" not in policy
+    allowed = set(re.findall(r"'sha256-(.+?)'", policy))
+    there = re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", page, re.DOTALL)
+    assert allowed == {base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in there}
+
+
+def test_a_hostile_name_is_text_wherever_it_stands(page, parsed):
+    assert "<img" not in page
+    assert parsed.all("img") == []
+    assert len(parsed.all("script")) == 6
+    assert "".join(parsed.text).count(HOSTILE) >= 6
+    assert [r["name"] for r in samples(page)["recordings"]] == [HOSTILE, "held out"]
+
+
+def test_the_ladders_words_are_text_too(parsed):
+    assert "Orders <b>help</b>." in "".join(parsed.text)
+    assert parsed.all("b") == []
+
+
+def test_every_value_of_the_result_stands_on_the_page_in_full(page, fitted):
+    result = json.loads((fitted[0] / "result.json").read_text(encoding="utf-8"))
+    values = set(re.findall(r'<data value="([^"]*)"', page))
+    blocks = [result["orders"], result["parameters"]]
+    for r in result["recordings"].values():
+        blocks += [r["initial_state"], r["parameters"]]
+        assert {str(v) for kind in ("rmse", "fit_percent") for v in r[kind].values()} <= values
+    estimates = [e for k, block in enumerate(blocks) for e in block.values() if k < 2 or e["free"]]
+    assert {str(e["value"]) for e in estimates} <= values
+    assert {f"{e['interval95'][0]} {e['interval95'][1]}" for e in estimates if e["interval95"]} <= values
+
+
+def test_warnings_verdicts_reasons_and_hashes_are_said(parsed, fitted):
+    result = json.loads((fitted[0] / "result.json").read_text(encoding="utf-8"))
+    text = " ".join("".join(parsed.text).split())
+    said = [*result["warnings"], *(e["identifiable"] for e in result["parameters"].values())]
+    said += [*result["data_sha256"].values(), *result["versions"].values(), "fracid fit", "'<run>'", "coulomb_theta"]
+    said += [s for outputs in Material.of_run(load_run(fitted[0])).analyses.values() for a in outputs.values()
+             for s in a.sentences.values()]  # fmt: skip
+    for sentence in said:
+        assert " ".join(sentence.split()) in text
+
+
+def test_the_embedded_samples_are_the_recordings(page, fitted):
+    for said, r in zip(samples(page)["recordings"], fitted[1].recordings.values(), strict=True):
+        np.testing.assert_allclose(decoded(said["t"]), r.time - r.time[0], atol=1e-6)
+        assert said["start"] == r.time[0]
+        for output in said["outputs"]:
+            for which in ("measured", "fitted"):
+                angle = np.degrees(getattr(r, which)[output["name"]])
+                np.testing.assert_allclose(decoded(output[which]), angle, rtol=1e-6, atol=1e-6)
+
+
+def test_a_recording_is_shown_whole_with_the_part_that_was_used(page):
+    whole = samples(page)["recordings"][0]["whole"]
+    assert decoded(whole["t"])[-1] + whole["start"] == pytest.approx(6.0)
+    assert whole["start"] == 0.0
+    assert whole["window"] == pytest.approx([0.5, 6.0])
+
+
+def test_a_fit_in_hand_and_its_folder_read_back_give_the_same_page(fitted, material):
+    folder, fit, project = fitted
+    assert report_page(Material.of_fit(folder, fit, project, material.plane)) == report_page(material)
+
+
+def test_a_page_says_what_it_lacks_without_profiles_ladder_and_search(material, tmp_path):
+    result = json.loads(json.dumps(material.result))
+    for r in result["recordings"].values():
+        r["rmse"] = dict.fromkeys(r["rmse"])
+        r["fit_percent"] = dict.fromkeys(r["fit_percent"])
+    result |= {"discretisation": None, "alternative": None, "cost": result["cost"] | {"value": None}}
+    nan = {n: replace(r, fitted={o: np.full_like(y, np.nan) for o, y in r.fitted.items()})
+           for n, r in material.recordings.items()}  # fmt: skip
+    text = report_page(replace(material, folder=tmp_path, result=result, recordings=nan, plane=None))
+    sections = [a["id"] for a in Parsed(text).all("section")]
+    assert sections == [name for name in SECTIONS if name not in ("cost", "ladder")]
+    assert "No run of the model reached the end" in text
+
+
+def test_of_many_recordings_the_later_ones_are_folded(material, monkeypatch):
+    monkeypatch.setattr("fracid.report.page.OPEN", 1)
+    folded = Parsed(report_page(material))
+    assert len(folded.all("article")) == 2  # one recording, one residual
+    assert len([a for a in folded.all("details") if a.get("class") == "more"]) == 1 + 3
+    assert "".join(folded.text).count(HOSTILE) >= 6
+    assert folded.open == []
+
+
+# --- its parts -------------------------------------------------------------------------------------
+
+
+def estimate(value, half=None, free=True, kind="identifiable"):
+    ends = None if half is None else [value - half, value + half]
+    return {"value": value, "interval95": ends, "standard_error": half and half / 2, "free": free, "identifiable": kind}
+
+
+def said(**changes):
+    """A result of a good fit, with changes."""
+    recording = {"use": "fit", "rmse": {"alpha": 0.01}, "fit_percent": {"alpha": 95.0}, "parameters": {},
+                 "initial_state": {}}  # fmt: skip
+    result = {
+        "orders": {"mu": estimate(1.01, 0.02)},
+        "parameters": {"C1": estimate(0.004, 0.001)},
+        "recordings": {"a": recording, "b": recording | {"use": "validate"}},
+        "cost": {"value": 0.01},
+        "alternative": None,
+        "outcome": "converged: it did",
+        "discretisation": {"warning": "", "shift": {"mu": 1e-4}},
+    } | changes
+    used = lambda use: {n: r for n, r in result["recordings"].items() if r["use"] == use}  # noqa: E731
+    shown = lambda n, v: f"{math.degrees(v):.2g}°"  # noqa: E731
+    return SimpleNamespace(result=result, used=used, shown=shown, analyses={})
+
+
+RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}
+FIT_ONLY = {"a": said().result["recordings"]["a"]}
+POOR = {"a": FIT_ONLY["a"] | {"fit_percent": {"alpha": 3.0}}}
+
+LINES = {
+    "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
+    "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
+    "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: nothing here says that the rig"),
+    "orders off 1 that a rival cannot do without": (
+        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
+        "With every order 1, the cost is 4 times as large",
+    ),
+    "orders that a rival does without": (
+        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,
+        "It is friction.",
+    ),
+    "orders off 1 without a rival": ("Orders", {"orders": {"mu": estimate(0.9, 0.01)}}, False, "no integer-order"),
+    "an order next to its integer value, which is 0": (
+        "Orders", {"orders": {"r": estimate(0.02, 0.02) | {"integer": 0.0}}}, True, "0 lies in the interval of r",
+    ),
+    "an order of which no integer makes sense": (
+        "Orders", {"orders": {"r": estimate(0.4, 0.01) | {"integer": None}}}, True,
+        "The model gives r no integer value, so it has no integer-order rival.",
+    ),
+    "an order off 0": ("Orders", {"orders": {"r": estimate(0.9, 0.01) | {"integer": 0}}}, False, "r is off 0; no"),
+    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
+    "an order that is not seen beside one that is": (
+        "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,
+        "The recordings do not tell λ. 1 lies in the interval of μ: nothing here says",
+    ),
+    "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
+    "a prediction": ("Prediction", {}, True, "It predicts b, which was not fitted, to 0.57°"),
+    "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "nothing shows that the model predicts"),
+    "all values known": ("Values", {}, True, "The recordings tell all 2 values"),
+    "values unknown": (
+        "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
+        "1 of the 2 values that were left free; not, or not for sure: C1",
+    ),
+    "a search that ended": ("Checks", {}, True, "The search converged. Solved at half the step, no order moves"),
+    "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search ended so: interrupted"),
+    "a step too coarse": (
+        "Checks", {"discretisation": {"warning": "Too coarse.", "shift": {"mu": 1.0}}}, False, "Too coarse.",
+    ),
+    "no check": ("Checks", {"discretisation": None}, False, "What the step does was not checked"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_the_verdict_has_five_lines_and_each_says_what_the_result_means(case):
+    about, changes, good, words = LINES[case]
+    lines = {line.about: line for line in verdict(said(**changes))}
+    assert list(lines) == ["Fit", "Orders", "Prediction", "Values", "Checks"]
+    assert words in lines[about].sentence
+    assert lines[about].good is good
+
+
+def test_the_equations_leave_out_what_is_zero_and_keep_what_is_free(fitted):
+    folder, fit, project = fitted
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    symbols = equations(project.problem.model, result, driven=False)["With symbols"]
+    assert all(f"<mi>{index}</mi>" in symbols for index in ("Cθ", "θ", "α"))  # dry friction of the arm
+    assert not any(f"<mi>{index}</mi>" in symbols for index in ("Cα", "u"))
+    assert "<mi>d</mi>" not in symbols  # drag
+    numbers = equations(project.problem.model, result, driven=False)["With the numbers found"]
+    assert f"{fit.orders['mu'].value:.3f}" in numbers
+
+
+class Reader:
+    """MathML as Python: neighbours are factors, sin, cos and tanh take what follows them."""
+
+    def __init__(self, text):
+        self.lines = ["".join(self.line(row)) for row in ElementTree.fromstring(text).iter("mtd")]
+
+    def line(self, element):
+        return self.row([part for child in element for part in ([*child] if child.tag == "mrow" else [child])])
+
+    def row(self, parts):
+        words, parts = [], [p for p in parts if p.tag != "mspace"]
+        while parts:
+            word = self.word(parts)
+            if words and words[-1] not in "+-=(" and word not in "+-=)":
+                words.append("*")
+            words.append(word)
+        return words
+
+    def word(self, parts):
+        part = parts.pop(0)
+        text = (part.text or "").strip()
+        if part.tag == "mo":
+            return text.replace("−", "-").replace("·", "")
+        if part.tag == "mn":
+            return text.replace("−", "-")
+        if part.tag == "mi":
+            return f"{text}({self.word(parts)})" if text in ("sin", "cos", "tanh") else text
+        if part.tag == "msub":
+            return "".join(child.text for child in part)
+        if part.tag == "mfrac":
+            return "(1/2)"
+        if part.tag == "msup":
+            base, exponent = part
+            if base.text == "D":
+                return f"D_{self.word(parts)}"
+            if base.text == "sin":
+                return f"sin({self.word(parts)})**2"
+            return f"({self.word([base])})**({self.word([exponent])})"
+        inner = [child for child in part if child.tag != "mspace"]
+        if inner and inner[0].text == "|":
+            return f"abs({self.word([inner[1]])})"
+        if any(child.text == "/" for child in inner):
+            return f"({self.word([inner[0]])}/{self.word([inner[2]])})"
+        return f"({''.join(self.row(inner)).strip()})"
+
+
+@pytest.mark.parametrize("zero", ["hanging", "upright"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_equations_as_printed_are_those_that_are_solved(zero, sign):
+    """Read back from the page and solved for the accelerations, they give the model's right-hand side."""
+    rng = np.random.default_rng(5)
+    model = fracid.rotary_pendulum(zero=zero)
+    friction = ("b_theta", "b_alpha", "drag_theta", "drag_alpha", "theta_rest", "alpha_rest", "torque_per_volt")
+    values = {p.name: p.value or 0.01 * rng.uniform(1, 9) for p in model.parameters}
+    values |= {n: sign * round(0.01 * rng.uniform(1, 9), 4) for n in friction}
+    values = {n: float(f"{v:.5g}") for n, v in values.items()}  # as printed
+    constants = {n: {"value": v, "free": False} for n, v in values.items()}
+    constants["drag_alpha"] |= {"value": 1.001 * values["drag_alpha"], "bound": values["drag_alpha"]}  # what it means
+    result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
+    lines = Reader(equations(model, result, driven=True)["With the numbers found"]).lines
+    printed = []
+    for line in (line.replace("D_ωθ", "A").replace("D_ωα", "B") for line in lines[2:]):
+        if line[0] in "=+-":  # goes on
+            printed[-1] += line
+        else:
+            printed.append(line)
+    assert len(printed) == 2
+    for x in rng.uniform(-1, 1, (5, 4)):
+        u, out = rng.uniform(-1, 1, 1), np.empty(4)
+        model.rhs(0.0, x, u, model.parameter_vector(values), out)
+        at = {"θ": x[0], "ωθ": x[1], "α": x[2], "ωα": x[3], "u": u[0], "A": out[1], "B": out[3],
+              "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "abs": abs}  # fmt: skip
+        for left, right in (equation.split("=") for equation in printed):
+            assert eval(left, at) == pytest.approx(eval(right, at), rel=1e-9, abs=1e-12)
+
+
+def test_gravity_has_the_sign_of_the_zero():
+    signs = {}
+    for zero in ("hanging", "upright"):
+        model = fracid.rotary_pendulum(zero=zero)
+        constants = {p.name: estimate(p.value, free=False) for p in model.parameters}
+        result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(1.0)), "parameters": constants, "recordings": {}}
+        text = re.sub(r"<[^>]+>", "", equations(model, result, driven=False)["With symbols"])
+        signs[zero] = "=−C4sinα" in text.replace(" ", "")
+    assert signs == {"hanging": True, "upright": False}
+
+
+@pytest.mark.parametrize("name", ["srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta"])
+def test_a_rod_is_drawn_with_the_lengths_that_made_its_constants(name):
+    rng = np.random.default_rng(len(name))
+    m, L, arm = rng.uniform(0.05, 0.3, 3)
+    rod = {"C1": m * L**2 / 3, "C3": m * arm * L / 2, "C4": m * 9.81 * L / 2}
+    drawn = rig_lengths(fracid.rotary_pendulum(name, **rod))
+    assert (drawn["arm"], drawn["pendulum"]) == pytest.approx((arm, L))
+    for kind, factor in (("identifiable", 1.2), ("practically not", 1.0)):
+        found = rig_lengths(fracid.rotary_pendulum(name, **rod), {"C1": estimate(1.2 * rod["C1"], kind=kind)})
+        assert (found["arm"], found["pendulum"]) == pytest.approx((arm, factor * L))
+
+
+@pytest.mark.parametrize("n", [5, 799, 20_001, 100_000])
+def test_thinning_keeps_ends_and_extremes_and_holds_its_budget(n):
+    rng = np.random.default_rng(n)
+    signals = [rng.normal(size=n), np.where(np.arange(n) == n // 3, 50.0, rng.normal(size=n))]
+    signals[0][n // 2] = np.nan
+    at = extremes(signals, 800)
+    assert at.size <= 802 + 2 * len(signals)
+    assert (at[0], at[-1]) == (0, n - 1)
+    assert (np.diff(at) > 0).all()
+    for y in signals:
+        assert (np.nanmin(y[at]), np.nanmax(y[at])) == (np.nanmin(y), np.nanmax(y))
+
+
+@pytest.mark.parametrize("recordings", [1, 5, 20, 200])
+def test_the_budget_of_a_page_bounds_its_size_however_many_recordings(recordings):
+    points = budget(recordings)
+    assert FEWEST <= points <= POINTS
+    assert recordings * points <= max(ALL_POINTS, recordings * FEWEST)
+
+
+# --- the command -----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_the_file_and_says_where(fitted, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["report", str(fitted[0]), "--out", str(tmp_path / "deep" / "rig.html")])
+    assert ended.value.code == 0
+    assert "rig.html" in capsys.readouterr().out
+    assert Parsed((tmp_path / "deep" / "rig.html").read_text(encoding="utf-8")).open == []
+
+
+def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_sentences(fitted, tmp_path, material):
+    with pytest.raises(InputError, match=r"result\.json"):
+        write_report(tmp_path)
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match=r"report .* cannot be written: .* --out FILE"):
+        write_report(fitted[0], plane=material.plane, out=tmp_path / "file" / "report.html")
+
+
+def test_a_project_whose_recording_has_changed_is_refused(fitted, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(fitted[0].parent, copy)
+    write_twin(copy / "one.csv", 0.4, 9)
+    (copy / "run" / "environment.json").unlink()
+    shutil.copy(copy / "rig.toml", copy / "run" / "project.toml")
+    for name in ("one.csv", "two.csv"):
+        shutil.copy(copy / name, copy / "run" / name)
+    with pytest.raises(InputError, match="is not the one that"):
+        write_report(copy / "run")
+
+
+# --- in a browser ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here")
+    with Browser() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def file(page, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+CALM = {"prefers_reduced_motion": "reduce"}
+PICTURE = "document.getElementById('rig-{}').toDataURL()"
+CLOCK = "document.getElementById('clock').textContent"
+
+
+def test_the_page_opens_without_a_complaint_or_a_request_and_draws_every_curve(browser, file):
+    browser.open(file)
+    browser.run("Chart.rebuild(true)")
+    assert browser.complaints == []
+    assert browser.requests == [file.as_uri()]
+    hosts = browser.run("Chart.all.length")
+    assert hosts == 2 + 4 + 4 * 3 + 1  # recordings, outputs and residuals, tests, profile
+    assert browser.run("document.querySelectorAll('.uplot canvas').length") == hosts
+    assert browser.run("window.hit") is None
+
+
+@pytest.mark.parametrize("width", [400, 1600])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_is_wider_than_the_screen_and_all_text_can_be_read(browser, file, width, scheme):
+    browser.open(file, width=width, prefers_color_scheme=scheme, **CALM)
+    browser.run("Chart.rebuild(true); for (const d of document.querySelectorAll('details')) d.open = true")
+    assert browser.run("document.documentElement.scrollWidth") <= width
+    assert browser.run(CONTRAST) == []
+
+
+CONTRAST = r"""(() => {
+  const parse = colour => { const n = colour.match(/[\d.]+/g).map(Number); return [n.slice(0, 3), n[3] ?? 1]; };
+  const linear = v => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  const weights = [0.2126, 0.7152, 0.0722];
+  const light = rgb => rgb.reduce((sum, v, k) => sum + weights[k] * linear(v / 255), 0);
+  const behind = e => {
+    for (; e; e = e.parentElement) {
+      const [rgb, opaque] = parse(getComputedStyle(e).backgroundColor);
+      if (opaque > 0.99) return rgb;
+    }
+    return [255, 255, 255];
+  };
+  const bad = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const e = walk.currentNode.parentElement, style = getComputedStyle(e), text = walk.currentNode.data.trim();
+    if (!text || ["SCRIPT", "STYLE", "NOSCRIPT"].includes(e.tagName) || !e.getClientRects().length) continue;
+    const [high, low] = [light(parse(style.color)[0]), light(behind(e))].sort((x, y) => y - x);
+    const ratio = (high + 0.05) / (low + 0.05);
+    if (ratio < 4.5) bad.push(`${e.tagName} ${text.slice(0, 30)}: ${ratio.toFixed(2)}`);
+    if (parseFloat(style.fontSize) < 11 && !e.closest("math")) bad.push(`${e.tagName} ${style.fontSize}`);
+  }
+  return bad;
+})()"""
+"""Texts with less than WCAG's 4.5 to 1, or too small."""
+
+
+def test_everything_to_be_used_has_a_name_and_headings_do_not_jump(browser, file):
+    browser.open(file, **CALM)
+    browser.run("Chart.rebuild(true)")
+    assert browser.run(NAMELESS) == []
+    levels = browser.run("[...document.querySelectorAll('h1,h2,h3,h4')].map(h => +h.tagName[1])")
+    assert levels[0] == 1
+    assert all(b <= a + 1 for a, b in pairwise(levels))
+    assert browser.run("document.documentElement.lang") == "en"
+
+
+NAMELESS = """(() => {
+  const used = 'button, select, input, summary, a, [tabindex], [role=img], [role=region]';
+  const named = e => e.getAttribute('aria-label') || document.getElementById(e.getAttribute('aria-labelledby'))
+    || e.labels && e.labels[0] && e.labels[0].textContent.trim()
+    || ['BUTTON', 'A', 'SUMMARY'].includes(e.tagName) && e.textContent.trim();
+  return [...document.querySelectorAll(used)].filter(e => !named(e)).map(e => e.outerHTML.slice(0, 120));
+})()"""
+"""What can be used or looked at, without a name that can be read out."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_checker_of_accessibility_finds_nothing_to_object_to(browser, file, scheme):
+    browser.open(file, prefers_color_scheme=scheme, **CALM)
+    browser.run("Chart.rebuild(true); for (const d of document.querySelectorAll('details')) d.open = true")
+    browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
+    found = browser.run(
+        "axe.run().then(r => [r.passes.length, r.violations.map(v => [v.id, v.nodes.map(n => n.html)])])"
+    )
+    looked_at, objections = found
+    assert objections == []
+    assert looked_at > 15
+
+
+def test_the_rig_moves_by_itself_when_it_is_seen_and_stands_when_paused(browser, file):
+    browser.open(file)
+    assert not browser.run("player.playing")
+    browser.run("document.getElementById('rigs').scrollIntoView({behavior: 'instant', block: 'center'})")
+    browser.until("player.playing")
+    for which in ("measured", "fitted"):
+        before = browser.run(PICTURE.format(which))
+        browser.until(f"{PICTURE.format(which)} !== {json.dumps(before)}")
+    browser.run("document.getElementById('play').click()")
+    still = browser.run(PICTURE.format("measured"))
+    browser.run("new Promise(done => setTimeout(done, 150))")
+    assert browser.run(PICTURE.format("measured")) == still
+
+
+def test_a_reader_who_wants_no_motion_gets_none_until_asked_for(browser, file):
+    browser.open(file, **CALM)
+    browser.run("document.getElementById('rigs').scrollIntoView({behavior: 'instant', block: 'center'})")
+    browser.run("new Promise(done => setTimeout(done, 300))")
+    assert not browser.run("player.playing")
+    assert browser.run(CLOCK) == "0.00 s"
+
+
+def test_slow_motion_takes_as_many_times_as_long(browser, file):
+    browser.open(file, **CALM)
+    told = """(speed => {
+      document.getElementById('speed').value = speed;
+      player.seek(1);
+      Object.assign(player, { playing: true, last: 0 }).frame(50);
+      player.playing = false;
+      return player.now - 1;
+    })"""
+    assert browser.run(f"{told}('1')") == pytest.approx(0.05)
+    assert browser.run(f"{told}('0.1')") == pytest.approx(0.005)
+
+
+def test_the_keyboard_plays_pauses_and_steps(browser, file):
+    browser.open(file, **CALM)
+    browser.run("document.getElementById('rigs').focus()")
+    browser.key(" ", "Space", " ")
+    assert browser.run("player.playing")
+    browser.key(" ", "Space", " ")
+    assert not browser.run("player.playing")
+    browser.key("Home")
+    assert browser.run("player.now") == 0
+    browser.key("ArrowRight")
+    assert browser.run("player.now") == pytest.approx(0.05)
+    browser.key("ArrowLeft")
+    assert browser.run("player.now") == pytest.approx(0)
+    browser.key("End")
+    assert browser.run("player.now") == pytest.approx(5.5)
+    browser.run("document.getElementById('play').focus()")
+    browser.key(" ", "Space", " ")
+    assert browser.run("player.playing")  # the button's own, once
+
+
+def test_slider_cursor_and_rig_are_at_one_time(browser, file):
+    browser.open(file, height=1600, **CALM)
+    browser.run("Chart.rebuild(true); player.charts[0].host.scrollIntoView({behavior: 'instant', block: 'center'})")
+    before = browser.run(PICTURE.format("measured"))
+    box = "player.charts[0].plot.over.getBoundingClientRect()"
+    x, y, width = browser.run(f"(r => [r.left, r.top + 40, r.width])({box})")
+    browser.mouse("mouseMoved", x + width / 2, y)
+    browser.until("player.now > 2")
+    now = browser.run("player.now")
+    assert browser.run("Number(document.getElementById('time').value)") == pytest.approx(now, abs=0.011)
+    other = browser.run("(p => p.cursor.left / p.over.clientWidth)(player.charts[2].plot)")
+    assert other == pytest.approx(0.5, abs=0.02)
+    assert browser.run(PICTURE.format("measured")) != before
+    browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')); })(document.getElementById('time'))")
+    assert browser.run("player.now") == pytest.approx(1)
+
+
+def test_zooming_one_curve_zooms_all_of_its_recording(browser, file):
+    browser.open(file, **CALM)
+    browser.run("Chart.rebuild(true)")
+    browser.run("player.charts[0].plot.setScale('x', {min: 1, max: 2})")
+    browser.until("player.charts.every(c => c.plot.scales.x.min === 1 && c.plot.scales.x.max === 2)")
+    browser.run("document.querySelector('[data-zoom=all]').click()")
+    browser.until("player.charts.every(c => c.plot.scales.x.min === 0)")
+
+
+def test_another_recording_is_chosen_by_name(browser, file):
+    browser.open(file, **CALM)
+    browser.run("(s => { s.value = '1'; s.dispatchEvent(new Event('change')); })(document.getElementById('recording'))")
+    assert browser.run("document.getElementById('shown').textContent") == "held out"
+    assert browser.run("player.trace.end") == pytest.approx(6.0)
+
+
+def test_the_drawn_rig_stands_where_the_measured_angles_say(browser, file):
+    browser.open(file, **CALM)
+    arm, length = (browser.run(f"DATA.rig.{n}") for n in ("arm", "pendulum"))
+    for θ, α in [(0, 0), (30, 0), (0, 90), (-50, 140)]:
+        pose = browser.run(f"player.rigs[0].pose({θ}, {α})")
+        end, tip = np.array(pose["end"]), np.array(pose["tip"])
+        assert np.linalg.norm(end) == pytest.approx(arm)
+        assert np.linalg.norm(tip - end) == pytest.approx(length)
+        assert (tip - end) @ end == pytest.approx(0, abs=1e-12)  # it turns about the arm
+        assert math.degrees(math.atan2(end[1], end[0])) == pytest.approx(θ)
+        assert tip[2] == pytest.approx(-length * math.cos(math.radians(α)))
+
+
+@pytest.mark.parametrize("zero", ["hanging", "upright"])
+def test_the_drawn_rig_swings_to_the_side_that_the_mass_matrix_says(browser, file, zero):
+    """M12 = C3 cos α is m ∂r/∂θ · ∂r/∂α of the centre of mass, for both zeros with C3 > 0."""
+    browser.open(file, **CALM)
+    browser.run(f"player.rigs[0].lengths = {{arm: 0.2, pendulum: 0.3, zero: '{zero}'}}")
+    tip = lambda θ, α: np.array(browser.run(f"player.rigs[0].pose({θ}, {α}).tip"))  # noqa: E731
+    for θ, α in [(20, 0), (-70, 40), (10, 130)]:
+        by_θ = (tip(θ + 0.01, α) - tip(θ - 0.01, α)) / np.radians(0.02)
+        by_α = (tip(θ, α + 0.01) - tip(θ, α - 0.01)) / np.radians(0.02)
+        assert by_θ @ by_α == pytest.approx(0.2 * 0.3 * math.cos(math.radians(α)), rel=1e-5, abs=1e-9)
+
+
+def test_paper_gets_every_recording_and_every_note_in_light_colours(browser, file):
+    browser.open(file, prefers_color_scheme="dark", **CALM)
+    before = browser.run("Chart.all.length")
+    browser.run("dispatchEvent(new Event('beforeprint'))")
+    assert browser.run("Chart.all.length") == before + 4
+    assert browser.run("Chart.all.every(c => c.plot)")
+    assert browser.run("document.querySelectorAll('details:not([open])').length") == 0
+    assert browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    browser.run("dispatchEvent(new Event('afterprint'))")
+    assert browser.run("Chart.all.length") == before
+    assert browser.pdf().startswith(b"%PDF")
+    assert browser.complaints == []
+
+
+def test_the_cost_under_the_cursor_is_that_of_the_plane(browser, file, material):
+    browser.open(file, **CALM)
+    i, j = np.unravel_index(np.argmin(material.plane.cost), material.plane.cost.shape)
+    a, b = material.plane.first[i], material.plane.second[j]
+    assert browser.run(f"Plane.all[0].height({a}, {b})") == pytest.approx(material.plane.cost[i, j])
+    between = browser.run(f"Plane.all[0].height({(a + material.plane.first[i + 1]) / 2}, {b})")
+    assert between == pytest.approx((material.plane.cost[i, j] + material.plane.cost[i + 1, j]) / 2)
+    browser.run("document.getElementById('plane').focus()")
+    browser.key("ArrowRight")
+    assert "times the lowest" in browser.run("document.getElementById('plane-said').textContent")
+
+
+def test_a_script_that_got_in_would_not_run(browser, file, page, tmp_path):
+    spoilt = tmp_path / "spoilt.html"
+    inside = "<script>window.hit = 1</script><img src=x onerror='window.hit = 2'>"
+    spoilt.write_text(page.replace("<main>", f"<main>{inside}"), encoding="utf-8")
+    browser.open(spoilt, **CALM)
+    assert browser.run("window.hit") is None
+    assert browser.run("player.now") == 0  # the page's own does
+
+
+# --- long recordings -----------------------------------------------------------------------------------
+
+
+def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the_page_says_so(material, monkeypatch):
+    name, r = next(iter(material.recordings.items()))
+    output, few = next(iter(r.measured)), r.time.size // 2
+    part = first_part(r, few)
+    assert part.measured[output].base is not None  # a view
+    assert np.shares_memory(part.measured[output], r.measured[output])
+    assert first_part(r) is r
+    monkeypatch.setattr("fracid.report.material.first_part", lambda r: first_part(r, few))
+    long = replace(material)  # nothing looked at yet
+    assert long.analyses[name][output].samples <= few
+    assert f"of the first {long.analyses[name][output].samples}" in report_page(long)
+    assert "of the first" not in report_page(material)
+
+
+def test_a_recording_that_was_used_whole_is_not_read_again(material):
+    for recording in material.project.recordings:
+        said = next(s for s in tomllib.loads(material.project.text)["recording"] if recording.path.name == s["file"])
+        again = material.as_recorded[recording.name] is not recording
+        assert again == bool({"from", "to"} & said.keys() or recording.report.resampled)

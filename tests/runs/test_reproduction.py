@@ -1,0 +1,246 @@
+"""A run done again gives the same result to the last bit, and what does not is told, what was found first."""
+
+import copy
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.cli import main
+from fracid.errors import InputError
+from fracid.runs.reproduction import ELSEWHERE, compared
+from program import fit_in, run
+
+PROJECT = """
+[model.orders]
+lambda = 0.9
+mu = { start = 1.0, lower = 0.5, upper = 1.2 }
+[[recording]]
+name = "release 20°"
+file = "swing.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+[fit]
+initial_state = "held"
+"""
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A project with a twin of 2 s, and its run."""
+    folder = tmp_path_factory.mktemp("fitted")
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    found = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
+    noise = 1e-3 * np.random.default_rng(3).standard_normal((201, 2))
+    rows = np.column_stack([found.time, found.states[:, [0, 2]] + noise])
+    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="time,theta,alpha", comments="")
+    fit_in(folder, PROJECT)
+    return folder
+
+
+@pytest.fixture
+def sent(fitted, tmp_path, monkeypatch):
+    """The same in a folder to be changed."""
+    shutil.copytree(fitted, tmp_path / "sent")
+    monkeypatch.chdir(tmp_path / "sent")
+    return tmp_path / "sent" / "run"
+
+
+def edited(path, change):
+    """A JSON file with something changed."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    change(content)
+    path.write_text(json.dumps(content), encoding="utf-8")
+
+
+def moved(by):
+    """A result whose order is off by that part of itself."""
+
+    def move(result):
+        result["orders"]["mu"]["value"] *= 1 + by
+
+    return move
+
+
+def older(result):
+    """Of another version of NumPy."""
+    result["inputs"]["the version of numpy"] = "1.0"
+
+
+# --- doing it again ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 8])
+def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(fitted, jobs):
+    found = fracid.reproduce(fitted / "run", jobs=jobs)
+    assert found.differences == ()
+    assert (found.identical, found.reproduced, found.changed) == (True, True, {})
+    assert found.values > 100
+    assert found.verdict == f"Identical: all {found.values} values are the same to the last bit."
+
+
+def test_the_command_says_so_and_writes_nothing_into_the_run(capsys, sent):
+    before = {path: path.read_bytes() for path in sent.rglob("*") if path.is_file()}
+    code, out, err = run(capsys, "reproduce", sent, "--out", "again")
+    assert (code, err) == (0, "")
+    assert "values are the same to the last bit" in out
+    assert {path: path.read_bytes() for path in sent.rglob("*") if path.is_file()} == before
+    again, result = (json.loads(path.read_text()) for path in (Path("again/result.json"), sent / "result.json"))
+    assert again["orders"] == result["orders"]
+
+
+@pytest.mark.parametrize("by", [1e-15, 1e-12, 1e-3])
+def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
+    edited(sent / "result.json", moved(by))
+    code, out, _ = run(capsys, "reproduce", sent)
+    assert code == 1
+    assert "orders.mu.value" in out
+    assert "Not reproduced: 1 of" in out
+    assert "That is a fault of fracid" in out
+
+
+@pytest.mark.parametrize(("by", "code"), [(1e-12, 0), (0.9 * ELSEWHERE, 0), (1.2 * ELSEWHERE, 1), (1e-3, 1)])
+def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, by, code):
+    edited(sent / "result.json", moved(by))
+    edited(sent / "run.json", older)
+    found, out, _ = run(capsys, "reproduce", sent, "--json")
+    said = json.loads(out)
+    assert (found, said["reproduced"], said["identical"]) == (code, code == 0, False)
+    assert said["changed"] == {"the version of numpy": ["1.0", np.__version__]}
+    assert said["differences"][0]["where"] == "orders.mu.value"
+    assert ("1e-09 is allowed" in said["verdict"]) == (code == 1)
+    assert "The version of numpy (1.0, now" in said["verdict"]
+
+
+def test_another_processor_is_told(sent):
+    edited(sent / "environment.json", lambda said: said.update(processor="a slide rule"))
+    found = fracid.reproduce(sent)
+    assert found.identical
+    assert "The processor (a slide rule, now " in found.verdict
+
+
+def unfinished(sent):
+    edited(sent / "run.json", lambda said: said.update(finished=False))
+
+
+def another_recording(sent):
+    lines = Path("swing.csv").read_text().splitlines()
+    Path("swing.csv").write_text("\n".join(lines[:-1]))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (unfinished, "is not finished; type fracid resume"),
+        (another_recording, "is not the one that"),
+        (lambda sent: (sent / "result.json").unlink(), "was finished, but its result.json cannot be read"),
+        (lambda sent: (sent / "run.json").unlink(), "has no run.json"),
+        (lambda sent: (sent / "project.toml").write_text(PROJECT.replace("swing", "swung")), "cannot be read as"),
+    ],
+)
+def test_what_cannot_be_done_again_is_told(capsys, sent, spoil, message):
+    spoil(sent)
+    code, out, err = run(capsys, "reproduce", sent)
+    assert (code, out) == (2, "")
+    assert message in err
+
+
+# --- a study -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def studied(fitted):
+    """A noise study of two repetitions, in threads."""
+    words = ["noise", "run", "--levels", "0.1", "--counts", "0", "--seeds", "2", "--executor", "threads"]
+    words += ["--out", "noise"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(fitted)
+        patch.setattr(sys, "argv", ["fracid", *words])
+        with pytest.raises(SystemExit) as stop:
+            main(words)
+    assert not stop.value.code
+    return fitted / "noise"
+
+
+@pytest.mark.parametrize("spoiled", [False, True])
+def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled):
+    shutil.copytree(studied, tmp_path / "noise")
+    monkeypatch.chdir(tmp_path)
+    if spoiled:
+        edited(tmp_path / "noise" / "noise.json", lambda said: said["truth"].update(mu=0.5))
+    code, out, err = run(capsys, "reproduce", "noise", "--json")
+    assert (code, err) == (int(spoiled), "")
+    assert [d["where"] for d in json.loads(out)["differences"]] == (["truth.mu"] if spoiled else [])
+    assert Path.cwd() == tmp_path
+
+
+def test_a_study_of_other_data_is_not_the_same(capsys, studied, tmp_path, monkeypatch):
+    shutil.copytree(studied, tmp_path / "noise")
+    monkeypatch.chdir(tmp_path)
+    journal = tmp_path / "noise" / "journal.jsonl"
+    head, *lines = journal.read_text().splitlines()
+    said = json.loads(head)
+    said["study"]["project"] = "another"
+    journal.write_text("\n".join([json.dumps(said), *lines, ""]))
+    code, _, err = run(capsys, "reproduce", "noise")
+    assert code == 2
+    assert "cannot be done again: project has changed since" in err
+
+
+# --- value by value ----------------------------------------------------------------------------------
+
+RESULT = {
+    "cost": {"name": "rmse", "value": 0.5},
+    "orders": {"mu": {"value": 0.9, "interval95": [0.8, 1.0], "reason": ""}},
+    "parameters": {"b": {"value": 1e-15, "interval95": [-1e-3, 1e-3]}},
+    "recordings": {"swing": {"rmse": {"alpha": 0.1}, "samples": 9}},
+    "warnings": ["one", "two"],
+    "alternative": {"cost": 0.6},
+    "p": 0.3,
+    "versions": {"numpy": "2"},
+    "timing": {"total": 1.0},
+}
+
+CHANGES = [
+    ({"timing": {"total": 9.0}, "versions": {}}, [], True),
+    ({"cost": {"name": "rmse", "value": 0.5 * (1 + 1e-12)}}, ["cost.value"], True),
+    ({"cost": {"name": "rmse", "value": 0.5 * (1 + 1e-8)}}, ["cost.value"], False),
+    ({"cost": {"name": "rmse", "value": None}}, ["cost.value"], False),
+    ({"cost": {"name": "huber", "value": 0.5}}, ["cost.name"], False),
+    ({"parameters": {"b": {"value": 2e-15, "interval95": [-1e-3, 1e-3]}}}, ["parameters.b.value"], True),
+    ({"parameters": {"b": {"value": 2e-9, "interval95": [-1e-3, 1e-3]}}}, ["parameters.b.value"], False),
+    ({"alternative": {"cost": 0.7}}, ["alternative.cost"], True),
+    ({"recordings": {"swing": {"rmse": {"alpha": 0.11}, "samples": 9}}}, ["recordings.swing.rmse.alpha"], False),
+    ({"recordings": {"swing": {"rmse": {"alpha": 0.1}, "samples": 9.0}}}, ["recordings.swing.samples"], True),
+    ({"warnings": ["one", "other"]}, ["warnings.1"], True),
+    ({"warnings": ["one"]}, ["warnings"], True),
+    ({"p": 0.4}, ["p"], True),
+    ({"new": 1}, ["new"], True),
+    ({"orders": {}}, ["orders.mu.value", "orders.mu.interval95", "orders.mu.reason"], False),
+]
+
+
+@pytest.mark.parametrize(("change", "places", "reproduced"), CHANGES)
+def test_what_differs_is_found_and_what_was_found_decides(change, places, reproduced):
+    found = compared(RESULT, copy.deepcopy(RESULT) | change, {"the platform": ("a", "b")})
+    assert [d.where for d in found.differences] == places
+    assert found.reproduced == reproduced
+    assert found.identical == (not places)
+    assert compared(RESULT, copy.deepcopy(RESULT) | change).reproduced == (not places)  # nothing else has changed
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_what_was_found_is_told_first_and_the_largest_of_it():
+    other = copy.deepcopy(RESULT) | {"p": 0.9, "cost": {"name": "rmse", "value": 0.6}}
+    other["orders"]["mu"]["value"] = 0.90001
+    assert [d.where for d in compared(RESULT, other).differences] == ["cost.value", "orders.mu.value", "p"]
+
+
+def test_a_run_that_is_none_is_told(tmp_path):
+    with pytest.raises(InputError, match="is no run folder"):
+        fracid.reproduce(tmp_path)

@@ -1,0 +1,175 @@
+"""A run folder gives back its problem, its values and its simulations to the last bit, or says why it cannot."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.runs.saved import load_run
+from program import fit_in
+
+PROJECT = """
+[model.parameters]
+b_alpha = { start = 2e-4, lower = 0.0, upper = 1e-2 }
+theta_rest = { start = 0.0, lower = -0.1, upper = 0.1 }
+[model.orders]
+mu = "lambda"
+[[recording]]
+name = "release 20°"
+file = "data/twenty.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+[[recording]]
+name = "release 10°"
+file = "data/ten.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+use = "validate"
+[fit]
+initial_state = "rest"
+per_recording = ["theta_rest"]
+"""
+
+
+def write_twin(file, alpha, seed=1):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.95}, initial={"alpha": alpha}, step=5e-3, end=2.0)
+    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
+    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
+    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """A project, its run as `fracid fit` leaves it, and the fit itself."""
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "data").mkdir()
+    write_twin(folder / "data" / "twenty.csv", 0.35)
+    write_twin(folder / "data" / "ten.csv", 0.17, seed=2)
+    kept = []
+    fit_in(folder, PROJECT, lambda fit: kept.append(fit) or ())
+    return folder, kept[0]
+
+
+@pytest.fixture
+def copy(fitted, tmp_path):
+    """The project and its run, free to be spoilt."""
+    folder = tmp_path / "copy"
+    shutil.copytree(fitted[0], folder)
+    state = json.loads((folder / "run" / "run.json").read_text(encoding="utf-8"))
+    state["options"]["project"] = str(folder / "rig.toml")  # not where it was copied from
+    (folder / "run" / "run.json").write_text(json.dumps(state), encoding="utf-8")
+    return folder
+
+
+def test_a_run_gives_its_problem_and_unknowns_back(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    assert run.problem.names == fit.problem.names
+    np.testing.assert_array_equal(run.x, fit.x)
+    assert run.notes == ()
+
+
+def test_every_recording_is_simulated_to_the_same_bits_with_its_own_unknowns(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    assert list(run.recordings) == list(fit.recordings)
+    for name, before in fit.recordings.items():
+        now = run.recordings[name]
+        np.testing.assert_array_equal(now.time, before.time)
+        for output in before.measured:
+            np.testing.assert_array_equal(now.measured[output], before.measured[output])
+            np.testing.assert_array_equal(now.fitted[output], before.fitted[output])
+        assert (now.use, now.cost, now.sha256) == (before.use, before.cost, before.sha256)
+        assert (dict(now.initial), dict(now.parameters)) == (dict(before.initial), dict(before.parameters))
+
+
+def test_an_encoders_step_is_read_from_the_recordings(fitted):
+    steps = load_run(fitted[0] / "run").resolutions
+    assert set(steps) == {"release 20°", "release 10°"}
+    assert set(steps["release 20°"]) >= {"theta", "alpha"}
+
+
+def test_values_that_do_not_give_the_saved_rmse_are_told(copy):
+    path = copy / "run" / "result.json"
+    result = json.loads(path.read_text(encoding="utf-8"))
+    result["orders"]["lambda"]["value"] += 0.02
+    path.write_text(json.dumps(result), encoding="utf-8")
+    notes = load_run(copy / "run").notes
+    assert len(notes) == 4  # both outputs of both recordings
+    assert "simulated again with the saved values, the rmse of theta is" in notes[0]
+
+
+def test_an_unknown_without_a_saved_value_stays_at_its_start(copy):
+    path = copy / "run" / "result.json"
+    result = json.loads(path.read_text(encoding="utf-8"))
+    result["orders"]["lambda"]["value"] = None
+    path.write_text(json.dumps(result), encoding="utf-8")
+    assert load_run(copy / "run").x[0] == 1.0
+
+
+def spoil_data(folder):
+    write_twin(folder / "data" / "ten.csv", 0.17, seed=3)
+
+
+def lose_result(kind, rest):
+    def spoil(folder):
+        (folder / "run" / "result.json").write_text(rest, encoding="utf-8")
+        (folder / "run" / "run.json").write_text(json.dumps({"kind": kind}), encoding="utf-8")
+
+    return spoil
+
+
+def lose_data(folder):
+    shutil.rmtree(folder / "data")
+
+
+@pytest.mark.parametrize(("spoil", "words"), [
+    (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
+    (lose_data, "cannot be read as the run read it: .* Put its recordings back, or fit again: fracid fit PROJECT"),
+    (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run was finished, but its result.json cannot be"),
+    (lose_result("fit", "{"), "The fit in .*run is not finished"),
+    (lose_result("noise", "[]"), "run is the folder of fracid noise; give one that fracid fit wrote"),
+    (lose_result("", "{"), "is no run folder: it has no result.json that can be read"),
+    (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
+    (lambda f: (f / "run" / "project.toml").write_text("[model"), "cannot be read as the run read it"),
+    (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "cannot be read as the run read it"),
+])  # fmt: skip
+def test_what_is_no_longer_the_run_is_refused(copy, spoil, words):
+    spoil(copy)
+    with pytest.raises(InputError, match=words):
+        load_run(copy / "run")
+
+
+def test_a_project_that_has_changed_since_counts_as_the_run_had_it_and_that_is_told(copy):
+    (copy / "rig.toml").write_text(PROJECT.replace('initial_state = "rest"', ""), encoding="utf-8")
+    run = load_run(copy / "run")
+    assert run.problem.initial_state == "rest"
+    (note,) = run.notes
+    assert "rig.toml has changed since the run; what counts here is the run's own copy of it" in note
+
+
+def test_a_project_that_is_gone_is_not_needed_where_its_recordings_are_found(copy, fitted):
+    (copy / "rig.toml").unlink()
+    run = load_run(copy / "run")
+    assert run.notes == ()
+    assert run.recordings["release 20°"].rmse == fitted[1].recordings["release 20°"].rmse
+
+
+def test_recordings_beside_the_runs_own_copy_of_the_project_are_found(copy):
+    (copy / "rig.toml").unlink()
+    (copy / "data").rename(copy / "run" / "data")
+    assert load_run(copy / "run").notes == ()
+
+
+@pytest.mark.parametrize("broken", ["[1]", '{"options": 1}', "{"])
+def test_either_of_what_a_run_says_of_its_project_is_enough(copy, broken):
+    for lost in ("environment.json", "run.json"):
+        other = copy / "run" / lost
+        kept = other.read_text(encoding="utf-8")
+        other.write_text(broken, encoding="utf-8")
+        assert load_run(copy / "run").project.path == copy / "rig.toml"
+        other.write_text(kept, encoding="utf-8")

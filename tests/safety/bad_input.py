@@ -1,0 +1,729 @@
+# ruff: noqa: E501, T201  (a table of sentences; a command, which prints)
+"""The catalogue of bad input: what is wrong with a file, what fracid says, the exit code.
+
+One table; ``tests/safety/test_bad_input.py`` has a test for each row, and ``docs/bad-input.md`` is written from it::
+
+    python tests/safety/bad_input.py --write
+    python tests/safety/bad_input.py --large      measures 10⁷ samples and 10,000 recordings: three minutes
+    python tests/safety/bad_input.py --fuzzed     what fuzzing has run so far, from runs/fuzz
+
+To add a row, write what is wrong, the file's name, what makes its bytes, the sentence, and the code.  The sentence is
+what fracid prints, literally; ``…`` stands for what is left out of it.  Code 0 means that the file is used, and the
+sentence is a note on it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+__all__ = ["PROJECTS", "RECORDINGS", "Row", "page"]
+
+T = np.arange(400) / 100
+ALPHA = 0.8 * np.cos(5 * T)
+THETA = 0.1 * np.sin(3 * T)
+GOOD = {"t": T, "theta": THETA, "alpha": ALPHA}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case."""
+
+    wrong: str
+    """What is wrong with the file."""
+    file: str
+    """Its name."""
+    make: Callable[[], bytes] | Callable[[Path], None]
+    """Its bytes, or for what is no plain file a function that makes it."""
+    says: str
+    """What fracid says; parts are joined by … ."""
+    code: int
+    group: str = ""
+
+    def write(self, folder: Path) -> Path:
+        """Make the file in a folder."""
+        path = folder / self.file
+        if self.make.__code__.co_argcount:  # type: ignore[union-attr]
+            self.make(path)  # type: ignore[call-arg]
+        else:
+            path.write_bytes(self.make())  # type: ignore[call-arg,arg-type]
+        return path
+
+
+# --- makers ---------------------------------------------------------------------------------------------
+
+
+def text(*, head: str = "t,theta,alpha", separator: str = ",", decimal: str = ".", encoding: str = "utf-8",
+         columns: Iterable[np.ndarray] = (T, THETA, ALPHA), change: Callable[[list[str]], object] = lambda _: None,
+         end: str = "\n") -> Callable[[], bytes]:  # fmt: skip
+    """A text recording, whose lines may be changed in place; the first is the header."""
+    rows = [[f"{x:.6f}".replace(".", decimal) for x in row] for row in zip(*columns, strict=True)]
+    lines = [head.replace(",", separator), *map(separator.join, rows)]
+    change(lines)
+    return lambda: ("\n".join(lines) + end).encode(encoding)
+
+
+def put(line: int, words: str) -> Callable[[list[str]], object]:
+    """Replace a line, counted from 1."""
+    return lambda lines: lines.__setitem__(line - 1, words)
+
+
+def with_column(j: int, at: int | slice, value: float) -> list[np.ndarray]:
+    """The columns with a value put in."""
+    columns = [T.copy(), THETA.copy(), ALPHA.copy()]
+    columns[j][at] = value
+    return columns
+
+
+def saved(save: Callable[..., object], *content: object, **options: object) -> bytes:
+    file = io.BytesIO()
+    save(file, *content, **options)
+    return file.getvalue()
+
+
+def mat(content: dict[str, object] = GOOD, **options: object) -> Callable[[], bytes]:
+    def make() -> bytes:
+        from scipy.io import savemat
+
+        return saved(savemat, content, **options)
+
+    return make
+
+
+def sparse() -> bytes:
+    from scipy.sparse import csc_array
+
+    return mat({"t": T, "S": csc_array(np.eye(5))})()
+
+
+def element(kind: int, data: bytes) -> bytes:
+    """One element of a .mat file of version 5."""
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def mat_object(of_class: str) -> Callable[[], bytes]:
+    """A variable ``ts`` that is a MATLAB object."""
+    words = [element(1, word.encode()) for word in ("ts", "MCOS", of_class)]
+    inner = element(6, struct.pack("<II", 17, 0)) + b"".join(words) + element(14, b"")
+    return lambda: b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + element(14, inner)
+
+
+def mat_length(raw: Callable[[], bytes]) -> Callable[[], bytes]:
+    """The length field of the last variable's numbers becomes 4 GiB."""
+
+    def make() -> bytes:
+        whole = raw()
+        at = whole.rindex(struct.pack("<II", 9, 8 * T.size))
+        return whole[: at + 4] + b"\xff\xff\xff\xff" + whole[at + 8 :]
+
+    return make
+
+
+def mat_bomb() -> bytes:
+    """A gigabyte of zeros, packed."""
+    packer, parts = zlib.compressobj(9), []
+    head = element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", 125_000_000, 1)) + element(1, b"alpha")
+    parts.append(packer.compress(struct.pack("<II", 14, len(head) + 8 + 10**9) + head + struct.pack("<II", 9, 10**9)))
+    parts += [packer.compress(bytes(10**6)) for _ in range(64)]  # the rest is missing: nobody gets that far
+    packed = b"".join([*parts, packer.flush()])
+    return (
+        b"MATLAB 5.0 MAT-file".ljust(124)
+        + struct.pack("<H", 0x0100)
+        + b"IM"
+        + struct.pack("<II", 15, len(packed))
+        + packed
+    )
+
+
+def npz(content: dict[str, object] = GOOD, save: Callable[..., object] = np.savez) -> Callable[[], bytes]:
+    return lambda: saved(save, **content)
+
+
+def npz_bomb() -> bytes:
+    file = io.BytesIO()
+    header = saved(np.save, np.zeros(1)).replace(b"(1,), }" + b" " * 8, b"(100000000,), }")[:128]
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed, packed.open("alpha.npy", "w") as member:
+        member.write(header)
+        for _ in range(64):
+            member.write(bytes(10**6))
+    return file.getvalue()
+
+
+def npy_header(shape: str) -> Callable[[], bytes]:
+    """An array of another shape than its bytes have."""
+
+    def make() -> bytes:
+        raw = saved(np.save, np.column_stack([T, THETA, ALPHA]))
+        header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+        return raw[:8] + struct.pack("<H", len(header)) + header + raw[128:]
+
+    return make
+
+
+def hdf5(fill: Callable[[object], object], good: bool = True) -> Callable[[], bytes]:
+    def make() -> bytes:
+        import h5py
+
+        with TemporaryDirectory() as folder:
+            file = Path(folder, "made.h5")
+            with h5py.File(file, "w") as h:
+                if good:
+                    h["t"], h["alpha"] = T, ALPHA
+                fill(h)
+            return file.read_bytes()
+
+    return make
+
+
+def mat73(fill: Callable[[object], object]) -> Callable[[], bytes]:
+    def make() -> bytes:
+        import h5py
+
+        with TemporaryDirectory() as folder:
+            file = Path(folder, "made.mat")
+            with h5py.File(file, "w", userblock_size=512) as h:
+                fill(h)
+            return b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + file.read_bytes()[128:]
+
+    return make
+
+
+def h5_good(h: object) -> None:
+    h["t"], h["alpha"] = T, ALPHA  # type: ignore[index]
+
+
+def h5_object(kind: str) -> Callable[[object], None]:
+    def fill(h: object) -> None:
+        h["ts"] = np.array([[0xDD000000, 2, 1, 1, 1, 1]], dtype="u4")  # type: ignore[index]
+        h["ts"].attrs["MATLAB_class"] = np.bytes_(kind)  # type: ignore[index]
+        h["ts"].attrs["MATLAB_object_decode"] = np.int32(3)  # type: ignore[index]
+
+    return fill
+
+
+def h5_sparse(h: object) -> None:
+    h["t"] = T  # type: ignore[index]
+    h.create_group("S").attrs["MATLAB_sparse"] = np.uint64(5)  # type: ignore[attr-defined]
+
+
+def h5_endless(h: object) -> None:
+    h.create_dataset("z", (10**12,), "f8", chunks=(10**6,))  # type: ignore[attr-defined]
+
+
+def h5_bomb(h: object) -> None:
+    h.create_dataset("z", data=np.zeros(2 * 10**7), chunks=(10**6,), compression=9)  # type: ignore[attr-defined]
+
+
+def h5_loop(h: object) -> None:
+    group = h.create_group("g")  # type: ignore[attr-defined]
+    group["again"] = group
+
+
+def h5_links(h: object) -> None:
+    import h5py
+
+    h["far"] = h5py.ExternalLink("/etc/other.h5", "/t")  # type: ignore[index]
+
+
+def h5_external(h: object) -> None:
+    h.create_dataset("far", (8,), "u1", external=[("/etc/hostname", 0, 8)])  # type: ignore[attr-defined]
+
+
+def parquet(**columns: object) -> Callable[[], bytes]:
+    def make() -> bytes:
+        import pyarrow
+        from pyarrow import parquet
+
+        return saved(lambda f: parquet.write_table(pyarrow.table(columns), f))
+
+    return make
+
+
+def cut(raw: Callable[[], bytes]) -> Callable[[], bytes]:
+    """The first half."""
+
+    def make() -> bytes:
+        whole = raw()
+        return whole[: len(whole) // 2]
+
+    return make
+
+
+def noise(start: bytes = b"") -> Callable[[], bytes]:
+    return lambda: start + np.random.default_rng(1).bytes(2000)
+
+
+# --- recordings -----------------------------------------------------------------------------------------
+
+EMPTY = "is empty. A recording needs at least two rows of numbers."
+NOT_TEXT = "is not text: it holds zero bytes. Is it a binary file with a wrong ending?"
+UNPACKS = "unpacks to more than … numbers, as no recording of that size does. Is it damaged?"
+COMPLEX = "is complex; save its real part, or real and imaginary part as two arrays"
+
+TEXTS = [
+    Row("empty", "log.csv", lambda: b"", f"log.csv {EMPTY}", 3),
+    Row("blank lines alone", "log.csv", lambda: b"\n \n\n", f"log.csv {EMPTY}", 3),
+    Row("a header alone", "log.csv", text(columns=(T[:0],) * 3),
+        "log.csv holds no row of numbers; its line 1, for example, is 't,theta,alpha'. Expected numbers like", 3),
+    Row("binary", "log.csv", noise(), f"log.csv {NOT_TEXT}", 3),
+    Row("prose, or a page of the web", "log.csv", lambda: b"<html>\n<body>not found</body>\n",
+        "log.csv holds no row of numbers; its line", 3),
+    Row("cut off in a line", "log.csv", text(change=put(101, "0.990000,0.0")),
+        "log.csv, line 101: 2 cells where other lines have 3 ('0.990000,0.0'). Was the line cut off while it was written?",
+        3),
+    Row("cut off in the last number", "log.csv", text(change=put(401, "3.99,-0.05,0.3"), end=""),
+        "The last line, '3.99,-0.05,0.3', has no end: its last number may have been cut off.", 0),
+    Row("ragged rows", "log.csv", text(change=lambda lines: lines.__setitem__(200, lines[200] + ",7")),
+        "log.csv, line 201: 4 cells where other lines have 3", 3),
+    Row("UTF-16", "log.csv", text(encoding="utf-16"), "The text is UTF-16.", 0),
+    Row("UTF-16 without its mark", "log.csv", text(encoding="utf-16-le"), "The text is UTF-16 without a mark that says so.", 0),
+    Row("UTF-16, cut off", "log.csv", lambda: text(encoding="utf-16")()[:-1],
+        "log.csv begins as UTF-16 text and goes on as something else. Was it cut off while it was written?", 3),
+    Row("a byte-order mark", "log.csv", text(encoding="utf-8-sig"), "good: 400 samples", 0),
+    Row("Latin-1", "log.csv", text(head="t,theta [°],alpha [°]", encoding="latin-1"),
+        "The text is not UTF-8: read as Latin-1.", 0),
+    Row("line ends of the old Macintosh", "log.csv", lambda: text()().replace(b"\n", b"\r"), "good: 400 samples", 0),
+    Row("zero bytes at the start", "log.csv", text(change=put(2, "0\0,0,0")), f"log.csv {NOT_TEXT}", 3),
+    Row("zero bytes at the end, from a power cut", "log.csv", lambda: text()() + bytes(512),
+        "log.csv, line 402: zero bytes among the text. Did the logger lose power?", 3),
+    Row("decimal commas", "log.csv", text(separator=";", decimal=","), "Its numbers have decimal commas.", 0),
+    Row("decimal commas and commas between the cells", "log.csv", text(decimal=","),
+        "log.csv has 3 names above rows of 6 cells: is the comma both the separator and the decimal sign?", 3),
+    Row("a point among decimal commas", "log.csv", text(separator=";", decimal=",", change=put(9, "0,07;0.5;0,1")),
+        "log.csv, line 9, column 1 (theta): '0.5' is not a number.", 3),
+    Row("thousands separators", "log.csv", text(head="t;alpha", change=lambda lines: lines.__setitem__(
+        slice(1, None), [f"{k};1.234,5" for k in range(50)])),
+        "log.csv holds no row of numbers; its line 26, for example, is '24;1.234,5'.", 3),
+    Row("dates as time", "log.csv", text(head="t,alpha", change=lambda lines: lines.__setitem__(
+        slice(1, None), [f"2024-01-01 12:00:{k},1.5" for k in range(50)])),
+        "Expected numbers like 0.01 or -1.5e-3, without dates, units and thousands separators.", 3),
+    Row("other separators from the middle on", "log.csv",
+        text(change=lambda lines: lines.__setitem__(slice(200, None), [x.replace(",", ";") for x in lines[200:]])),
+        "log.csv has rows of two kinds: 199 like '0.000000,0.000000,0.800000' (cells between commas, decimal point), and "
+        "then 3 cells a row (cells between semicolons, decimal point). Write all rows alike.", 3),
+    Row("another separator in one line", "log.csv", text(change=put(201, "1.99;0.03;0.7")),
+        "log.csv, line 201: 1 cell where other lines have 3 ('1.99;0.03;0.7').", 3),
+    Row("numbers above the table", "log.csv", text(head="8, 3\nt,theta,alpha"),
+        "Above the table a line of numbers was left out: '8, 3'.", 0),
+    Row("fewer names than columns", "log.csv", text(head="t,alpha"),
+        "The header has 2 names and the rows 3 cells: columns are called by their position.", 0),
+    Row("text among the numbers", "log.csv", text(change=put(3, "0.01,stuck,0.8")),
+        "log.csv, line 3, column 1 (theta): 'stuck' is not a number. Correct it or leave it blank.", 3),
+    Row("a number of 300,000 digits and a letter", "log.csv", text(change=put(3, f"0.01,{'9' * 300_000}x,0.8")),
+        "log.csv, line 3, column 1 (theta): '9999999999999999999999999999999999999999...' is not a number.", 3),
+    Row("a name of 300,000 characters", "log.csv", text(head="t," + "sampl" * 60_000 + ",alpha"),
+        "good: 400 samples", 0),
+    Row("time from left to right", "log.csv", lambda: (",".join(["1"] * 20_000) + "\n").encode() * 3,
+        "log.csv has a line of 20000 cells; fracid reads 10000 columns at most. Time must run downwards", 3),
+    Row("a terminal's commands in the header", "log.csv", text(head="t,\x1b[31mtheta,alpha"), r"\x1b[31mtheta", 0),
+    Row("an ending that says nothing", "log.doc", text(), "log.doc: unknown ending '.doc'; fracid reads .csv .tsv .txt", 2),
+]  # fmt: skip
+
+SAMPLES = [
+    Row("one sample", "log.csv", text(columns=(T[:1], THETA[:1], ALPHA[:1])),
+        "1 sample; a recording needs at least two.", 3),
+    Row("two samples", "log.csv", text(columns=(T[:2], THETA[:2], ALPHA[:2])),
+        "2 samples are few to identify a model from", 0),
+    Row("no clock", "log.csv", text(head="theta,alpha", columns=(THETA, ALPHA)),
+        "log.csv: no column increases like time. … Give the rate [Hz] or the time column.", 2),
+    Row("a time stamp twice", "log.csv", text(change=lambda lines: lines.insert(51, lines[50])),
+        "time does not increase: 1 stamps repeat and 0 go back, the first at 0.49 s.", 3),
+    Row("time that goes back", "log.csv", text(change=lambda lines: lines.insert(51, lines[20])),
+        "time does not increase: 0 stamps repeat and 1 go back, the first at 0.19 s.", 3),
+    Row("time that runs backwards", "log.csv", text(columns=(T[::-1], THETA, ALPHA)),
+        "time does not increase: 0 stamps repeat and 399 go back", 3),
+    Row("infinite time stamps", "log.csv", text(columns=with_column(0, 7, np.inf)),
+        "1 of 400 rows have no time stamp and were left out.", 0),
+    Row("time as no clock has it", "log.csv", text(head="t,alpha", columns=(T, ALPHA), change=lambda lines: lines.
+        __setitem__(slice(1, None), [f"{k}e30,{a}" for k, a in enumerate(ALPHA)])),
+        "log.csv: time has steps from 1e+30 to 1e+30 s over 3.99e+32 s, as no clock has. Is it another column, or in another unit?", 3),
+    Row("a constant signal beside others", "log.csv", text(columns=with_column(1, slice(None), 0.0)),
+        "Left out as constant: 'theta'.", 0),
+    Row("constant signals alone", "log.csv", text(columns=(T, 0 * T, 0 * T + 1)),
+        "alpha is constant: is its sensor connected?", 0),
+    Row("a column of NaN", "log.csv", text(columns=with_column(1, slice(None), np.nan)),
+        "Left out as blank where time is stamped: 'theta'.", 0),
+    Row("columns of NaN alone", "log.csv", text(columns=(T, T * np.nan, T * np.nan)),
+        "log.csv holds no signal besides its time. Blank throughout: theta, alpha.", 3),
+    Row("a missing sample", "log.csv", text(columns=with_column(2, 7, np.nan)),
+        "alpha misses 1 sample at 0.07 s. Cut them off with from and to", 3),
+    Row("an infinite sample", "log.csv", text(columns=with_column(2, 7, np.inf)),
+        "alpha: 1 sample is infinite or beyond 1e+100, and taken as missing.", 3),
+    Row("samples of 10³⁰⁸", "log.npz", npz({"t": T, "alpha": with_column(2, slice(7, 9), 1e308)[2]}),
+        "alpha: 2 samples are infinite or beyond 1e+100, and taken as missing.", 3),
+    Row("a long gap", "log.csv", text(columns=(np.where(T > 2, T + 1, T), THETA, ALPHA)),
+        "a gap of 1.01 s after 2 s is 20 % of the recording.", 3),
+]  # fmt: skip
+
+BINARY = [
+    Row("empty", "run.mat", lambda: b"", f"run.mat {EMPTY}", 3, "MATLAB"),
+    Row("binary, but no MATLAB file", "run.mat", noise(b"\x01\x02\x03\x04"), "run.mat is damaged or is no MATLAB file", 3),
+    Row("text", "run.mat", text(), "run.mat is damaged or is no MATLAB file (no MATLAB header). Save it again.", 3),
+    Row("version 4: good", "run.mat", mat(format="4"), "good: 400 samples", 0),
+    Row("version 4, cut off", "run.mat", cut(mat(format="4")), "run.mat is damaged or is no MATLAB file (a matrix of 1×400 "
+        "should have 3200 bytes", 3),
+    Row("version 4 with 2³¹−1 rows", "run.mat",
+        lambda: mat(format="4")().replace(struct.pack("<5i", 0, 1, 400, 0, 2), struct.pack("<5i", 0, 2**31 - 1, 400, 0, 2)),
+        "run.mat is damaged or is no MATLAB file (a matrix of 2147483647×400 should have", 3),
+    Row("version 5, cut off", "run.mat", cut(mat()), "run.mat is damaged or is no MATLAB file (an element should have", 3),
+    Row("version 5, a length field of 4 GiB", "run.mat", mat_length(mat()),
+        "run.mat is damaged or is no MATLAB file (a", 3),
+    Row("version 7, cut off", "run.mat", cut(mat(do_compression=True)), "run.mat is damaged or is no MATLAB file", 3),
+    Row("version 7, a gigabyte of zeros packed", "run.mat", mat_bomb, UNPACKS, 3),
+    Row("a sparse matrix", "run.mat", sparse, "Left out: S is a sparse matrix; save full(…) of it.", 3),
+    Row("a complex array", "run.mat", mat({**GOOD, "alpha": ALPHA * 1j}), f"Left out: alpha {COMPLEX}.", 0),
+    Row("a cell array", "run.mat", mat({"c": np.array([1, "a"], dtype=object)}),
+        "run.mat holds no arrays of numbers. What it holds: c is a cell array; save its numbers as arrays.", 3),
+    Row("text in variables", "run.mat", mat({"who": "me"}),
+        "run.mat holds no arrays of numbers. What it holds: who is text.", 3),
+    Row("single numbers", "run.mat", mat({"t": 1.0, "alpha": 2.0}),
+        "run.mat holds single numbers (t, alpha); a recording needs at least two samples.", 3),
+    Row("a timeseries object", "run.mat", mat_object("timeseries"),
+        "ts is a MATLAB timeseries; in MATLAB type s = struct(ts); save('f.mat', '-struct', 's').", 3),
+    Row("a table", "run.mat", mat_object("table"),
+        "ts is a MATLAB table; in MATLAB type s = table2struct(T, 'ToScalar', true); save('f.mat', '-struct', 's').", 3),
+    Row("a timetable", "run.mat", mat_object("timetable"), "ts is a MATLAB timetable; in MATLAB type s =", 3),
+    Row("three dimensions", "run.mat", mat({"t": T, "a": np.zeros((3, 4, 5))}),
+        "Left out: a has 3 dimensions; save one vector for each signal.", 3),
+    Row("vectors of different lengths", "run.mat", mat({**GOOD, "u": T[:399]}),
+        "Left out: u has 399 numbers where others have 400.", 0),
+    Row("several matrices", "run.mat", mat({"a": np.zeros((9, 2)), "b": np.zeros((9, 2))}),
+        "run.mat holds several arrays: a 9×2, b 9×2. Choose one: variable = 'a'.", 2),
+    Row("version 7.3: good", "run.mat", mat73(h5_good), "good: 400 samples", 0),
+    Row("version 7.3, cut off", "run.mat", cut(mat73(h5_good)), "run.mat is damaged or is no HDF5 file", 3),
+    Row("version 7.3, a timeseries", "run.mat", mat73(h5_object("timeseries")),
+        "ts is a MATLAB timeseries; in MATLAB type s = struct(ts)", 3),
+    Row("version 7.3, a sparse matrix", "run.mat", mat73(h5_sparse),
+        "Left out: S is a sparse matrix; save full(…) of it.", 3),
+    Row("empty", "run.npz", lambda: b"", f"run.npz {EMPTY}", 3, "NumPy"),
+    Row("cut off", "run.npz", cut(npz()), "run.npz is damaged or is no NumPy file (File is not a zip file). Save it again.", 3),
+    Row("text", "run.npz", text(), "run.npz is damaged or is no NumPy file", 3),
+    Row("an archive of nothing", "run.npz", npz({}), "run.npz holds no arrays of numbers.", 3),
+    Row("a gigabyte of zeros packed", "run.npz", npz_bomb, UNPACKS, 3),
+    Row("Python objects", "run.npz", npz({"t": np.array([1, "a"], dtype=object)}),
+        "t holds Python objects, which fracid does not open: that would run code", 3),
+    Row("complex", "run.npz", npz({**GOOD, "alpha": ALPHA * 1j}), f"Left out: alpha {COMPLEX}.", 0),
+    Row("dates as time", "run.npz", npz({"t": np.datetime64("2024-01-01") + np.arange(400) * np.timedelta64(10, "ms"),
+                                         "alpha": ALPHA}), "Time is counted from the first stamp", 0),
+    Row("pickled objects", "run.npy", lambda: saved(np.save, np.array([1, "a"], dtype=object), allow_pickle=True),
+        "holds Python objects, which fracid does not open: that would run code", 3),
+    Row("cut off", "run.npy", cut(lambda: saved(np.save, np.column_stack([T, ALPHA]))),
+        "run.npy is damaged or is no NumPy file (its array of 400×2 should have 6400 bytes", 3),
+    Row("a shape of 10¹¹ rows", "run.npy", npy_header("(99999999999, 3)"),
+        "run.npy is damaged or is no NumPy file (its array of 99999999999×3 should have", 3),
+    Row("a shape below zero", "run.npy", npy_header("(-1, 3)"), "run.npy is damaged or is no NumPy file", 3),
+    Row("empty", "run.h5", lambda: b"", f"run.h5 {EMPTY}", 3, "HDF5"),
+    Row("cut off", "run.h5", cut(hdf5(lambda _: None)), "run.h5 is damaged or is no HDF5 file (Unable to", 3),
+    Row("text", "run.h5", text(), "run.h5 is damaged or is no HDF5 file (Unable to", 3),
+    Row("a dataset of 10¹² numbers, none of them there", "run.h5", hdf5(h5_endless), UNPACKS, 3),
+    Row("160 MB of zeros packed", "run.h5", hdf5(h5_bomb), UNPACKS, 3),
+    Row("a group that holds itself", "run.h5", hdf5(h5_loop),
+        "Left out: g.again is a group that was read before, or lies too deep.", 0),
+    Row("a link to another file", "run.h5", hdf5(h5_links),
+        "Left out: far is a link to elsewhere, which is not followed.", 0),
+    Row("data that lie in another file", "run.h5", hdf5(h5_external),
+        "Left out: far lies in another file, which is not opened.", 0),
+    Row("complex", "run.h5", hdf5(lambda h: h.__setitem__("z", ALPHA * 1j)), f"Left out: z {COMPLEX}.", 0),
+    Row("text and nothing else", "run.h5", hdf5(lambda h: h.__setitem__("who", "me"), good=False),
+        "run.h5 holds no arrays of numbers. What it holds: who is text.", 3),
+    Row("empty", "run.parquet", lambda: b"", f"run.parquet {EMPTY}", 3, "Parquet"),
+    Row("cut off", "run.parquet", cut(parquet(**GOOD)), "run.parquet is damaged or is no Parquet file", 3),
+    Row("text", "run.parquet", text(), "run.parquet is damaged or is no Parquet file", 3),
+    Row("160 MB of zeros packed", "run.parquet", parquet(t=np.zeros(2 * 10**7)), UNPACKS, 3),
+    Row("no rows", "run.parquet", parquet(t=T[:0], alpha=T[:0]),
+        "run.parquet holds no arrays of numbers. What it holds: t is empty; alpha is empty.", 3),
+    Row("missing samples", "run.parquet", parquet(t=T, alpha=[None, *ALPHA[1:]]), "alpha misses 1 sample at 0 s.", 3),
+    Row("words", "run.parquet", parquet(t=T, alpha=ALPHA, who=["me"] * 400),
+        "Left out: who is no column of numbers.", 0),
+]  # fmt: skip
+
+
+def _link_to_itself(path: Path) -> None:
+    path.symlink_to(path)
+
+
+def _unreadable(path: Path) -> None:
+    path.write_bytes(text()())
+    path.chmod(0)
+
+
+FILES = [
+    Row("no such file", "swing.csv", lambda path: path.with_name("swings.csv").write_bytes(text()()),
+        "no file … swing.csv: did you mean … swings.csv?", 2),
+    Row("a folder", "swing.csv", lambda path: path.mkdir(), "(it is a folder)", 2),
+    Row("a pipe, which may never end", "swing.csv", lambda path: os.mkfifo(path),
+        "is no plain file but a pipe or a device; save the recording to a file.", 2),
+    Row("a device, which never ends", "swing.csv", lambda path: path.symlink_to("/dev/zero"),
+        "is no plain file but a pipe or a device; save the recording to a file.", 2),
+    Row("a link that leads to itself", "swing.csv", _link_to_itself, "cannot be read: Too many levels of symbolic links.", 2),
+    Row("no permission", "swing.csv", _unreadable, "swing.csv cannot be read: Permission denied.", 2),
+    Row("a name of 300 letters", "x" * 300 + ".csv", lambda _: None, "cannot be read: File name too long.", 2),
+]  # fmt: skip
+
+
+def _grouped(rows: list[Row], group: str) -> list[Row]:
+    """The rows with their group; a row that names one begins it."""
+    found = []
+    for row in rows:
+        group = row.group or group
+        found.append(Row(row.wrong, row.file, row.make, row.says, row.code, group))
+    return found
+
+
+RECORDINGS = [*_grouped(TEXTS, "Text"), *_grouped(SAMPLES, "Samples"), *_grouped(BINARY, ""), *_grouped(FILES, "Files")]
+
+
+# --- projects -------------------------------------------------------------------------------------------
+
+ONE = '[[recording]]\nfile = "swing.csv"\ntime = { column = "t" }\nalpha = { column = "alpha" }\n'
+
+
+def toml(words: str) -> Callable[[], bytes]:
+    return lambda: words.encode()
+
+
+def project(wrong: str, words: str | Callable[[], bytes], says: str, code: int = 2) -> Row:
+    return Row(wrong, "rig.toml", toml(words) if isinstance(words, str) else words, says, code, "Project files")
+
+
+def both(first: str, second: str) -> str:
+    """Two recordings of one file, each with its own keys."""
+    return ONE + f'name = "one"\n{first}\n' + ONE + f'name = "two"\n{second}\n'
+
+
+PROJECTS = [
+    project("empty", "", "[[recording]] is missing."),
+    project("no TOML", "hello world", "rig.toml is not TOML: Expected '=' after a key"),
+    project("binary", noise(b"\xff\xfe"), "rig.toml cannot be read: it is not UTF-8 text; save it as UTF-8."),
+    project("UTF-16", lambda: ONE.encode("utf-16"), "rig.toml cannot be read: it is not UTF-8 text; save it as UTF-8."),
+    project("a byte-order mark", lambda: b"\xef\xbb\xbf" + ONE.encode(), "", 0),
+    project("a key twice", ONE + "weight = 1.0\nweight = 2.0", "is not TOML: Cannot overwrite a value"),
+    project("tables a thousand deep", ONE + "x = " + "[" * 5000, "its tables or lists lie too deep in each other"),
+    project("tables twenty deep", ONE + "[a" + ".a" * 20 + "]\nb = 1", "lie more than 16 deep in each other"),
+    project("a key of a thousand parts", ONE + "a" + ".a" * 1000 + " = 1", "a key has more than 100 points; a project's has two."),
+    project("a number of 5000 digits", ONE + "[fit]\nseed = " + "9" * 5000, "it holds a whole number of thousands of digits."),
+    project("a number of 30 digits", ONE + "[fit]\nseed = " + "9" * 30, "it holds a whole number of more than 18 digits"),
+    project("NaN", ONE + "[model.parameters]\nC1 = nan", "[model.parameters] C1 = nan; expected a finite number"),
+    project("infinity", ONE + "[fit]\ntolerance = inf", "[fit] tolerance = inf; expected a finite number."),
+    project("a misspelt table", "[modle]\n" + ONE, "[modle] is unknown; did you mean 'model'?"),
+    project("a misspelt key", ONE + '[fit]\noptimizer = "cma"', "[fit] optimizer is unknown; did you mean 'optimiser'?"),
+    project("a misspelt signal", ONE.replace("alpha =", "alfa ="), "unknown key 'alfa'; did you mean 'alpha'?"),
+    project("a misspelt name", ONE + '[fit]\ncost = "rsme"', "no cost 'rsme'; did you mean 'rmse'"),
+    project("text for a number", ONE + '[fit]\nsubsteps = "2"', "[fit] substeps = '2'; expected a whole number."),
+    project("truth for a number", ONE + "[model.orders]\nmu = true", "[model.orders] mu = true; expected a number or a table"),
+    project("a list for a table", "recording = 3", "[[recording]] = 3; expected a list [...]; for recordings type [[recording]]"),
+    project("bounds crossed", ONE + "[model.orders]\nmu = { start = 1.0, lower = 1.2, upper = 0.8 }",
+            "mu: start = 1, lower = 1.2, upper = 0.8: expected lower <= start <= upper and lower < upper."),
+    project("a start outside its bounds", ONE + "[model.orders]\nmu = { start = 2.0, lower = 0.8, upper = 1.2 }",
+            "mu: start = 2, lower = 0.8, upper = 1.2: expected lower <= start <= upper and lower < upper."),
+    project("a value outside of physics", ONE + "[model.parameters]\nC1 = -1.0", "is outside its physical bounds"),
+    project("orders tied in a circle", ONE + '[model.orders]\nlambda = "mu"\nmu = "lambda"', "goes in a circle"),
+    project("an output that no recording has", ONE + '[fit]\noutputs = ["theta"]',
+            "swing has no signal 'theta'; it has alpha. Type theta = "),
+    project("a column that is not there", ONE.replace('"alpha" }', '"alfa" }'),
+            "swing.csv has no column 'alfa'. Did you mean 'alpha'? Its columns, by position or name: 0 't', 1 'theta'"),
+    project("a window of nothing", ONE + "from = 99.0", "swing: from 99 to inf s holds 0 samples; it spans 0 to 3.99 s."),
+    project("a window that ends before it begins", ONE + "from = 3.0\nto = 1.0", "swing: from = 3 is not before to = 1."),
+    project("windows that overlap", both("to = 2.0", "from = 1.5"),
+            "one and two are the same samples of swing.csv from 1.5 to 2 s: they count twice, or judge what was fitted to them.",
+            0),
+    project("the recording that was fitted as validation", both('use = "fit"', 'use = "validate"'),
+            "one and two are the same samples of swing.csv from 0 to 3.99 s", 0),
+    project("two recordings of one name", ONE + ONE, "two recordings are named 'swing'; give each its own name."),
+    project("nothing to fit", ONE + 'use = "validate"', 'no [[recording]] has use = "fit"; at least one must be fitted.'),
+    project("a finer grid than there is memory", ONE + "resample = 1e-9", "swing: a step of 1e-09 s makes 3.99e+09 samples"),
+    project("a recording that is not there", ONE.replace("swing", "swong"), "swong.csv"),
+    project("an absolute path that is a device", ONE.replace("swing.csv", "/dev/zero"), "is no plain file but a pipe or a device"),
+    project("a path out of the folder", ONE.replace("swing.csv", "../{folder}/swing.csv"), "", 0),
+    project("a file with a zero byte in its name", ONE.replace("swing", "a\\u0000b") + 'name = "a"\n', "no file's name holds a zero byte."),
+    project("code of its own, not there", '[model]\nname = "rig.py:model"\n' + ONE, "'rig.py:model': there is no file … rig.py."),
+    Row("a pipe", "rig.toml", lambda path: os.mkfifo(path), "is no plain file but a pipe or a device; save it to a file.", 2,
+        "Project files"),
+]  # fmt: skip
+
+
+# --- the page -------------------------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[2] / "docs" / "bad-input.md"
+
+INTRODUCTION = """# Bad input
+
+What is wrong with a file, what fracid says of it, and the exit code. Each row is a test in
+[`tests/safety/test_bad_input.py`](../tests/safety/test_bad_input.py), which makes the file and reads the sentence. The tables are
+written from those tests: `python tests/safety/bad_input.py --write`.
+
+Exit codes: **0** the file is used, and the sentence is a note on it; **2** the caller's mistake; **3** a recording that
+is damaged or unfit. Never a traceback. `…` stands for words left out.
+
+Three rules are behind the rows.
+
+- **What can be meant in one way only is read, and said**: UTF-16, Latin-1, decimal commas, dates as time. What can be
+  meant in two ways is refused: rows of two kinds, a comma that is both separator and decimal sign.
+- **A file takes memory in proportion to its size.** It may unpack to 8 numbers for each of its bytes, or 4 million if it
+  is small. So a small file cannot fill the memory. Text is read block by block.
+- **A file is data.** No code in it is run, no other file that it points to is opened, and a pipe or a device is not read.
+
+"""
+
+CLOSING = """
+## Where files are read and written
+
+A project may name its recordings by any path, absolute or with `..`: recordings often lie elsewhere, and from them
+only numbers are taken. Code of its own is run only when trusted, see [`SECURITY.md`](../SECURITY.md). fracid writes
+into the folder given by `--out` and nowhere else.
+
+A file that changes while it is read is refused: `log.csv changed while it was read. Is it still being written?`
+
+## Many samples, many recordings
+
+{large}
+## Fuzzing
+
+`make fuzz` makes hostile files of good ones — bits flipped, lengths made 4 GiB, ends cut off, parts of other
+files spliced in, also inside of what is packed — and reads them. Each must end as a recording or as one line that can
+be printed, within 5 s of processor time and 1 GiB of memory. A reader that dies takes only its own process with it, and is
+counted. Inputs are made from their numbers, so that each is found again:
+
+```
+make fuzz-ci                                  # two minutes, the same inputs each time
+make fuzz                                     # goes on until a million inputs of each reader were run
+python tests/safety/fuzz.py --table                  # what was run so far
+python tests/safety/fuzz.py --again mat 1234         # one input once more
+```
+
+{fuzzed}"""
+
+
+def page() -> str:
+    """Return the page, with what was measured kept from the page that is there."""
+    parts = [INTRODUCTION]
+    for group in dict.fromkeys(row.group for row in [*RECORDINGS, *PROJECTS]):
+        rows = [row for row in [*RECORDINGS, *PROJECTS] if row.group == group]
+        command = "`fracid fit rig.toml` says" if group == "Project files" else "`fracid check` says"
+        parts.append(f"## {group}\n\n| wrong | file | {command} | code |\n|---|---|---|---|\n")
+        parts += [f"| {r.wrong} | `{_short(r.file)}` | {_cell(r.says)} | {r.code} |\n" for r in rows]
+        parts.append("\n")
+    measured = {name: _kept(name) for name in ("large", "fuzzed")}
+    return "".join(parts).rstrip("\n") + "\n" + CLOSING.format(**measured)
+
+
+def _short(name: str) -> str:
+    return name if len(name) < 40 else f"{name[:3]}…{name[-7:]}"
+
+
+def _cell(says: str) -> str:
+    """A sentence as code; what goes on after it is dots."""
+    more = "" if says.endswith((".", "?")) else " …"
+    return f"`{says.replace('|', chr(92) + '|')}{more}`" if says else "—"
+
+
+def _marks(name: str) -> tuple[str, str]:
+    return f"<!-- {name} -->\n", f"<!-- end of {name} -->\n"
+
+
+def _kept(name: str) -> str:
+    """Return what stands between the marks of a part that is measured, with them."""
+    start, end = _marks(name)
+    there = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    inside = there.split(start)[1].split(end)[0] if start in there else ""
+    return f"{start}{inside}{end}"
+
+
+def _put(name: str, lines: list[str]) -> None:
+    """Write a part that is measured into the page."""
+    start, end = _marks(name)
+    before, rest = PAGE.read_text(encoding="utf-8").split(start)
+    PAGE.write_text(before + start + "\n".join([*lines, "", end]) + rest.split(end)[1], encoding="utf-8")
+
+
+# --- what is measured -----------------------------------------------------------------------------------
+
+READ = """
+import resource, sys, time
+from fracid import {call}
+begin = time.process_time()
+{call}(sys.argv[1])
+print(time.process_time() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def _measured(call: str, file: Path) -> str:
+    """Read a file in a process of its own; return processor time and peak memory as cells of a table."""
+    done = subprocess.run(
+        [sys.executable, "-c", READ.format(call=call), file], capture_output=True, text=True, check=True
+    )
+    seconds, megabytes = map(float, done.stdout.split())
+    return f"{file.stat().st_size / 1e6:.0f} MB | {seconds:.1f} s | {megabytes:.0f} MB"
+
+
+def large() -> list[str]:
+    """Measure long recordings and a project of many."""
+    time = np.arange(10**7) / 1000
+    alpha = np.round(4096 * np.cos(time)) * 2e-4
+    lines = ["| | file | processor time | peak memory |", "|---|---|---|---|"]
+    with TemporaryDirectory() as folder:
+        with Path(folder, "long.csv").open("w") as file:
+            for k in range(0, time.size, 10**5):
+                pairs = zip(time[k : k + 10**5], alpha[k : k + 10**5], strict=True)
+                file.writelines(f"{t:.3f},{a:.4f}\n" for t, a in pairs)
+        np.savez(Path(folder, "long.npz"), t=time, alpha=alpha)
+        for name, what in (("long.csv", "text"), ("long.npz", "`.npz`")):
+            lines.append(f"| 10⁷ samples of two columns, {what} | {_measured('load_recording', Path(folder, name))} |")
+        words = ['[model.orders]\nlambda = 1.0\nmu = 0.95\n[fit]\ninitial_state = "held"\n']
+        for k in range(10_000):
+            np.save(Path(folder, f"{k}.npy"), np.column_stack([T[:20], np.cos(5 * T[:20]) + 1e-6 * k]))
+            words.append(f'[[recording]]\nfile = "{k}.npy"\ntime = {{ column = 0 }}\nalpha = {{ column = 1 }}\n')
+        Path(folder, "rig.toml").write_text("".join(words))
+        lines.append(f"| a project of 10,000 recordings | {_measured('load_project', Path(folder, 'rig.toml'))} |")
+    return [
+        *lines,
+        "",
+        "By `python tests/safety/bad_input.py --large`; peak memory is the whole process, fracid's modules included.",
+    ]
+
+
+def fuzzed() -> list[str]:
+    """What was run so far."""
+    lines = [
+        "| reader | inputs | taken | refused in a line | failed | and of earlier source |",
+        "|---|---|---|---|---|---|",
+    ]
+    import fuzz
+
+    folder = PAGE.parents[1] / "runs" / "fuzz"
+    fewest = math.inf
+    for reader in fuzz.READERS:
+        kept = fuzz._kept(reader, folder)
+        n, taken, bad = (sum(kept["outcomes"].values()), *(kept["outcomes"].get(k, 0) for k in ("taken", "failed")))
+        lines.append(f"| {reader} | {n:,} | {taken:,} | {n - taken - bad:,} | {bad} | {kept['before']:,} |")
+        fewest = min(fewest, n)
+    aim = "" if fewest >= 1_000_000 else " The aim is a million of each: `make fuzz` goes on from here."
+    return [
+        *lines,
+        "",
+        "So many were run of the readers as they are, and before of readers as they were; whatever failed was mended."
+        f"{aim}",
+        "`python tests/safety/fuzz.py --table` prints the count. A million of a reader take 6 to 16 minutes of one processor. Beside",
+        "these `python tests/safety/fuzz_guided.py READER` follows the branches of the code with atheris.",
+    ]
+
+
+if __name__ == "__main__":
+    for option, part in (("--large", large), ("--fuzzed", fuzzed)):
+        if option in sys.argv:
+            _put(option[2:], part())
+    if "--write" in sys.argv:
+        PAGE.write_text(page(), encoding="utf-8")
+    print(f"{len(RECORDINGS) + len(PROJECTS)} rows: {PAGE}")

@@ -1,0 +1,480 @@
+"""The ladder: who holds whom, what the recordings see, a fair judgement on what was not fitted, and its words."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid import InputError
+from fracid.errors import Unfinished
+from fracid.models import Model, Parameter
+from fracid.problem import Experiment, Free, Problem, Tied
+from fracid.problem.costs import COSTS, Cost
+from fracid.selection.comparison import Comparison, Row, Score, _verdict, compare
+from fracid.selection.ladder import held, ladder, unseen
+from fracid.solver.methods import METHODS
+from fracid.tasks.job import Progress
+from fracid.tasks.journal import Journal
+
+RIG = fracid.rotary_pendulum("stepper-freeswing")  # its arm is clamped: one degree of freedom
+C1 = RIG.parameter("C1").value
+MU = {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}
+INERTIA = {"C1": Free(C1, 0.3 * C1, 3 * C1)}
+
+
+def swing(angle=0.6, mu=1.0, *, dry=0.0, drag=0.0, rest=0.0, noise=1e-3, seed=1, end=3.0, name=None):
+    """A free swing of that order and friction, with white noise [rad]."""
+    parameters = {"b_alpha": 1e-5, "coulomb_alpha": dry, "drag_alpha": drag, "alpha_rest": rest}
+    run = fracid.simulate(RIG, orders={"lambda": 1.0, "mu": mu}, parameters=parameters,
+                          initial={"alpha": angle + rest}, step=1e-2, end=end)  # fmt: skip
+    y = run.states[:, [2]] + noise * np.random.default_rng(seed).standard_normal((len(run.time), 1))
+    return Experiment(name or f"{angle} rad", 1e-2, y, np.zeros((1, 1)))
+
+
+def problem(*fitted, **options):
+    return Problem(RIG, fitted, **{"orders": MU, "parameters": INERTIA, "outputs": ("alpha",),
+                                   "initial_state": "rest"} | options)  # fmt: skip
+
+
+DRAG = ["drag_theta", "drag_alpha"]
+
+
+def judged(problem, **options):
+    """A comparison without the rung of the drag."""
+    return compare(problem, **{"keep": DRAG} | options)
+
+
+OTHERS = tuple({"angle": a, "seed": s} for a, s in ((0.45, 2), (0.3, 3), (0.2, 4)))
+
+TRUTHS = {"dry": {"dry": 5e-5}, "fractional": {"mu": 0.95, "dry": 3e-5}, "drag": {"drag": 1e-5, "dry": 2e-5}}
+
+
+@cache
+def compared(truth):
+    """A comparison on twins of that truth, three of them held out."""
+    others = [swing(**TRUTHS[truth], **other) for other in OTHERS]
+    return (compare if truth == "drag" else judged)(problem(swing(**TRUTHS[truth])), validation=others)
+
+
+# --- the ladder -------------------------------------------------------------------------------------------
+
+
+def test_each_rung_frees_more_friction_and_holds_the_ones_below_exactly():
+    found = ladder(problem(swing(dry=5e-5)))
+    assert found.frictions == ("viscous", "viscous + Coulomb", "viscous + Coulomb + drag")
+    for s in found.structures:
+        for name in s.below:
+            lower = found[name]
+            assert set(lower.problem.names) < set(s.problem.names)
+            x = lower.problem.start * 1.02  # anywhere
+            values = dict(zip(lower.problem.names, x.tolist(), strict=True))
+            assert s.problem.cost(s.embed(values)) == lower.problem.cost(x)
+
+
+def test_a_range_that_excludes_no_friction_is_widened_to_hold_it():
+    free = INERTIA | {"coulomb_alpha": Free(5e-5, 1e-5, 1e-4), "b_alpha": Free(1e-5, 1e-6, 1e-4)}
+    top = ladder(problem(swing(), parameters=free, orders={"lambda": 1.0, "mu": Free(0.9, 0.8, 0.95)})).structures[-1]
+    ranges = {u.name: u.range for u in top.problem.unknowns}
+    assert (ranges["coulomb_alpha"].lower, ranges["coulomb_alpha"].upper) == (0.0, 1e-4)
+    assert ranges["b_alpha"].lower == 0.0
+    assert ranges["mu"].upper == 1.0
+
+
+@pytest.mark.parametrize("method", ["gl", "gl-paper", "pi2", "pi3"])
+def test_every_structure_is_solved_by_one_method_of_second_order_or_better(method):
+    found = ladder(problem(swing(), method=method))
+    methods = {s.problem.method for s in found.structures}
+    assert len(methods) == 1
+    assert METHODS[methods.pop()].convergence_order >= 2
+    assert any("makes orders of its own" in note for note in found.notes) == method.startswith("gl")
+
+
+def test_orders_are_1_or_as_the_problem_frees_them_and_the_paper_has_viscous_friction_alone():
+    found = ladder(problem(swing()))
+    for s in found.structures:
+        assert ("mu" in s.problem.names) == s.fractional
+        assert s.fractional or s.problem.orders == {"lambda": 1.0, "mu": 1.0}
+    assert [s.name for s in found.structures if s.paper] == ["viscous, orders free"]
+
+
+@pytest.mark.parametrize(
+    ("orders", "free"),
+    [
+        ({"lambda": 1.0, "mu": 1.0}, ["mu"]),  # all are fixed: all are freed that can be seen
+        ({"lambda": Free(1.0, 0.6, 1.2), "mu": 1.0}, []),  # of a clamped arm nothing can be said
+        ({"lambda": 1.0, "mu": 0.9}, ["mu"]),
+    ],
+)
+def test_which_orders_are_free(orders, free):
+    found = ladder(problem(swing(), orders=orders))
+    assert [n for n in found["viscous, orders free"].problem.names if n in orders] == free
+
+
+def test_tied_orders_stay_tied():
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.95}, initial={"alpha": 0.5}, step=1e-2, end=3.0)
+    twin = Experiment("twin", 1e-2, run.states[:, [0, 2]], np.zeros((1, 1)))
+    tied = Problem(rig, (twin,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Tied("lambda")}, initial_state="held")
+    found = ladder(tied)
+    assert found["viscous, orders free"].problem.names[:2] == ("lambda", "b_theta")
+    row = judged(tied, keep=[*DRAG, "cable_stiffness", "coulomb_theta", "coulomb_alpha"])["viscous, orders free"]
+    assert row.orders["mu"] == row.orders["lambda"]
+    assert row.orders["mu"][0] == pytest.approx(0.95, abs=1e-4)
+
+
+def test_what_a_clamped_arm_does_not_show_is_left_out_and_said():
+    found = ladder(problem(swing()))
+    assert not any("theta" in n for s in found.structures for n in s.problem.names)
+    assert "No recording sees cable_stiffness: there is no rung + cable." in found.notes
+    assert any("do not see b_theta" in note for note in found.notes)
+
+
+def test_what_only_a_recording_that_is_not_fitted_sees_is_found_there():
+    voltage = {"torque_per_volt": Free(-0.1, -1.0, 0.0)}
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.5}, step=1e-2, end=3.0)
+    y = run.states[:, [0, 2]]
+    free, driven = (Experiment(n, 1e-2, y, u) for n, u in (("free", np.zeros((1, 1))), ("driven", np.ones((301, 1)))))
+    whole = Problem(rig, (free,), {"lambda": 1.0, "mu": 1.0}, voltage, ("torque_per_volt",))
+    top = ladder(whole, others=[driven]).structures[-1]
+    assert not any("torque_per_volt" in n for n in top.problem.names)
+    assert "torque_per_volt [driven]" in top.on({}, driven).names
+    assert not any("torque_per_volt" in n for n in top.on({}, free).names)
+
+
+def test_friction_to_keep_stays_as_the_problem_has_it():
+    found = ladder(problem(swing(), parameters=INERTIA | {"b_alpha": 2e-5}), keep=["b_alpha"])
+    assert found.frictions == ("Coulomb", "Coulomb + drag")
+    assert {s.problem.parameters["b_alpha"] for s in found.structures} == {2e-5}
+
+
+def test_a_ladder_that_cannot_be_is_refused_in_words():
+    with pytest.raises(InputError, match=r"'b_alfa': did you mean b_alpha\?"):
+        ladder(problem(swing()), keep=["b_alfa"])
+
+    def decay(t, x, u, p, out):
+        out[0] = -p[0] * x[0]
+
+    bare = Model("decay", decay, ("x",), ("q",), {"x": 0}, ("u",), (Parameter("rate", "1/s", 1.0, "of decay"),), "", "")
+    e = Experiment("one", 0.1, np.exp(-np.arange(20) / 10)[:, None], np.zeros((1, 1)))
+    own = Problem(bare, (e,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("x",), initial_state="held")
+    with pytest.raises(InputError, match=r"decay has no friction by the names b_…, coulomb_…"):
+        ladder(own)
+
+
+def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():
+    def mass(t, x, u, p, out):
+        out[0] = x[1]
+        out[1] = -4.0 * x[0] - (p[0] + p[1] * abs(x[1])) * x[1]
+
+    parameters = (Parameter("b_slide", "1/s", 0.1, "viscous"), Parameter("drag_slide", "1/m", 0.0, "drag"))
+    own = Model("slide", mass, ("x", "v"), ("q", "q"), {"x": 0}, ("u",), parameters, "", "")
+    run = fracid.simulate(own, orders={"q": 1.0}, initial={"x": 1.0}, step=2e-2, end=8.0)
+    e = Experiment("one", 2e-2, run.states[:, :1], np.zeros((1, 1)), initial={"x": 1.0})
+    found = ladder(Problem(own, (e,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("x",), initial_state="held"))
+    assert found.frictions == ("viscous", "viscous + drag")
+    assert found.notes[:2] == (
+        "The model slide has no parameter coulomb_…: there is no rung + Coulomb.",
+        "The model slide has no parameter cable_… or spring_…: there is no rung + cable.",
+    )
+
+
+def test_what_is_held_and_what_is_unseen():
+    p = problem(swing())
+    assert held(p, {"mu", "C1"}).names == ("alpha(0) [0.6 rad]",)
+    assert unseen(p, 0.0) == set()
+    assert unseen(replace(p, parameters={"b_theta": Free(0.0, 0.0, 1e-3)}), 1e-4) == {"b_theta"}
+
+
+# --- fits and scores ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_a_richer_structure_never_fits_worse(truth):
+    found = compared(truth)
+    for s in ladder(problem(swing(**TRUTHS[truth]))).structures[: len(found.rows)]:
+        for name in s.below:
+            assert found[s.name].cost <= found[name].cost
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_the_true_structure_predicts_to_the_noise_and_what_lacks_it_does_not(truth):
+    found = compared(truth)
+    true = "viscous + Coulomb + drag" if "drag" in TRUTHS[truth] else "viscous + Coulomb"
+    own = found[f"{true}, orders {'free' if truth == 'fractional' else '1'}"]
+    assert own.error == pytest.approx(1e-3, rel=0.15)
+    assert found["viscous, orders 1"].error > 2 * own.error
+    assert [s.rmse["alpha"] for s in own.held_out.values()] == pytest.approx([1e-3] * 3, rel=0.2)
+    assert [*own.held_out] == ["0.45 rad", "0.3 rad", "0.2 rad"]
+    assert [*own.in_sample] == ["0.6 rad"]
+
+
+def test_a_true_order_comes_back_with_its_interval_and_a_fixed_one_has_none():
+    row = compared("fractional")["viscous + Coulomb, orders free"]
+    value, ends = row.orders["mu"]
+    assert ends[0] <= 0.95 <= ends[1]
+    assert value == pytest.approx(0.95, abs=2e-3)
+    assert row.orders["lambda"] == (1.0, None)
+
+
+def test_schwarz_counts_what_an_idle_order_costs():
+    found = compared("dry")
+    integer, free = found["viscous + Coulomb, orders 1"], found["viscous + Coulomb, orders free"]
+    assert integer.bic == 0.0
+    assert free.parameters == integer.parameters + 1
+    assert 0 < free.bic < math.log(found.effective_samples) + 1e-9
+
+
+def test_scores_are_those_of_the_residual():
+    e, others = swing(dry=5e-5), [swing(0.3, dry=5e-5, seed=3)]
+    p = problem(e, parameters=INERTIA | {"b_alpha": 1e-5, "coulomb_alpha": 5e-5})
+    score = judged(p, validation=others, keep=["b_alpha", "b_theta"])["Coulomb, orders 1"].in_sample["0.6 rad"]
+    found = fracid.identify(replace(p, orders={"lambda": 1.0, "mu": 1.0}, parameters=INERTIA | {
+        "b_alpha": 1e-5, "coulomb_alpha": Free(5e-5, 0, 1e-2)})).recordings["0.6 rad"]  # fmt: skip
+    assert score.rmse["alpha"] == pytest.approx(found.rmse["alpha"], rel=1e-4)
+    assert score.fit_percent["alpha"] == pytest.approx(found.fit_percent["alpha"], abs=1e-2)
+    itae = COSTS["itae"].value(e.time, found.residual("alpha")[:, None])
+    assert score.itae["alpha"] == pytest.approx(itae, rel=1e-3)
+
+
+def test_initial_state_and_rest_are_found_again_on_what_is_not_fitted():
+    fitted = swing(dry=5e-5, rest=0.01)
+    moved = swing(0.35, dry=5e-5, rest=-0.03, seed=9)
+    free = INERTIA | {"alpha_rest": Free(0.0, -0.1, 0.1)}
+    found = judged(problem(fitted, parameters=free), validation=[moved])
+    assert found["viscous + Coulomb, orders 1"].error == pytest.approx(1e-3, rel=0.15)
+    fixed = judged(problem(fitted, parameters=INERTIA | {"alpha_rest": 0.01}), validation=[moved])
+    assert fixed["viscous + Coulomb, orders 1"].error > 5e-3
+
+
+def test_a_structure_that_diverges_where_it_was_not_fitted_is_told_and_is_valid_json():
+    fast = replace(swing(0.3, dry=5e-5), name="fast", step=5.0)  # steps far too long
+    found = judged(problem(swing(dry=5e-5)), validation=[fast])
+    assert all(row.held_out["fast"].failed for row in found.rows)
+    assert found.verdict == "No structure predicts every held-out recording: their runs fail."
+    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert content["structures"][0]["held_out"]["fast"]["rmse"] == {"alpha": None}
+    assert found.table()[-1]["rmse_deg"] is None
+
+
+# --- leave one out --------------------------------------------------------------------------------------------
+
+
+def test_left_out_in_turn_each_recording_is_judged_by_a_fit_that_never_saw_it():
+    good, odd = swing(dry=5e-5, end=2.0), swing(0.5, dry=1.5e-4, seed=7, end=2.0, name="odd")  # as if of another rig
+    found = judged(problem(good), validation=[odd], leave_one_out=True)
+    assert found.held_out == ("0.6 rad", "odd")
+    row = found["viscous + Coulomb, orders 1"]
+    assert [*row.in_sample] == ["0.6 rad", "odd"]
+    alone = judged(problem(good), validation=[odd])["viscous + Coulomb, orders 1"]
+    assert row.held_out["odd"] == alone.held_out["odd"]
+    assert row.held_out["odd"].error > 5e-3 > 2e-3 > alone.in_sample["0.6 rad"].error
+
+
+def test_one_recording_alone_cannot_be_left_out():
+    with pytest.raises(InputError, match=r"two at least: add another \[\[recording\]\]"):
+        compare(problem(swing()), leave_one_out=True)
+
+
+# --- the same to the bit ---------------------------------------------------------------------------------------
+
+
+@cache
+def plain():
+    """A comparison in one go, on one thread."""
+    return judged(problem(swing(dry=5e-5, end=2.0)), validation=[swing(0.3, dry=5e-5, seed=3, end=2.0)])
+
+
+def test_numbers_are_the_same_for_any_number_of_threads():
+    p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
+    assert judged(p, validation=other, jobs=3).to_json() == plain().to_json()
+
+
+def test_cut_short_and_gone_on_with_it_ends_the_same_and_repeats_nothing(tmp_path):
+    p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
+    told = []
+
+    def stop(progress: Progress):
+        told.append((progress.done, progress.total))
+        if progress.done == 3:
+            raise KeyboardInterrupt
+
+    with Journal(tmp_path / "journal.jsonl", {}) as journal, pytest.raises(Unfinished, match="Interrupted"):
+        judged(p, validation=other, journal=journal, progress=stop)
+    before = (tmp_path / "journal.jsonl").read_text(encoding="utf-8").splitlines()
+    assert len(before) == 1 + 3
+    assert {total for _, total in told} == {4}
+    with Journal(tmp_path / "journal.jsonl", {}) as journal:
+        ended = judged(p, validation=other, journal=journal)
+    after = (tmp_path / "journal.jsonl").read_text(encoding="utf-8").splitlines()
+    assert after[:4] == before
+    assert len(after) == 1 + 4
+    assert ended.to_json() == plain().to_json()
+
+
+def test_a_problem_in_memory_stays_in_its_process():
+    with pytest.raises(InputError, match=r'give a project .* or executor = "threads"'):
+        compare(problem(swing()), executor="processes")
+
+
+# --- the verdict ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("truth", "begins"),
+    [
+        ("dry", "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb, orders free"),
+        ("fractional", "Orders help on 3 of 3 held-out recordings, by "),
+        ("drag", "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb + drag, ord"),
+    ],
+)
+def test_the_verdict_on_twins_is_their_truth(truth, begins):
+    assert compared(truth).verdict.startswith(begins)
+
+
+def row(friction, fractional, errors, *, bic=0.0, mu=(0.95, (0.94, 0.96))):
+    """A row with those errors [rad] on recordings that are held out."""
+    scores = {f"r{i}": Score({"alpha": e}, {"alpha": 90.0}, {"alpha": e}, "" if math.isfinite(e) else "diverged")
+              for i, e in enumerate(errors)}  # fmt: skip
+    name = f"{friction}, orders {'free' if fractional else '1'}"
+    orders = {"mu": mu if fractional else (1.0, None)}
+    return Row(friction, fractional, name, name == "viscous, orders free", 0.1, 5, bic, orders, {}, (), {}, scores, "")
+
+
+DRY = "viscous + Coulomb"
+VERDICTS = {
+    "orders help": (
+        [4, 3, 2, 1],
+        3,
+        "Orders help on 3 of 3 held-out recordings, by 50 %: viscous + Coulomb, orders free",
+    ),
+    "orders replace dry friction": ([4, 3, 1, 1], 3, "Orders replace Coulomb friction and lose to it: alpha 1.7°"),
+    "a rung with orders is worse": ([4, 3, 1, 2], 3, "Orders replace Coulomb friction and lose to it"),
+    "nothing matters": ([1, 1, 1, 1], 3, "Orders make no difference, an integer-order model predicts as well"),
+    "orders hurt": ([1, 1.5, 1.2, 1.4], 3, "Orders fit better and predict worse, by 40 % on held-out recordings"),
+    "the paper's is the best": (
+        [4, 1, 2, 2],
+        3,
+        "Orders help on 3 of 3 held-out recordings, by 50 %: viscous, orders free",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", VERDICTS)
+def test_the_verdict_follows_the_held_out_errors(case):
+    errors, count, begins = VERDICTS[case]
+    kinds = [("viscous", False), ("viscous", True), (DRY, False), (DRY, True)]
+    rows = tuple(row(*kind, [0.01 * e] * count) for kind, e in zip(kinds, errors, strict=True))
+    assert _verdict(result(rows)).startswith(begins)
+
+
+def result(rows):
+    return Comparison(rows, "", (), ("alpha",), 100.0, False, "rmse", 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("integer", "free", "says"),
+    [
+        ([1, 1, 1], [0.5, 1.1, 1.1], "Orders help on 1 of 3 held-out recordings only, which is no evidence"),
+        (
+            [1],
+            [0.5],
+            "orders free (alpha 29°) against viscous, orders 1 (alpha 57°). One recording is few",
+        ),
+        ([1, 1], [0.5, 0.5], "Two recordings are few: hold out more."),
+        ([math.inf, 1], [1, 1], "Orders help on 1 of 2 held-out recordings only"),
+        ([1, 1], [1, math.inf], "Orders fit better and do not predict: viscous, orders free (a run fails) against"),
+        ([math.inf], [math.inf], "No structure predicts every held-out recording"),
+    ],
+)
+def test_the_verdict_counts_recordings_and_runs_that_fail(integer, free, says):
+    assert says in _verdict(result((row("viscous", False, integer), row("viscous", True, free))))
+
+
+def test_orders_that_are_1_within_their_intervals_are_said_to_be():
+    rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(1.01, (0.98, 1.04))))
+    assert "There the orders are 1 within their intervals (mu 1.010 ± 0.03)." in _verdict(result(rows))
+    rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3))
+    assert "within their intervals" not in _verdict(result(rows))
+
+
+def test_what_is_integer_is_what_the_model_says():
+    rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(0.01, (-0.02, 0.04))))
+    assert "There the orders are 0 within their intervals (mu 0.010 ± 0.03)." in _verdict(result(rows), {"mu": 0.0})
+    assert "within their intervals" not in _verdict(result(rows), {"mu": None})
+
+
+def test_on_the_ladder_orders_1_stands_for_what_the_model_calls_integer():
+    rig, free = fracid.rotary_pendulum("srv02-rotpen"), {"lambda": Free(0.9, 0.2, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.5}, step=5e-3, end=2.0)
+    released = Experiment("release", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    model = replace(rig, integer_orders={"lambda": 0, "mu": None})
+    both = Problem(model, (released,), free, initial_state="held")
+    found = ladder(both)
+    integer, orders = found["viscous, orders 1"], found["viscous, orders free"]
+    assert any("where a structure has orders 1, lambda = 0." in note for note in found.notes)
+    assert any("mu has no integer value by its model: it is free in every structure." in note for note in found.notes)
+    assert integer.whole.orders["lambda"] == 1e-9
+    assert isinstance(integer.whole.orders["mu"], Free)
+    below = {u.name: u.range.start for u in integer.problem.unknowns} | {"mu": 0.9}
+    same = orders.embed(below)
+    at = dict(zip(orders.problem.names, same.tolist(), strict=True))
+    assert (at["lambda"], at["mu"]) == (1e-9, 0.9)
+    assert np.all((orders.problem.space.lower <= same) & (same <= orders.problem.space.upper))
+    with pytest.raises(InputError, match="gives lambda and mu no integer value"):
+        ladder(replace(both, model=replace(rig, integer_orders={"lambda": None, "mu": None})))
+
+
+@pytest.mark.parametrize(
+    ("gain", "says"),
+    [(50.0, "orders explain more in sample (BIC 50 lower)"), (-3.0, "orders explain nothing that friction does not")],
+)
+def test_without_held_out_recordings_the_verdict_is_by_schwarz_and_no_proof(gain, says):
+    low = min(0.0, gain)
+    rows = (row("viscous", False, [], bic=gain - low), row("viscous", True, [], bic=-low))
+    verdict = _verdict(result(rows))
+    assert verdict.startswith("No recording was held out, so this is no proof: ")
+    assert says in verdict
+    assert "--leave-one-out" in verdict
+
+
+# --- what leaves it -----------------------------------------------------------------------------------------------
+
+
+def test_the_table_has_a_line_for_each_structure_recording_and_output():
+    found = compared("dry")
+    lines = found.table()
+    assert len(lines) == len(found.rows) * 4
+    first = lines[0]
+    assert (first["friction"], first["orders"], first["use"]) == ("viscous", "1", "fit")
+    assert first["rmse_deg"] == pytest.approx(math.degrees(found.rows[0].in_sample["0.6 rad"].rmse["alpha"]))
+
+
+def test_the_json_names_the_best_and_holds_every_number():
+    content = json.loads(json.dumps(compared("fractional").to_json(), allow_nan=False))
+    assert content["best"]["fractional"] == "viscous + Coulomb, orders free"
+    assert [s["name"] for s in content["structures"]] == [r.name for r in compared("fractional").rows]
+    assert sum(s["paper"] for s in content["structures"]) == 1
+    assert content["effective_samples"] > 100
+
+
+def test_the_figure_has_a_panel_for_the_fit_and_for_each_recording_held_out():
+    figure = compared("dry").plot()
+    assert [a.get_title() for a in figure.axes] == [
+        "fitted: 0.6 rad",
+        *(f"held out: {n} rad" for n in (0.45, 0.3, 0.2)),
+    ]
+    assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["viscous", "+ Coulomb"]
+
+
+def test_a_cost_of_ones_own_is_fitted_by_evolution_and_judged_held_out():
+    e, other = (replace(swing(a, end=1.5, seed=i), initial={"alpha": a}) for i, a in enumerate((0.6, 0.3)))
+    mean_square = Cost("mean_square", function=lambda t, r: float(np.mean(r**2)))
+    p = problem(e, parameters={}, cost_function=mean_square, initial_state="held", orders={"lambda": 1.0, "mu": 1.0})
+    found = judged(p, validation=[other], keep=["coulomb_theta", "coulomb_alpha", *DRAG])
+    assert found["viscous, orders 1"].error == pytest.approx(1e-3, rel=0.2)
+    assert all(r.bic == math.inf for r in found.rows)

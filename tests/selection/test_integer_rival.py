@@ -1,0 +1,235 @@
+"""The integer-order rival: orders that stand in for friction are told from orders that are there."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.identification import identify
+from fracid.problem import Experiment, Free, Problem, Tied
+from fracid.problem.costs import COSTS
+from fracid.selection.integer_rival import integer_alternative, integer_values
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+BOTH = {"lambda": Free(1.0, 0.3, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+COUNT = 2 * np.pi / 4096
+DRY = {"coulomb_theta": 2e-3, "coulomb_alpha": 3e-4}
+
+
+def release(orders=(1.0, 1.0), parameters=None, *, counts=True, alpha=0.5, end=8.0, outputs=(0, 2)):
+    """A release of a rig of those orders and friction, read by an encoder."""
+    run = fracid.simulate(RIG, orders=dict(zip(BOTH, orders, strict=True)), parameters=parameters or {},
+                          initial={"alpha": alpha}, step=2e-3, end=end)  # fmt: skip
+    y = run.states[:, list(outputs)]
+    y = COUNT * np.round(y / COUNT) if counts else y
+    return Experiment("twin", 2e-3, y, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+
+
+def nominal(twin, **options):
+    return Problem(RIG, (twin,), **{"orders": BOTH, "initial_state": "held"} | options)
+
+
+@pytest.mark.parametrize("counts", [False, True])
+@pytest.mark.parametrize("friction", [DRY, {"coulomb_alpha": 1e-3}, DRY | {"b_theta": 0.02, "b_alpha": 1e-4}])
+def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_called_fractional(friction, counts):
+    fit = identify(nominal(release(parameters=friction, counts=counts)))
+    assert any(abs(order.value - 1) > 2e-3 for order in fit.orders.values())  # what the nominal model finds
+    assert fit.alternative.gain < -100
+    assert any(
+        "no evidence of fractional dynamics" in w and "explains the recordings better" in w for w in fit.warnings
+    )
+    for name in fit.alternative.orders:
+        assert fit.orders[name].identifiable == "may stand in for friction that the model lacks"
+    for name, true in friction.items():
+        assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
+
+
+@pytest.mark.parametrize("orders", [(0.8623, 0.9146), (0.95, 0.97)])
+def test_fractional_data_keep_their_orders(orders):
+    fit = identify(nominal(release(orders)))
+    assert fit.alternative.gain > 10  # tried, and beaten
+    assert fit.alternative.warning == ""
+    assert fit.warnings == ()
+    assert [order.value for order in fit.orders.values()] == pytest.approx(orders, abs=2e-3)
+    assert all(order.identifiable == "identifiable" for order in fit.orders.values())
+
+
+def test_fractional_data_with_dry_friction_in_the_model_are_called_fractional():
+    free = {n: Free(0.5 * v, 0.0, 10 * v) for n, v in DRY.items()}
+    fit = identify(nominal(release((0.9, 0.95), DRY), parameters=free))
+    assert fit.alternative.gain > 10  # the rival frees the viscous friction as well
+    assert fit.warnings == ()
+
+
+def test_a_cost_on_alpha_alone_is_compared_by_itself():
+    twin = release(parameters={"coulomb_alpha": 3e-4}, outputs=(2,), alpha=0.1745)
+    fit = identify(nominal(twin, outputs=("alpha",), cost_function=COSTS["itae"]))
+    assert fit.alternative.cost < 0.2 * fit.cost
+    assert any("no evidence of fractional dynamics" in w for w in fit.warnings)
+
+
+ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha")}
+
+
+@pytest.mark.parametrize(
+    ("at", "widths", "options"),
+    [
+        ((1.0, 1.0), {}, {}),  # integer orders
+        ((0.98, 1.0), {"lambda": 0.03}, {}),  # off 1 by less than the interval
+    ],
+)
+def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
+    problem = nominal(release(end=1.0), **options)
+    x = np.concatenate([at, problem.start[2:]])
+    assert integer_alternative(problem, problem.evaluate(x), widths) is None
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [ALL, {"J_theta": 1e6, "b_alpha": ALL["b_alpha"], "coulomb_alpha": ALL["b_alpha"]}],
+    ids=["all friction is free", "the arm's friction is not seen"],
+)
+def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_1(parameters):
+    problem = nominal(release(parameters=DRY, end=3.0), parameters=parameters)
+    off = problem.start - 0.02 * (np.arange(len(problem.start)) < 2)
+    rival = integer_alternative(problem, problem.evaluate(off), {})
+    assert rival.structure == "every order 1"
+    assert rival.parameters == {}
+    assert "With every order 1 the same model explains the recordings as well" in rival.warning
+
+
+def test_an_order_off_1_by_chance_is_not_called_fractional():
+    twin = release(parameters=DRY, end=3.0, counts=False)
+    noise = 3e-2 * np.random.default_rng(28).standard_normal(twin.measured.shape)
+    fit = identify(nominal(replace(twin, measured=twin.measured + noise), parameters=ALL))
+    missed = [n for n, e in fit.orders.items() if not e.interval95[0] <= 1 <= e.interval95[1]]
+    assert missed == ["lambda"]  # of 40 seeds one of two where the interval misses 1, by more than 0.001
+    assert -20 < fit.alternative.gain < 10
+    assert any("no evidence of fractional dynamics" in w for w in fit.warnings)
+    assert all(fit.orders[n].identifiable == "no different from 1 as far as the recordings can tell" for n in missed)
+
+
+def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
+    """The arm is all but clamped: its order stays where the search left it, 0.9, and no rival has to explain that."""
+    twin = release((1.0, 1.0), {"J_theta": 1e6}, end=3.0, outputs=(2,))
+    fit = identify(nominal(twin, parameters={"J_theta": 1e12}, outputs=("alpha",),
+                           orders={"lambda": Free(0.9, 0.3, 1.2), "mu": BOTH["mu"]}))  # fmt: skip
+    assert fit.orders["lambda"].interval95 is None
+    assert fit.orders["lambda"].identifiable == "not at all"
+    assert fit.alternative is None
+
+
+def test_orders_that_are_tied_have_their_rival_too():
+    problem = nominal(release(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    fit = identify(problem)
+    assert fit.orders["mu"] == fit.orders["lambda"]
+    assert fit.alternative.gain < 0
+
+
+def test_the_rival_of_the_papers_scheme_is_solved_by_the_second_order_method():
+    problem = nominal(release(end=3.0), method="gl-paper")
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    exact = replace(
+        problem, method="pi2", orders={"lambda": 1.0, "mu": 1.0}, parameters={"b_theta": Free(2.4e-3, 0, 1)}
+    )
+    assert rival.cost == pytest.approx(exact.cost(exact.start), rel=0.05)
+
+
+def test_the_result_file_holds_the_rival():
+    fit = identify(nominal(release(parameters=DRY, end=3.0)))
+    content = json.loads(json.dumps(fit.to_json(), allow_nan=False))["alternative"]
+    assert content["structure"] == "every order 1; b_theta, b_alpha, coulomb_theta, coulomb_alpha free"
+    assert content["bic_gain_of_the_fractional_model"] < 0 < content["effective_samples"]
+    assert content["warning"] in fit.warnings
+
+
+# --- orders whose integer value is not 1 ------------------------------------------------------------------
+
+
+def damped(t, x, u, p, out):
+    """x'' + c D^(1-r) x + k x = 0, z = D^(1-r) x as D^r z = x'."""
+    out[0] = x[1]
+    out[1] = -p[0] * x[2] - p[1] * x[0]
+    out[2] = x[1]
+
+
+def dashpot(t, x, u, p, out):
+    """The same at r = 0, where z is the speed."""
+    out[0] = x[1]
+    out[1] = -p[0] * x[1] - p[1] * x[0]
+
+
+def mount(rhs=damped, **options):
+    states = ("x", "x'", "z")[: 3 if rhs is damped else 2]
+    constants = (fracid.Parameter("c", "1/s", 0.6, "damping"), fracid.Parameter("k", "1/s^2", 40.0, "stiffness"))
+    return fracid.Model("mount", rhs, states, ("v", "v", "r")[: len(states)], {"x": 0}, (), constants, "", "a test",
+                        **options)  # fmt: skip
+
+
+SPRING = {"c": Free(0.5, 0.0, 5.0), "k": Free(38.0, 30.0, 50.0)}
+R_IS_0 = {"integer_orders": {"r": 0}}
+
+
+def struck(model, seed=0, noise=1e-4, **orders):
+    run = fracid.simulate(model, orders={"v": 1.0, **orders}, initial={"x": 1.0}, step=1e-2, end=8.0)
+    y = run.states[:, [0]] + noise * np.random.default_rng(seed).standard_normal((len(run.states), 1))
+    return Experiment("struck", 1e-2, y, np.zeros((1, 0)), initial={"x": 1.0})
+
+
+def sought(model, experiment):
+    free = {"r": Free(0.5, 1e-4, 1.2)} if model.rhs is damped else {}
+    return Problem(model, (experiment,), {"v": 1.0, **free}, SPRING, outputs=("x",),
+                   initial_state="held")  # fmt: skip
+
+
+def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_the_spring():
+    data = struck(mount(), r=0.4)
+    fair, unfair = (identify(sought(mount(**declared), data)) for declared in (R_IS_0, {}))
+    by_hand = identify(sought(mount(dashpot), data))
+    assert fair.orders["r"].value == pytest.approx(0.4, abs=0.01)
+    assert fair.alternative.structure == "r = 0"
+    assert fair.alternative.cost == pytest.approx(by_hand.cost, rel=2e-3)
+    assert fair.alternative.gain > 10
+    assert unfair.alternative.structure == "every order 1"
+    assert unfair.alternative.cost > 3 * fair.alternative.cost  # a spring damps nothing
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_dashpot_is_not_called_fractional_however_its_order_is_written(seed):
+    fit = identify(sought(mount(**R_IS_0), struck(mount(dashpot), seed, noise=1e-2)))
+    assert fit.alternative is None or "r = 0 the same model explains" in fit.alternative.warning
+    verdict = fit.orders["r"].identifiable
+    assert fit.alternative is None or verdict == "no different from 0 as far as the recordings can tell"
+
+
+def test_by_chance_off_0_is_said_of_0():
+    problem = sought(mount(**R_IS_0), struck(mount(dashpot), noise=1e-2))
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.01, 0.6, 40.0])), {"r": 1e-3})
+    assert rival.orders == ("r",)
+    assert "r = 0.01: no evidence of fractional dynamics. With r = 0 the same model explains" in rival.warning
+
+
+def test_an_order_without_an_integer_value_stays_free_and_alone_has_no_rival():
+    data = release((0.9, 0.95), end=2.0)
+    arm_only, neither = (replace(RIG, integer_orders=dict.fromkeys(names)) for names in (["lambda"], [*BOTH]))
+    problem = Problem(arm_only, (data,), BOTH, initial_state="held")
+    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    assert rival.orders == ("mu",)
+    assert rival.structure.startswith("mu = 1 (lambda free, for its model gives it no integer value)")
+    problem = Problem(neither, (data,), BOTH, initial_state="held")
+    assert integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {}) is None
+
+
+def test_what_is_fixed_stays_and_what_is_tied_has_its_own_integer():
+    model = replace(RIG, integer_orders={"mu": 0})
+    problem = Problem(model, (release(end=1.0),), {"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    assert integer_values(problem) == {"lambda": 1.0, "mu": 1e-9}
+    fixed = replace(problem, orders={"lambda": 0.9, "mu": Tied("lambda")})
+    assert integer_values(fixed) == fixed.orders
+
+
+def test_the_result_file_says_what_each_order_is_in_the_integer_order_model():
+    told = identify(sought(mount(**R_IS_0), struck(mount(), r=0.4))).to_json()["orders"]
+    assert {n: order["integer"] for n, order in told.items()} == {"v": 1.0, "r": 0.0}

@@ -1,0 +1,123 @@
+"""Why a run ended, and whether its step is short enough: each fault is made on purpose, and said with its number."""
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.solver.methods import METHODS
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+
+
+def decay(t, x, u, p, out):
+    out[0] = -p[0] * (x[0] - 1.0)
+
+
+def growth(t, x, u, p, out):
+    out[0] = p[0] * x[0]
+
+
+def explosion(t, x, u, p, out):
+    out[0] = p[0] * x[0] ** 2
+
+
+def swing(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * x[0] - p[1] * x[1]
+
+
+def divided(t, x, u, p, out):
+    out[0] = -1.0 / max(x[0], 0.0)
+
+
+def run(rhs, orders=1.0, initial=(1.0,), parameters=(1.0,), step=1e-2, end=10.0, **options):
+    return fracid.solve_fde(rhs, orders, initial, parameters=parameters, step=step, end=end, **options)
+
+
+@pytest.mark.parametrize("method", ["gl", "gl-sequential", "pi3"])
+@pytest.mark.parametrize("q", [0.7, 1.0])
+def test_an_explicit_scheme_that_cannot_follow_says_its_stiffness(method, q):
+    found = run(decay, q, [0.0], [1e5], method=method).fault
+    assert found.code == "stiff"
+    assert found.number == pytest.approx(1e5 * 1e-2**q, rel=1e-3)  # |J|h
+    assert found.number > found.limit
+    assert 'method = "pi2"' in found.sentence
+
+
+@pytest.mark.parametrize("method", ["gl", "gl-sequential", "pi3"])
+def test_with_the_step_that_it_asks_for_it_follows(method):
+    found = run(decay, 0.9, [0.0], [1e3], method=method).fault
+    shorter = float(found.sentence.split("a step of ")[1].split(" s")[0])
+    again = run(decay, 0.9, [0.0], [1e3], method=method, step=shorter, end=10 * shorter)
+    assert again.completed
+    assert again.fault is None
+
+
+@pytest.mark.parametrize("method", ["pi2", "pi2-implicit"])
+def test_a_scheme_that_follows_stiff_systems_is_not_blamed(method):
+    assert run(decay, 0.8, [0.0], [1e5], method=method).fault is None
+
+
+@pytest.mark.parametrize("method", ["pi2", "gl", "pi3"])
+@pytest.mark.parametrize(("rhs", "rate", "code"), [(explosion, 1.0, "blow-up"), (growth, 3.0, "runs-away")])
+def test_a_blow_up_in_finite_time_is_told_from_exponential_growth(method, rhs, rate, code):
+    ended = run(rhs, 0.9, [1.0], [rate], end=200.0, method=method)
+    assert not ended.completed
+    assert ended.fault.code == code
+    assert "short enough" in ended.fault.sentence
+
+
+def test_the_time_of_a_blow_up_is_that_of_the_equations():
+    """x' = x², x(0) = 1 is 1/(1 − t)."""
+    ends = [run(explosion, step=h).fault.number for h in (1e-2, 1e-3, 1e-4)]
+    assert np.all(np.diff(np.abs(np.array(ends) - 1.0)) < 0)
+    assert ends[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_time_in_which_a_solution_doubles_is_that_of_the_equations():
+    found = run(growth, parameters=[3.0], end=200.0).fault
+    assert found.number == pytest.approx(np.log(2) / 3, rel=0.15)
+
+
+@pytest.mark.parametrize(("orders", "alpha"), [((0.7, 1.4), 0.17), ((0.6, 1.5), 0.17), ((0.6, 1.5), 1.6)])
+def test_a_rig_at_orders_that_no_rig_has_blows_up_and_says_when(orders, alpha):
+    def at(step):
+        return fracid.simulate(
+            RIG, orders=dict(zip(("lambda", "mu"), orders, strict=True)), initial={"alpha": alpha}, step=step, end=20.0
+        ).fault
+
+    coarse, fine = at(2e-3), at(1e-3)
+    assert coarse.code == fine.code == "blow-up"
+    assert coarse.number == pytest.approx(fine.number, rel=0.01)  # not the step's doing
+
+
+@pytest.mark.parametrize("steps", [6.0, 12.0, 19.0, 21.0, 100.0])
+def test_the_steps_for_each_period_are_counted(steps):
+    step = 2 * np.pi / 3 / steps
+    found = run(swing, 1.0, [1.0, 0.0], [9.0, 0.1], step=step, end=200 * step).fault
+    if steps > 20:
+        assert found is None
+    else:
+        assert found.code == "coarse-steps"
+        assert found.number == pytest.approx(steps, rel=0.01)
+
+
+def test_a_division_by_zero_is_told_with_its_time():
+    found = run(divided, initial=[1.0], step=1e-3, end=2.0).fault
+    assert found.code == "not-finite"
+    assert found.number == pytest.approx(0.5, abs=0.01)  # x² = 1 − 2t
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.filterwarnings("ignore:gl-paper")
+def test_a_good_run_has_no_fault(method):
+    good = fracid.simulate(
+        RIG, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.2}, step=1e-3, end=2.0, method=method
+    )
+    assert good.fault is None
+
+
+def test_leaving_ones_own_bounds_is_no_fault():
+    left = run(growth, bounds=[(-10.0, 10.0)])
+    assert left.outcome.name == "LEFT"
+    assert left.fault is None

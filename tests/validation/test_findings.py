@@ -1,0 +1,542 @@
+"""Each fault of docs/honesty.md is made on purpose, and said with a number beyond its limit; without it nothing is."""
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.curvature import curvature, newton_step, start_shift
+from fracid.estimation.horizons import Watch, refined
+from fracid.identification import identify
+from fracid.problem import Experiment, Free, Prior, Problem
+from fracid.problem.costs import COSTS
+from fracid.recording import Recording
+from fracid.solver.memory import compressed, full, short
+from fracid.validation.after_search import after, noisy_start
+from fracid.validation.before_search import _most_moved, before
+from fracid.validation.sensor_faults import FORMS, misreadings
+
+RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
+COUNT = 2 * np.pi / 4096
+ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
+FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
+C1 = FREE["C1"].start
+STEP = 5e-3
+HELD = {"initial_state": "held", "initial": {"theta": 0.0, "alpha": 0.6}}
+PAGE = Path(__file__).parents[2] / "docs" / "honesty.md"
+
+
+def release(alpha=0.6, end=8.0, model=RIG, step=STEP, inputs=None, orders=(0.95, 0.97), seed=1):
+    """θ and α of a release, as encoders of 4096 counts a turn read them with a little noise [rad], shape (n, 2)."""
+    run = fracid.simulate(model, orders=dict(zip(("lambda", "mu"), orders, strict=True)), initial={"alpha": alpha},
+                          step=step, end=end, inputs=inputs)  # fmt: skip
+    assert run.completed
+    noise = 5e-4 * np.random.default_rng(seed).standard_normal((len(run.states), 2))
+    return COUNT * np.rint((run.states[:, [0, 2]] + noise) / COUNT)
+
+
+def problem(y, model=RIG, step=STEP, inputs=None, **options):
+    outputs = options.pop("outputs", ("theta", "alpha"))
+    columns = np.column_stack([y[:, ("theta", "alpha").index(o)] for o in outputs])
+    e = Experiment("swing", step, columns, np.zeros((1, 1)) if inputs is None else inputs,
+                   initial=options.pop("initial", {}))  # fmt: skip
+    return Problem(model, (e,), **{"orders": ORDERS, "parameters": FREE, "outputs": outputs} | options)
+
+
+def codes(found):
+    return [f.code for f in found]
+
+
+def sole(found, code):
+    """The one finding, of that code, whose number is beyond its limit."""
+    assert codes(found) == [code] * len(found)
+    assert len(found) >= 1
+    return found[0]
+
+
+# --- a recording alone ----------------------------------------------------------------------------------
+
+T = np.arange(0, 12, 0.01)
+
+
+def swing(degrees, frequency=1.1, decay=6.0):
+    """A decaying swing [rad], without an encoder."""
+    return np.radians(degrees) * np.cos(2 * np.pi * frequency * T) * np.exp(-T / decay)
+
+
+def counted(x, counts=4096):
+    return 2 * np.pi / counts * np.rint(x * counts / (2 * np.pi))
+
+
+def clipped(x, limit):
+    return np.clip(x, -limit, limit)
+
+
+DATA_FAULTS = {
+    "degrees read as radians, by the encoder": ("degrees-as-radians", {"alpha": np.degrees(counted(swing(40)))}),
+    "an arm in degrees, by the encoder": ("degrees-as-radians", {"theta": np.degrees(counted(swing(20)))}),
+    "degrees read as radians, without one": ("degrees-as-radians", {"alpha": np.degrees(swing(12))}),
+    "radians read as degrees, by the encoder": ("radians-as-degrees", {"alpha": np.radians(counted(swing(92)))}),
+    "radians read as degrees, without one": ("radians-as-degrees", {"alpha": np.radians(swing(85))}),
+    "an encoder that goes no further": ("saturated", {"alpha": clipped(counted(swing(60)), counted(np.radians(45)))}),
+    "a sensor without steps that goes no further": ("saturated", {"alpha": clipped(swing(60), 0.7)}),
+    "a motor at its limit": ("saturated", {"voltage": clipped(9 * np.sin(5 * T), 6.0), "alpha": swing(30)}),
+    "too few samples a swing": ("aliased", {"alpha": swing(40, frequency=20.0)}),
+    "samples that a logger repeats": ("repeated", {"alpha": counted(swing(80))[np.arange(T.size) // 3 * 3]}),
+    "a sensor that goes no further, to one side once": (
+        "saturated",
+        {"alpha": clipped(swing(60, decay=0.8), 0.5)},
+    ),
+    "a line near Nyquist's frequency": ("aliased", {"alpha": swing(40) + 0.15 * np.sin(2 * np.pi * 43 * T)}),
+}
+NUMBERS = {  # what theory says the number is
+    "degrees read as radians, by the encoder": 4096 * np.pi / 180,
+    "radians read as degrees, by the encoder": 4096 * 180 / np.pi,
+    "too few samples a swing": 5.0,
+}
+
+
+@pytest.mark.parametrize("fault", DATA_FAULTS)
+def test_a_fault_of_the_samples_is_said(fault):
+    code, signals = DATA_FAULTS[fault]
+    units = {n: "V" if n == "voltage" else "rad" for n in signals}
+    report = Recording.of("swing", T, signals, units).report
+    found = sole(report.findings, code)
+    assert found.number != pytest.approx(found.limit)
+    assert (found.number < found.limit) == (found.unit in ("samples a swing", "counts a turn", "degrees to each side")
+                                            and found.number < found.limit)  # fmt: skip
+    assert found.number == pytest.approx(NUMBERS.get(fault, found.number), rel=0.02)
+    assert str(found) in report.warnings
+    assert report.level == "usable"
+    assert json.loads(json.dumps(report.to_dict()))["findings"][0]["code"] == code
+
+
+PLATEAU = np.where(T < 3, np.radians(60), swing(60)[np.maximum(0, np.arange(T.size) - 300)])
+SHAKEN = PLATEAU + np.where(T < 3, 1e-3 * np.random.default_rng(1).standard_normal(T.size), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("what", "signals"),
+    {
+        "a swing read by an encoder": {"alpha": counted(swing(92))},
+        "a coarse encoder": {"alpha": counted(swing(92), 1024)},
+        "a swing without an encoder": {"alpha": swing(92)},
+        "a small swing": {"alpha": counted(swing(6))},
+        "a held plateau": {"alpha": counted(PLATEAU)},
+        "a plateau that a hand shakes": {"alpha": counted(SHAKEN)},
+        "a noisy swing read by an encoder": {
+            "alpha": counted(swing(90) + 2e-3 * np.random.default_rng(1).standard_normal(T.size))
+        },
+        "an arm that sticks and slips": {"theta": counted(np.cumsum(np.maximum(0, np.sin(T)) > 0.5) * 2e-3)},
+        "much noise": {"alpha": swing(40) + 0.1 * np.random.default_rng(1).standard_normal(T.size)},
+        "an arm that turns and turns back": {"theta": 20 * np.sin(T), "alpha": swing(40)},
+        "a pendulum that goes over the top": {"alpha": np.where(T < 5, 6 * T, 30 + swing(90))},
+        "a motor told to jump": {"voltage": 5.0 * np.sign(np.sin(3 * T)), "alpha": swing(40)},
+        "a motor's sine": {"voltage": np.round(5.0 * np.sin(3 * T), 2), "alpha": swing(40)},
+        "a motor's pulse": {"voltage": np.where((T > 1) & (T < 2), 10.0, 0.0), "alpha": swing(40)},
+        "nothing that moves": {"alpha": np.zeros(T.size)},
+        "few counts": {"alpha": counted(swing(2), 500)},
+    }.items(),
+    ids=lambda v: v if isinstance(v, str) else "",
+)
+def test_a_good_recording_has_no_finding(what, signals):
+    units = {n: "V" if n == "voltage" else "rad" for n in signals}
+    assert codes(Recording.of("swing", T, signals, units).report.findings) == []
+
+
+def test_an_encoders_turning_points_are_no_saturation_however_slow_the_swing():
+    for frequency in (0.05, 0.1, 0.3, 1.0):
+        for counts in (512, 4096, 65536):
+            slow = counted(swing(60, frequency, decay=1e6), counts)
+            assert "saturated" not in codes(Recording.of("slow", T, {"alpha": slow}).report.findings)
+
+
+# --- a project, before the search -------------------------------------------------------------------------
+
+GOOD = release()
+VOLTS = 3.0 * np.sin(2 * np.pi * 0.9 * STEP * np.arange(len(GOOD)))[:, None]
+MOTOR = fracid.rotary_pendulum("srv02-rotpen", b_theta=0.07)
+DRIVEN = release(alpha=0.1, model=MOTOR, inputs=VOLTS)
+
+
+def turned(y, column):
+    return y * np.where(np.arange(2) == column, -1.0, 1.0)
+
+
+def test_a_good_project_has_no_finding_and_its_fit_none():
+    for good in (problem(GOOD), problem(DRIVEN, MOTOR, inputs=VOLTS), problem(GOOD, outputs=("alpha",))):
+        assert codes(before(good)) == []
+    for options in ({"method": "gl"}, {"substeps": 3}, {"initial_state": "held"}, {"weights": "noise"}):
+        assert codes(before(problem(GOOD, **options))) == []
+    fit = identify(problem(GOOD, **HELD))
+    assert codes(fit.findings) == []
+    assert fit.to_json()["findings"] == []
+
+
+UPRIGHT = fracid.rotary_pendulum("srv02-rotpen", zero="upright")
+
+TURNED = np.array([0.0, np.pi])
+
+PROJECT_FAULTS = {
+    "upright given as hanging": ("wrong-zero", 180.0, lambda: problem(GOOD + TURNED)),
+    "turns and a half away": ("wrong-zero", 180.0, lambda: problem(GOOD - 5 * TURNED)),
+    "hanging given as upright": ("wrong-zero", 180.0, lambda: problem(GOOD, UPRIGHT)),
+    "still swinging, about upright": ("wrong-zero", 180.0, lambda: problem((GOOD + TURNED)[:900])),
+    "thirty degrees off": ("wrong-zero", 30.0, lambda: problem(GOOD + TURNED / 6)),
+    "theta's sign": ("wrong-sign", None, lambda: problem(turned(GOOD, 0))),
+    "alpha's sign": ("wrong-sign", None, lambda: problem(turned(GOOD, 1))),
+    "theta's sign, driven": ("wrong-sign", None, lambda: problem(turned(DRIVEN, 0), MOTOR, inputs=VOLTS)),
+    "alpha's sign, driven": ("wrong-sign", None, lambda: problem(turned(DRIVEN, 1), MOTOR, inputs=VOLTS)),
+    "degrees": ("degrees-as-radians", 4096 * np.pi / 180, lambda: problem(np.degrees(GOOD))),
+    "radians as degrees": ("radians-as-degrees", 4096 * 180 / np.pi, lambda: problem(np.radians(GOOD))),
+    "steps too long for the scheme": ("stiff", None, lambda: problem(
+        GOOD, fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=0.5, slip_speed=5e-3), method="gl")),
+    "steps too few for a period": ("coarse-steps", None, lambda: problem(GOOD[::16], step=16 * STEP)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", PROJECT_FAULTS)
+def test_a_fault_of_the_project_is_said_before_the_search(fault):
+    code, number, made = PROJECT_FAULTS[fault]
+    found = sole(before(made()), code)
+    assert found.where.startswith("swing")
+    if number is not None:
+        assert found.number == pytest.approx(number, rel=0.02)
+    if code in ("wrong-zero", "wrong-sign", "stiff"):
+        assert found.number > found.limit
+    if code == "coarse-steps":
+        assert found.number < found.limit == 20
+
+
+def several(*signals):
+    """A problem of recordings ``swing 1``, ``swing 2``, …"""
+    p = problem(GOOD)
+    return replace(p, experiments=tuple(replace(p.experiments[0], name=f"swing {k}", measured=y)
+                                        for k, y in enumerate(signals, 1)))  # fmt: skip
+
+
+OTHER = release(0.9, seed=2)
+
+
+@pytest.mark.parametrize(
+    ("signals", "where"),
+    [
+        ((GOOD, turned(OTHER, 0)), "swing 2: theta"),
+        ((turned(GOOD, 1), OTHER), "swing 1: theta"),
+        ((turned(GOOD, 0), turned(OTHER, 0)), "swing 1, swing 2: theta"),
+    ],
+)
+def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
+    found = sole(before(several(*signals)), "wrong-sign")
+    assert found.where == where
+    assert "the sign of theta or alpha turned round" in found.sentence  # undriven, nobody can tell which
+    assert codes(before(several(GOOD, OTHER))) == []
+
+
+def test_of_many_recordings_those_that_move_most_are_asked_for_their_signs():
+    small = [release(0.2 + 0.03 * k, seed=k) for k in range(8)]
+    assert codes(before(several(*small, turned(OTHER, 0)))) == ["wrong-sign"]
+    many = several(*small, GOOD, OTHER)
+    assert [e.name for e in _most_moved(many)] == [f"swing {k}" for k in range(3, 11)]
+
+
+def test_what_to_type_mends_it():
+    """The substeps, the zero and the sign that a finding asks for leave nothing to be found."""
+    coarse = problem(GOOD[::16], step=16 * STEP)
+    typed = int(re.search(r"substeps = (\d+)", before(coarse)[0].sentence)[1])
+    assert codes(before(replace(coarse, substeps=typed))) == []
+    assert "add 3.14159 to the zero" in before(problem(GOOD + TURNED))[0].sentence
+    assert 'zero = "upright"' in before(problem(GOOD + TURNED))[0].sentence
+    assert codes(before(problem(turned(GOOD, 1) + TURNED, UPRIGHT))) == []
+    assert "sign = -1" in before(problem(turned(GOOD, 0)))[0].sentence
+
+
+def test_a_pendulum_held_upright_by_its_motor_is_no_wrong_zero():
+    t = STEP * np.arange(1600)
+    y = np.column_stack([0.1 * np.sin(t), np.pi + 0.01 * np.sin(5 * t)])
+    held = problem(y, inputs=np.sin(7 * t)[:, None])
+    assert "wrong-zero" not in codes(before(held))
+
+
+def test_both_angles_turned_round_are_the_same_rig():
+    assert codes(before(problem(-GOOD))) == []
+
+
+@pytest.mark.parametrize(("output", "zero"), [("beta", ""), ("alpha", "hanging")])
+def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named(output, zero):
+    def inverted(t, x, u, p, out):
+        out[0] = x[1]
+        out[1] = p[0] * math.sin(x[0]) - 0.4 * x[1]
+
+    own = fracid.Model(
+        name="pole", rhs=inverted, states=(output, "D^mu"), orders=("mu", "mu"), outputs={output: 0}, inputs=(),
+        parameters=(fracid.Parameter("stiffness", "1/s^2", 40.0, "g over length"),), zero=zero, source="a test",
+    )  # fmt: skip
+    e = Experiment("swing", STEP, GOOD[:, [1]], np.zeros((1, 0)))
+    found = sole(before(Problem(own, (e,), {"mu": ORDERS["mu"]}, outputs=(output,))), "wrong-zero")
+    assert found.number == pytest.approx(np.sqrt(40.0) - 0.2, rel=0.02)  # e-fold growth: λ² + 0.4 λ = 40
+
+
+# --- a minimum --------------------------------------------------------------------------------------------
+
+
+def minimum(p):
+    """Of a problem whose start is next to it, with what is known there."""
+    x = refined(p, p.start, 1, Watch()).best.point
+    return x, uncertainty(p, x)
+
+
+@pytest.mark.parametrize(("memory", "moved"), [(compressed(1e-2), "lambda mu"), (compressed(1e-3), "lambda mu"),
+                                               (short(20), "mu")], ids=lambda v: getattr(v, "name", ""))  # fmt: skip
+def test_a_memory_that_is_too_loose_is_said_with_how_far_it_moves_the_orders(memory, moved):
+    loose, good = (problem(GOOD, memory=m, parameters={}, **HELD) for m in (memory, full()))
+    (x, known), (best, _) = minimum(loose), minimum(good)
+    found = [f for f in after(loose, x, known) if f.code == "loose-memory"]
+    assert [f.where for f in found] == moved.split()
+    for f in found:  # what the projection says, another search finds
+        i = loose.names.index(f.where)
+        assert f.number > f.limit == 1.0
+        half = max(1e-4, 1.96 * known.standard_error[i])
+        assert f.number * half == pytest.approx(abs(x[i] - best[i]), rel=0.4)
+
+
+@pytest.mark.parametrize("memory", [compressed(1e-10), compressed(1e-6), full()])
+def test_a_memory_that_is_tight_enough_is_not_blamed(memory):
+    good = problem(GOOD, memory=memory, parameters={}, **HELD)
+    assert codes(after(good, *minimum(good))) == []
+
+
+SWING = fracid.simulate(RIG, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=8e-3, end=6.0)
+
+
+def held(seed, state="held", noise=1e-3, **options):
+    """A swing with white noise whose start is taken from it, and its minimum."""
+    y = SWING.states[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(SWING.time), 2))
+    e = Experiment("swing", 8e-3, y, np.zeros((1, 1)), **options)
+    p = Problem(RIG, (e,), {n: Free(v, 0.5, 1.2) for n, v in (("lambda", 0.9), ("mu", 0.95))}, initial_state=state)
+    return p, *minimum(p)
+
+
+def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it_is_said_and_nowhere_else():
+    """Of intervals whose unknown its start's noise moves by less than half of them, all but 5 % hold the truth."""
+    inside, beyond = [], []
+    for seed in range(16):
+        p, x, known = held(seed)
+        found = curvature(p, x, np.arange(2))
+        times = start_shift(p, x, found, {"swing": np.full(2, 1e-3)}) / known.standard_error
+        for i, true in enumerate((0.9, 0.95)):
+            holds = abs(x[i] - true) < 1.96 * known.standard_error[i]
+            (beyond if times[i] > 1 else inside).append(holds)
+        said = noisy_start(p, x, known)
+        assert bool(said) == bool(np.any(times > 1.1)) or np.max(times) < 1.1
+    assert np.mean(inside) > 0.9
+    assert np.mean(beyond) < 0.8
+    assert min(len(inside), len(beyond)) > 5
+
+
+@pytest.mark.parametrize("state", ["held", "measured"])
+def test_the_shift_by_the_start_is_what_another_start_finds(state):
+    """Noise in the samples of the start alone: the minimum moves by G ε, whose spread the projection foretells."""
+    p, _, _ = held(0, "held", 0.0)
+    flat = p.experiments[0].measured.copy()
+    flat[:5] = flat[0]  # the slope of its first samples is that of the start, 0
+    p = replace(p, experiments=(replace(p.experiments[0], measured=flat),), initial_state=state)
+    x, _ = minimum(p)
+    sd = start_shift(p, x, curvature(p, x, np.arange(2)), {"swing": np.full(2, 1e-6)})
+    moved = []
+    for seed in range(24):
+        y = flat.copy()
+        y[:5] += 1e-6 * np.random.default_rng(seed).standard_normal((5, 2))
+        other = replace(p, experiments=(replace(p.experiments[0], measured=y),))
+        moved.append(refined(other, x, 1, Watch()).best.point - x)
+    assert len(p.experiments[0].slope_weights) == 5
+    assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
+
+
+@pytest.mark.parametrize("options", [{}, {"weights": "noise"}, {"cost_function": COSTS["huber"]}],
+                         ids=["a valley", "levels", "huber"])  # fmt: skip
+def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum(options):
+    p = problem(GOOD, **HELD, **options)
+    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    known = uncertainty(p, x)
+    assert "stopped-short" not in codes(after(p, x, known))
+    size, along = np.linalg.eigh(known.covariance / np.outer(known.standard_error, known.standard_error))
+    valley = along[:, np.argmax(size)] * known.standard_error  # where the data tell least
+    for far in (0.2, 0.8, 2.0):
+        away = x + far * 1.96 * valley / np.max(np.abs(valley / known.standard_error))
+        there = uncertainty(p, away)
+        found = [f for f in after(p, away, there) if f.code == "stopped-short"]
+        step, cost = newton_step(p, away, curvature(p, away, np.arange(len(x))))
+        assert away + step == pytest.approx(x, abs=0.1 * np.max(1.96 * known.standard_error))
+        assert np.max(np.abs(away + step - x) / known.standard_error) < 0.2
+        assert cost == pytest.approx(p.cost(x), rel=1e-4)
+        assert bool(found) == (far > 0.5)
+        for f in found:
+            i = p.names.index(f.where)
+            assert f.number * there.standard_error[i] == pytest.approx(abs(away - x)[i] / 1.96, rel=0.1)
+            assert f.limit == 0.5
+            assert "stopped short of its minimum" in f.sentence
+
+
+def test_a_prior_counts_in_where_the_minimum_is():
+    p = problem(GOOD, parameters={"C1": replace(FREE["C1"], prior=Prior(1.002 * C1, 5e-4 * C1))}, **HELD)
+    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    known = uncertainty(p, x)
+    assert "stopped-short" not in codes(after(p, x, known))
+    step, _ = newton_step(p, x + 0.5 * known.standard_error, curvature(p, x + 0.5 * known.standard_error, np.arange(3)))
+    assert step / known.standard_error == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_converges_is_not():
+    far = {"lambda": Free(1.15, 0.5, 1.2), "mu": Free(0.8, 0.5, 1.2)}
+    p = problem(GOOD, orders=far, **HELD)
+    for budget, says in ((4, True), (8, True), (100, False)):
+        x = refined(p, p.start, 1, Watch(), budget=budget).best.point
+        assert ("stopped-short" in codes(after(p, x, uncertainty(p, x)))) == says
+
+
+def test_a_start_that_is_found_or_named_has_no_noise():
+    for state, initial in (("rest", {}), ("estimate", {}), ("held", {"theta": 0.0, "alpha": 0.3})):
+        assert noisy_start(*held(1, state, initial=initial)) == ()
+    p, x, known = held(1)
+    found = sole(noisy_start(p, x, known), "noisy-start")
+    assert found.number > found.limit == 1.0
+    assert 'Type initial_state = "rest" in [fit], or the start that you know: initial = {' in found.sentence
+    assert "noise of 0.05" in found.sentence  # 1e-3 rad, as third differences measure it
+    assert found in after(p, x, known)
+
+
+def test_the_slope_at_the_start_is_the_same_by_its_weights():
+    e = problem(GOOD).experiments[0]
+    v = e.slope_weights
+    assert v @ e.measured[: len(v)] == pytest.approx(e.first_values()[1], rel=1e-9)
+
+
+def test_a_record_too_short_for_an_order_is_said_with_its_swings():
+    short_one = problem(release(alpha=0.1)[:220], parameters={"b_alpha": Free(1e-3, -1e-1, 1e-1)}, outputs=("alpha",))
+    fit = identify(short_one)
+    found = [f for f in fit.findings if f.code == "short-window"]
+    assert found
+    assert all(f.number < f.limit for f in found)
+    assert all(fit.orders[f.where].identifiable != "identifiable" for f in found)
+
+
+def later(x, samples):
+    n = np.arange(len(x))
+    return np.interp(n - samples, n, x)
+
+
+def spoilt(column, change):
+    y = GOOD.copy()
+    y[:, column] = change(y[:, column])
+    return y
+
+
+MISREAD = {
+    "the pendulum read two samples later": ("late", "alpha", 2 * STEP, lambda: problem(
+        spoilt(1, lambda x: later(x, 2)), **HELD)),
+    "the arm read two samples later": ("late", "theta", 2 * STEP, lambda: problem(
+        spoilt(0, lambda x: later(x, 2)), **HELD)),
+    "a voltage that is recorded too late": ("late", "voltage", -2 * STEP, lambda: problem(
+        DRIVEN, MOTOR, inputs=later(VOLTS[:, 0], 2)[:, None], initial_state="rest")),
+    "a pendulum's angle that is too large": ("scaled", "alpha", 0.1 / 1.1, lambda: problem(
+        spoilt(1, lambda x: 1.1 * x), **HELD)),
+    "a zero that is half a degree off": ("off-zero", "alpha", np.radians(0.5), lambda: problem(
+        spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")),
+    "a zero that drifts by a degree": ("drifts", "alpha", np.radians(1), lambda: problem(
+        spoilt(1, lambda x: x + np.linspace(0, np.radians(1), len(x))), initial_state="rest")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", MISREAD)
+def test_a_signal_that_was_misread_is_said_with_how_much(fault):
+    code, signal, size, made = MISREAD[fault]
+    p = made()
+    x, known = minimum(p)
+    found = sole([f for f in after(p, x, known) if f.code != "noisy-start"], code)
+    assert found.where == signal
+    assert found.number > found.limit
+    best = max(misreadings(p, x, known), key=lambda m: m.share)
+    assert best.size == pytest.approx(size, rel=0.15)
+
+
+def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
+    """The one step of Gauss and Newton is what another search finds with alpha_rest free."""
+    p = problem(spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")
+    x, known = minimum(p)
+    [zero] = [m for m in misreadings(p, x, known) if (m.code, m.signal) == ("off-zero", "alpha")]
+    freed = replace(p, parameters={**p.parameters, "alpha_rest": Free(0.0, -0.1, 0.1)})
+    better, _ = minimum(freed)
+    assert better[freed.names.index("alpha_rest")] == pytest.approx(zero.size, rel=0.05)
+    i, j = p.names.index(zero.moves), freed.names.index(zero.moves)
+    assert better[j] - x[i] == pytest.approx(zero.shift, abs=0.3 * abs(zero.shift) + 0.3 * known.standard_error[i])
+    assert not [
+        m
+        for m in misreadings(freed, better, uncertainty(freed, better))
+        if m.code == "off-zero" and m.signal == "alpha"
+    ]
+
+
+STRUCTURES = {
+    "dry friction that the model lacks": fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=1.5e-2),
+    "a cable that the model lacks": fracid.rotary_pendulum("srv02-rotpen", cable_stiffness=0.5),
+}
+
+
+@pytest.mark.parametrize("lacks", STRUCTURES)
+def test_a_structure_that_cannot_explain_the_recording_is_said_with_its_noise(lacks):
+    y = release(model=STRUCTURES[lacks], orders=(1.0, 1.0))
+    poor = problem(y, fracid.rotary_pendulum("srv02-rotpen"), orders={"lambda": 1.0, "mu": 1.0}, **HELD)
+    fit = identify(poor)
+    found = [f for f in fit.findings if f.code == "cannot-explain"]
+    assert found
+    right = problem(y, STRUCTURES[lacks], orders={"lambda": 1.0, "mu": 1.0}, **HELD)
+    assert codes(after(right, *minimum(right))) == []
+    for f in found:
+        if f.unit == "times the noise":
+            noise = np.hypot(5e-4, COUNT / np.sqrt(12))
+            output = f.where.split(": ")[1]
+            rms = fit.recordings["swing"].rmse[output]
+            assert f.number == pytest.approx(rms / noise, rel=0.2)
+
+
+def test_runs_that_all_blow_up_say_when():
+    fit = identify(problem(release(alpha=0.17), RIG, orders={"lambda": 0.6, "mu": 1.5}, initial_state="held"))
+    found = [f for f in fit.findings if f.code == "blow-up"]
+    assert fit.cost == math.inf
+    assert len(found) == 1
+    assert 0 < found[0].number < 8.0
+
+
+def test_an_after_thought_of_a_perfect_twin_has_nothing():
+    run = fracid.simulate(RIG, orders={"lambda": 0.97, "mu": 0.98}, initial={"alpha": 0.4}, step=STEP, end=6.0)
+    exact = problem(run.states[:, [0, 2]], parameters={}, initial_state="held")
+    assert after(exact, exact.start, "not asked") == ()
+
+
+# --- how it is carried ------------------------------------------------------------------------------------
+
+
+def test_a_finding_is_a_warning_of_the_fit_and_stands_in_its_json():
+    fit = identify(problem(GOOD + TURNED, initial_state="held"))
+    found = fit.findings[0]
+    assert found.code == "wrong-zero"
+    assert str(found) in fit.warnings
+    written = json.loads(json.dumps(fit.to_json(), allow_nan=False))["findings"]
+    assert written[0] == found.to_json()
+    assert written[0]["number"] == pytest.approx(180.0, abs=0.5)
+
+
+def test_every_code_has_its_row_in_the_page():
+    files = ("validation/before_search.py", "validation/after_search.py", "solver/stiffness.py", "recording/faults.py")
+    source = (Path(fracid.__file__).parent / name for name in files)
+    known = {code for path in source for code in re.findall(r'Finding\(\s*"([a-z-]+)"', path.read_text("utf-8"))}
+    known |= {"degrees-as-radians", "radians-as-degrees", *FORMS}
+    rows = set(re.findall(r"^\| `([a-z-]+)`", PAGE.read_text(encoding="utf-8"), flags=re.M))
+    assert known <= rows
