@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 __all__ = ["STYLES", "Style", "draw", "style_named"]
 
 
+PLOTS = "fracid.plots"
+"""The package of the figures.  It stands above all that it draws, and is imported when something is drawn."""
+
+
 @dataclass(frozen=True)
 class Style:
     """How a figure is set.  For a journal of other columns: ``replace(STYLES["journal"], column=84, page=174)``."""
@@ -104,5 +108,5 @@ def draw(kind: str, *result: Any, **options: Any) -> Figure:
     >>> draw("rig_drawing", fracid.rotary_pendulum()).axes[0].get_aspect()
     1.0
     """
-    figure: Figure = import_module("fracid.plots").FIGURES[kind](*result, **options)
+    figure: Figure = import_module(PLOTS).FIGURES[kind](*result, **options)
     return figure
