@@ -51,7 +51,7 @@ from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
 from fracid.selection.ladder import FRICTION, ORDER, RUNGS
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import envelope
+from fracid.signals.swing import envelope, swing_period
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -301,7 +301,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
         return f"{e.name} is driven: it has no amplitude that falls."
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
-    period = _period(swing)
+    period = _whole_period(swing)
     size = envelope(swing, period)
     floor = max(FLOOR * float(size.max()), COUNTS * (resolution(swing) or 0.0))
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
@@ -312,11 +312,9 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     return list(pairwise(ends))
 
 
-def _period(swing: FloatArray) -> int:
-    """The period of the strongest oscillation of the speed [samples]: it knows of no plateau and no drift."""
-    speed = np.diff(swing)
-    spectrum = np.abs(np.fft.rfft(speed - speed.mean()))
-    return max(2, round(len(speed) / max(1, int(np.argmax(spectrum)))))
+def _whole_period(swing: FloatArray) -> int:
+    """The period [samples], the whole signal where it does not swing."""
+    return max(2, round(min(swing_period(swing), swing.size)))
 
 
 def _piece(
@@ -390,7 +388,7 @@ def _window(
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
     """Order → the mean amplitude of the scored outputs that have it, of all where none has."""
     measured = piece.experiments[0].measured
-    period = _period(measured[:, np.argmax(np.std(measured, axis=0))])
+    period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
     of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
     return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}

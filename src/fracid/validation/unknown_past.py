@@ -39,7 +39,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.figures import Style, draw
 from fracid.optimise import Outcome
@@ -51,9 +51,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
-
-SHIFT = 1e-4
-"""Orders that move by less than this do not matter, however narrow their intervals."""
 
 TURNS = 0.1
 """A turning point is a peak that stands out by this part of the signal's range."""
@@ -145,7 +142,7 @@ class CutCheck:
 
     def _moves(self, name: str) -> str:
         half = self.half_width[name]
-        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(SHIFT, half):
+        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(LEAST_SHIFT, half):
             return ""  # without an interval the order is not known anyway, and the fit says why
         far, (low, high) = self._farthest(name), self.range[name]
         by = far.shift[name]
