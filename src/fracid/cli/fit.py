@@ -17,6 +17,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_co
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.errors import DataError, InputError
+from fracid.files import json_number
 from fracid.safety.text import printable
 from fracid.units import with_unit
 from fracid.workflows.figures import drawing
@@ -246,7 +247,7 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
 
         def callback(best: Evaluation, evaluations: int) -> None:
             if tell is not None:
-                cost = best.cost if isfinite(best.cost) else None
+                cost = json_number(best.cost)
                 tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
 
         yield callback

@@ -32,6 +32,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least, is_number
+from fracid.files import json_number
 from fracid.safety.json_files import REACH, json_of
 from fracid.tasks.journal import append_whole, whole_lines
 
@@ -196,7 +197,7 @@ class EvaluationLog:
         lines = []
         for e in batch:
             self._count += 1
-            point, cost = dict(zip(names, e.point.tolist(), strict=True)), e.cost if math.isfinite(e.cost) else None
+            point, cost = dict(zip(names, e.point.tolist(), strict=True)), json_number(e.cost)
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")

@@ -6,6 +6,7 @@ import json
 from typing import Annotated, Literal
 
 from pydantic import Field
+from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.safety.schema import Block, Infinite, Interval, Number, Unknown
 
@@ -208,6 +209,14 @@ class ResultBlock(FitBlock):
     timing: dict[str, float] = Field({})
 
 
+class WithoutTitles(GenerateJsonSchema):
+    """A field's title would only be its name again."""
+
+    def field_title_should_be_set(self, schema: object) -> bool:  # noqa: ARG002
+        """Never."""
+        return False
+
+
 def json_schema() -> str:
     """The JSON Schema of result.json, as text.
 
@@ -216,5 +225,6 @@ def json_schema() -> str:
     >>> json.loads(json_schema())["title"]
     'result.json of fracid'
     """
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | ResultBlock.model_json_schema()
-    return json.dumps(schema | {"title": "result.json of fracid"}, indent=2, ensure_ascii=False) + "\n"
+    schema = ResultBlock.model_json_schema(schema_generator=WithoutTitles)
+    head = {"$schema": WithoutTitles.schema_dialect, "title": "result.json of fracid"}
+    return json.dumps(schema | head, indent=2, ensure_ascii=False) + "\n"
