@@ -129,15 +129,12 @@ def fault_of(value: Any, block: type[Block]) -> str:
 
     Examples
     --------
-    >>> class Estimate(Block):
-    ...     value: Number
-    ...     unit: str = ""
     >>> class Result(Block):
-    ...     orders: dict[str, Estimate]
-    >>> fault_of({"orders": {"mu": {"value": [1]}}}, Result)
-    'orders.mu.value is a list; expected a number'
-    >>> fault_of({"orders": {"mu": {}}}, Result)
-    'orders.mu has no value'
+    ...     orders: dict[str, Number]
+    >>> fault_of({"orders": {"mu": [1]}}, Result)
+    'orders.mu is a list; expected a number'
+    >>> fault_of({}, Result)
+    'it has no orders'
     """
     if excess := excess_of(value):
         return excess

@@ -57,7 +57,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.project import Project, load_project
 from fracid.safety.schema import as_json
-from fracid.schemas.comparison import ComparisonBlock, RowBlock, ScoreBlock
+from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
 from fracid.selection.ladder import Ladder, Structure, ladder
@@ -382,12 +382,14 @@ def _fit_structure(
     errors = problem.errors(best.point)
     if isinstance(errors, str):
         failed = {e.name: _score(problem, e, errors) for e in problem.experiments}
-        return {"values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
-                "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
-                "squares": None, "samples": 2.0}  # fmt: skip
+        return as_json(FittedBlock, {
+            "values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
+            "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
+            "squares": None, "samples": 2.0,
+        })  # fmt: skip
     known = uncertainty(problem, best.point, jobs=jobs)
     told = [] if isinstance(known, str) else [known.interval(best.point, i) for i in range(len(values))]
-    return {
+    return as_json(FittedBlock, {
         "values": values,
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
@@ -398,7 +400,7 @@ def _fit_structure(
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
         "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
         "outcome": outcome,
-    }
+    })  # fmt: skip
 
 
 def _fitted(

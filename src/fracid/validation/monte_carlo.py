@@ -52,14 +52,13 @@ from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.curvature import LOOSER
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
-from fracid.files import json_number
 from fracid.findings import Finding
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.costs import ABSOLUTE, COSTS, cost_from_name
 from fracid.problem.portable import Portable, portable_memory
 from fracid.safety.schema import Block, as_json
-from fracid.schemas.study import CellBlock, StatisticsBlock, StudyBlock
+from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, StatisticsBlock, StudyBlock
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import integer_alternative, is_off
 from fracid.solver.methods import METHODS
@@ -556,22 +555,23 @@ def repetition(
     problem, true = replace(twin.problem, experiments=read), np.array(truth)
     result, _ = search(problem, how["optimiser"], luck, starts=how["starts"], options=dict(how["options"]))
     best, at_truth = result.best, problem.cost(true)
-    found: dict[str, Any] = {"evaluations": result.evaluations, "cost_of_truth": json_number(at_truth), "failure": ""}
+    begun = {"evaluations": result.evaluations, "cost_of_truth": at_truth}
     if not math.isfinite(best.cost):
-        return found | {"failure": best.reason or "no run reached its end", "cost": None}
+        return as_json(FailedBlock, begun | {"failure": best.reason or "no run reached its end", "cost": None})
     known = uncertainty(problem, best.point)
-    return found | {
+    return as_json(RepetitionBlock, begun | {
+        "failure": "",
         "cost": best.cost,
         "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
         "standard_errors": {
-            n: None if isinstance(known, str) else json_number(float(known.standard_error[i]))
+            n: None if isinstance(known, str) else float(known.standard_error[i])
             for i, n in enumerate(problem.names)
         },
         "intervals": {
             n: None if isinstance(known, str) else known.interval(best.point, i) for i, n in enumerate(problem.names)
         },
         "fractional": _called_fractional(problem, best, known) if how["rival"] else None,
-    }
+    })  # fmt: skip
 
 
 def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool | None:
