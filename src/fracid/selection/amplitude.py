@@ -49,6 +49,8 @@ from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
+from fracid.safety.schema import as_json
+from fracid.schemas.comparison import AmplitudeBlock
 from fracid.selection.ladder import FRICTION, ORDER, RUNGS
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
@@ -196,13 +198,7 @@ class AmplitudeTest:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
-        return {
-            "friction_in_disguise": self.disguised,
-            "sentences": list(self.sentences),
-            "windows": [_window_json(w) for w in self.windows],
-            "drifts": [_drift_json(d) for d in self.drifts],
-            "notes": list(self.notes),
-        }
+        return as_json(AmplitudeBlock, self)
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> AmplitudeTest:
@@ -214,8 +210,9 @@ class AmplitudeTest:
         >>> AmplitudeTest.of_json(test.to_json()) == test
         True
         """
-        windows = tuple(_window_of(w) for w in said["windows"])
-        return cls(windows, tuple(_drifts(windows)), tuple(said["notes"]))
+        block = AmplitudeBlock.model_validate(said)
+        windows = tuple(Window(**dict(w)) for w in block.windows)
+        return cls(windows, tuple(_drifts(windows)), tuple(block.notes))
 
 
 def amplitude_test(
@@ -448,28 +445,3 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
 
 def _degrees(angle: float) -> str:
     return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
-
-
-# --- as JSON -------------------------------------------------------------------------------------------------
-
-
-def _window_json(w: Window) -> dict[str, Any]:
-    errors = {n: s if math.isfinite(s) else None for n, s in w.standard_errors.items()}
-    return {
-        "recording": w.recording, "from": w.start, "to": w.end, "whole": w.whole, "amplitude": dict(w.amplitude),
-        "orders": dict(w.orders), "standard_errors": errors,
-    }  # fmt: skip
-
-
-def _window_of(said: Mapping[str, Any]) -> Window:
-    errors = {n: math.inf if s is None else float(s) for n, s in said["standard_errors"].items()}
-    return Window(said["recording"], said["from"], said["to"], said["whole"], dict(said["amplitude"]),
-                  dict(said["orders"]), errors)  # fmt: skip
-
-
-def _drift_json(d: Drift) -> dict[str, Any]:
-    return {
-        "order": d.order, "over": d.over, "amplitudes": list(d.amplitudes), "values": list(d.values),
-        "standard_errors": list(d.standard_errors), "probability": d.probability, "explained": d.explained,
-        "change": d.change, "drifts": d.drifts, "sentence": d.sentence,
-    }  # fmt: skip
