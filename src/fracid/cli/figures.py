@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
-from fracid.cli.completion import RIGS, one_of
+from fracid.cli.completion import key_of, one_of
 from fracid.errors import InputError
 from fracid.runs.schemas import COMPARISON, PROFILES, STUDY, fault_of_comparison, fault_of_profiles, fault_of_study
 from fracid.safety.schema import read_as
@@ -41,7 +41,7 @@ def draw(
         typer.Argument(
             metavar="RUN|PROJECT|RIG",
             help="The folder of a run, a comparison or a study of noise; a project file or the name of a rig.",
-            autocompletion=one_of(*RIGS),
+            autocompletion=key_of("rigs"),
         ),
     ],
     style: Annotated[

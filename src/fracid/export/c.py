@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from fracid._version import __version__
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion
+from fracid.export.recursion import Case, Recursion
 from fracid.models.geometry import is_pendulum
 from fracid.models.pendulum import GRAVITY
 from fracid.problem.problem import LIMIT
@@ -75,7 +75,7 @@ UPDATES = {
         x[i] = s->origin[i] + gain[i] * f[i] - H[i];
     }""",
 }
-"""Of ``gl``; of ``gl-sequential``."""
+"""All states at once; the last state first."""
 
 
 def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
@@ -109,11 +109,12 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     """
     if not is_pendulum(tables.model):
         raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as C.")
-    third, gl, model = tables.method == "pi3", tables.method.startswith("gl"), tables.model
+    scheme, exported, model = tables.scheme, tables.exported, tables.model
+    third, gl = scheme.family == "pi3", scheme.family == "gl"
     state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
     sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
     words = {
-        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": SCHEMES[tables.method],
+        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
         "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
         "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
@@ -126,8 +127,8 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
             zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
-        "sweeps": 0 if tables.method == "pi2-implicit" else 1, "always": int(third),
-        "origin": "0" if tables.method == "gl-paper" else "x0[i]", "update": UPDATES[tables.method == "gl-sequential"],
+        "sweeps": 0 if exported.newton else 1, "always": int(third),
+        "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
     source = "model_gl.c.in" if gl else "model_pi.c.in"
     return {name: _template(file).substitute(words)

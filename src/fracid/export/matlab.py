@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion
+from fracid.export.recursion import Case, Recursion
 from fracid.models.geometry import is_pendulum
 from fracid.models.pendulum import GRAVITY
 from fracid.problem.problem import LIMIT
@@ -96,21 +96,21 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     """
     if not is_pendulum(tables.model):
         raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as MATLAB code.")
-    third, implicit, raw = tables.method == "pi3", tables.method == "pi2-implicit", tables.method == "gl-paper"
-    model = tables.model
-    template = "model_gl.m.in" if tables.method.startswith("gl") else "model_pi.m.in"
+    scheme, exported, model = tables.scheme, tables.exported, tables.model
+    third = scheme.family == "pi3"
+    template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
     rows = np.array(tables.row)
     return Template((files("fracid.export") / template).read_text(encoding="utf-8")).substitute(
         what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
         states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
         state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
         order_values=tables.order_values,
-        method=tables.method, scheme=SCHEMES[tables.method], memory=tables.memory, longest=tables.steps,
+        method=tables.method, scheme=exported.words, memory=tables.memory, longest=tables.steps,
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
         predictor="in a parabola" if third else "in a straight line",
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
-        sweeps="0" if implicit else "1", always="true" if third else "false",
-        origin="zeros(states, 1)" if raw else "past(:, 1)", update=_UPDATES[tables.method == "gl-sequential"],
+        sweeps="0" if exported.newton else "1", always="true" if third else "false",
+        origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
         rhs=Template(RHS).substitute(zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
         parameters=_parameters(tables), tables=_tables(tables, rows),
     )  # fmt: skip
@@ -132,7 +132,7 @@ def _parameters(tables: Recursion) -> str:
 
 def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
     """The function that gives k, a row for each distinct order, spread over the states."""
-    gl = tables.method.startswith("gl")
+    gl = tables.scheme.family == "gl"
     M = tables.modes
 
     def wide(name: str) -> FloatArray:

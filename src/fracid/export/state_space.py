@@ -573,9 +573,7 @@ def _fidelity(run: SavedRun, found: IntegerModel) -> Iterator[str]:
     if e.past is not None:
         return
     case = of_recording(run, e.name)
-    exact = (
-        replace(p, method="pi2").simulate(run.x, e).states if p.method.startswith("gl") else p.simulate(run.x, e).states
-    )
+    exact = (replace(p, method="pi2") if METHODS[p.method].convergence_order < 2 else p).simulate(run.x, e).states
     errors = follows(found, case, exact)
     if not all(map(math.isfinite, errors.values())):
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import STYLES, Style, style_named
+from fracid.problem.costs import COSTS
 from fracid.units import shown_unit, with_unit
 
 if TYPE_CHECKING:
@@ -46,9 +47,6 @@ BINS = 900
 
 CLOUD = 1500
 """Points from which on a scatter is rasterised."""
-
-COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
-"""Of :data:`fracid.problem.costs.COSTS`; a user's own cost has none that we know."""
 
 MARKS: dict[str, dict[str, Any]] = {
     "best": {
@@ -313,7 +311,7 @@ def plain(text: str, length: int = 60) -> str:
 
 def cost_label(name: str) -> tuple[str, str]:
     """Name and unit of a cost, as shown; no unit for one that is not ours."""
-    return (name.upper(), f"[{COST_UNITS[name]}]") if name in COST_UNITS else (plain(name), "")
+    return (name.upper(), f"[{COSTS[name].unit}]") if name in COSTS else (plain(name), "")
 
 
 def goodness(recording: RecordingFit, name: str, step: float | None) -> str:

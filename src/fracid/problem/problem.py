@@ -96,7 +96,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
 from fracid.problem.checks import check_choice, refuse_twins
-from fracid.problem.costs import ABSOLUTE, COSTS, Cost
+from fracid.problem.costs import COSTS, Cost
 from fracid.problem.experiment import Experiment
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, Weights, root_of, start_of
 from fracid.signals.resolution import resolution
@@ -604,9 +604,9 @@ class Problem:
 
     @cached_property
     def prior_samples(self) -> float:
-        """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
+        """By what Σz² is divided: n for normal errors, as often as the likelihood of the loss says."""
         n = sum(e.weight * e.measured.size for e in self.experiments)
-        return 2 * n if self.cost_function.loss is ABSOLUTE else n
+        return n if self.cost_function.loss is None else self.cost_function.loss.likelihood_factor * n
 
     def _prior_factor(self, x: FloatArray) -> float:
         if not self._priors:

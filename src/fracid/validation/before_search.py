@@ -57,9 +57,10 @@ from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import measure_signal
 from fracid.signals.swing import count_swings, tail
+from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import FOLLOWS, STEPS_A_PERIOD, linearised, modes, steps_a_period
+from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, steps_a_period
 
 __all__ = ["before", "largest_output"]
 
@@ -220,7 +221,7 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     found = [_modes(problem, at, values, gain) for at in _measured_states(problem, e)]
     largest = max((float(np.max(np.abs(m))) for m in found if m.size), default=0.0)
     steps = float(np.median([steps_a_period(m) for m in found]))
-    follows = FOLLOWS.get(problem.method, math.inf)
+    follows = METHODS[problem.method].follows
     if largest > follows:
         more = problem.substeps * math.ceil((2 * largest / follows) ** (1 / float(np.max(orders))))
         yield Finding("stiff", e.name, largest, follows, "|J|h",
