@@ -2,7 +2,7 @@
 
 By default it searches by ``multistart``: least squares from the start, on a horizon that grows to the whole record
 (against local minima that are a whole swing off); with ``starts`` > 1 from the regression's start and from Sobol points
-too (:mod:`fracid.estimation.search`).  The others are in :data:`fracid.optimise.OPTIMISERS`; from the best point of most
+too (:mod:`fracid.estimation.search`).  :data:`fracid.optimise.OPTIMISERS` has the others; from the best point of most
 that take no derivatives least squares goes on.
 
 Before the search it looks for faults of the data and of the project that would make it find nothing that means

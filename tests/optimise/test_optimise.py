@@ -18,11 +18,14 @@ from fracid.optimise import (
     Evaluation,
     EvaluationLog,
     Outcome,
+    Path,
     Space,
     as_generator,
     least_squares,
+    lockstep,
     minimise,
     optimiser_from_name,
+    sobol_points,
 )
 from fracid.optimise.genetic import _all_but_the_best_die
 from fracid.optimise.least_squares import sizes

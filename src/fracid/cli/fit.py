@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
 
-EVALUATIONS_OF_THE_GA = 26 * 20
-"""Its population, and 25 generations after the initial one: the end of its progress bar."""
-
 LARGEST_SEED = 2**63
 """What JSON can hold everywhere."""
 

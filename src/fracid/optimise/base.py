@@ -12,7 +12,7 @@ How to write one (a file of its own beside this one, and nothing else):
 5. What is no generator but calls a function (SciPy's) goes through :func:`as_generator`.
 6. Check counts among the options with :func:`at_least`: a generator's own errors come only when it runs.
 7. Below it ``OPTIMISER = Entry("its-name", name, "what one takes it for", …)``: the package collects these.
-8. Import what is heavy (SciPy's searches, a package of its own) within the function: all files are read for their names.
+8. Import what is heavy (SciPy's searches, a package) within the function: all files are read for their names.
 """
 
 from __future__ import annotations
@@ -37,7 +37,18 @@ from fracid.errors import InputError, at_least
 from fracid.safety.schema import json_of, must_be
 from fracid.tasks.journal import append_whole, whole_lines
 
-__all__ = ["Ask", "Entry", "Evaluation", "EvaluationLog", "Optimiser", "Outcome", "Result", "Space", "as_generator", "minimise"]
+__all__ = [
+    "Ask",
+    "Entry",
+    "Evaluation",
+    "EvaluationLog",
+    "Optimiser",
+    "Outcome",
+    "Result",
+    "Space",
+    "as_generator",
+    "minimise",
+]
 
 
 class Outcome(Enum):
@@ -118,6 +129,7 @@ class Evaluation:
 
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]
 """Yields points of shape (k, n), is sent their k evaluations, returns how it ended."""
+
 
 @dataclass(frozen=True)
 class Entry:
