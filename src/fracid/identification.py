@@ -373,8 +373,10 @@ def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str,
             f"{problem.method} sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is "
             'forward Euler: its own growth biases the orders. Use method = "pi2" for a result.'
         )
-    if "theta" in problem.model.outputs and problem.outputs == ("alpha",) and "lambda" in problem.names:
-        yield "Only alpha is scored, and lambda can hardly be seen in it: score theta too."
+    for order, output in problem.model.seen_in.items():
+        if order in problem.names and output not in problem.outputs:
+            scored = " and ".join(problem.outputs)
+            yield f"Only {scored} is scored, and {order} can hardly be seen in it: score {output} too."
     if isinstance(known, str):
         yield f"There are no intervals: {known}."
         return

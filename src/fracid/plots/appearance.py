@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.figures import STYLES, Style, style_named
 from fracid.problem.costs import COSTS
-from fracid.units import shown_unit, with_unit
+from fracid.units import GREEK, shown_unit, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -63,9 +63,7 @@ MARKS: dict[str, dict[str, Any]] = {
 }
 """Told apart by shape as well as by colour."""
 
-SYMBOLS = {"theta": r"$\theta$", "alpha": r"$\alpha$", "lambda": r"$\lambda$", "mu": r"$\mu$"}
-
-LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
+SYMBOLS = {name: rf"$\{name}$" for name in GREEK}
 
 NARROW = 8.0
 """What is drawn no wider than this [inch] fits a journal's column."""
@@ -282,7 +280,7 @@ def spoken(text: str) -> str:
     >>> spoken(r"a\$b, residual of $\alpha$")
     'a$b, residual of α'
     """
-    for name, letter in LETTERS.items():
+    for name, letter in GREEK.items():
         text = text.replace(SYMBOLS[name], letter)
     return text.replace(r"\$", "$")
 

@@ -110,6 +110,9 @@ from fracid.tasks.simulation_cache import Memo
 
 __all__ = ["Problem"]
 
+EVERY = ("every output",)
+"""In place of the outputs that are scored: all that the model has."""
+
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
 
@@ -147,7 +150,7 @@ class Problem:
     per_recording: tuple[str, ...] = ()
     """Names of free parameters that each recording has for itself."""
     cost_function: Cost = COSTS["rmse"]
-    outputs: tuple[str, ...] = ("theta", "alpha")
+    outputs: tuple[str, ...] = EVERY
     initial_state: InitialState = "estimate"
     method: str = "pi2"
     memory: Memory = compressed()  # noqa: RUF009 (frozen)
@@ -160,6 +163,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check names, bounds and options."""
+        if self.outputs is EVERY:
+            object.__setattr__(self, "outputs", tuple(self.model.outputs))
         _check_ties(self)
         self.model.parameter_vector(self.parameter_starts)
         self.model.state_orders(self.order_starts)
