@@ -98,9 +98,7 @@ def comparison():
 
 @pytest.fixture(scope="module")
 def material(fitted):
-    return Material.of_run(
-        load_run(fitted[0]), cost_plane(fitted[1].problem, fitted[1].x, points=5)
-    )
+    return Material.of_run(load_run(fitted[0]), cost_plane(fitted[1].problem, fitted[1].x, points=5))
 
 
 @pytest.fixture(scope="module")
