@@ -15,7 +15,7 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import EXECUTORS, PRESETS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
 from fracid.safety.text import csv_cell, file_stems, printable
 
@@ -60,10 +60,10 @@ def compare(
     ] = None,
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=one_of(*PRESETS)),
+        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=key_of("presets")),
     ] = None,
     executor: Annotated[
-        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=one_of(*EXECUTORS))
+        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=key_of("executors"))
     ] = "threads",
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")

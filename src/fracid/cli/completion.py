@@ -1,35 +1,34 @@
 """What a shell completes after an option: rigs, methods, costs, optimisers, and the names that a run has.
 
 ``fracid --install-completion`` sets up bash, zsh, fish and PowerShell; commands and options it knows by itself, and
-files are left to the shell.  The names stand here in words, for the tables that hold them take half a second to import,
-and a completion must not be waited for; a test compares them with those tables.
+files are left to the shell.  The names are those of the tables that hold them (:data:`TABLES`), which are imported when
+somebody completes, or asks for the help of a command: a program that starts must not wait for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
 from fracid.safety.json_files import json_of, text_of
 
-__all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS", "from_run", "one_of"]
+__all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of"]
 
-COSTS = ("rmse", "itae", "iae", "ise", "itse", "huber")
-
-EXECUTORS = ("threads", "processes")
-
-FORMATS = ("matlab", "c", "csv", "json", "state-space")
-
-METHODS = ("pi2", "pi2-implicit", "pi3", "gl", "gl-sequential", "gl-paper")
-
-OPTIMISERS = ("multistart", "least-squares", "cma", "differential-evolution", "genetic", "nelder-mead")
-
-PRESETS = ("paper",)
-
-RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "stepper-freeswing")
+TABLES = {
+    "costs": ("problem.costs", "COSTS"),
+    "executors": ("tasks.tasks", "EXECUTORS"),
+    "formats": ("export", "FORMATS"),
+    "methods": ("solver.methods", "METHODS"),
+    "optimisers": ("optimise", "OPTIMISERS"),
+    "presets": ("problem.presets", "PRESETS"),
+    "rigs": ("models.rigs", "RIGS"),
+}
+"""Name → module of fracid and table in it; the help of an option writes ``{methods}`` for the keys of one."""
 
 COLUMNS = ("alpha=", "theta=", "voltage=")
 
@@ -49,6 +48,45 @@ def one_of(*values: str) -> Callable[[str], list[str]]:
         return [value for value in values if value.startswith(incomplete)]
 
     return complete
+
+
+def keys(table: str) -> list[str]:
+    """Names in one of :data:`TABLES`, in its order.
+
+    Examples
+    --------
+    >>> keys("presets")
+    ['paper']
+    """
+    module, name = TABLES[table]
+    return list(getattr(import_module(f"fracid.{module}"), name))
+
+
+def key_of(table: str) -> Callable[[str], list[str]]:
+    """Complete to a name in one of :data:`TABLES`, which is imported only then.
+
+    Examples
+    --------
+    >>> key_of("methods")("pi2-")
+    ['pi2-implicit']
+    """
+
+    def complete(incomplete: str) -> list[str]:
+        return one_of(*keys(table))(incomplete)
+
+    return complete
+
+
+class WithTables(TyperCommand):
+    """A command whose help has the names of the tables, read when somebody asks for it."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write them out where an option's help has ``{methods}``."""
+        for option in self.params:
+            for table in TABLES:
+                if f"{{{table}}}" in (getattr(option, "help", None) or ""):
+                    option.help = option.help.replace(f"{{{table}}}", ", ".join(keys(table)))  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
 
 
 def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
-from fracid.cli.completion import RIGS, one_of
+from fracid.cli.completion import key_of, one_of
 from fracid.errors import InputError
 from fracid.safety.text import printable
 
@@ -39,7 +39,7 @@ def draw(
         typer.Argument(
             metavar="RUN|PROJECT|RIG",
             help="The folder of a run, a comparison or a study of noise; a project file or the name of a rig.",
-            autocompletion=one_of(*RIGS),
+            autocompletion=key_of("rigs"),
         ),
     ],
     style: Annotated[

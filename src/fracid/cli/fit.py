@@ -15,7 +15,7 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
 from fracid.files import json_number
 from fracid.safety.text import printable
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
 
-EVALUATIONS_OF_THE_GA = 26 * 20
-"""Its population, and 25 generations after the initial one: the end of its progress bar."""
-
 LARGEST_SEED = 2**63
 """What JSON can hold everywhere."""
 
@@ -58,14 +55,14 @@ def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=one_of(*PRESETS)),
+        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=key_of("presets")),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the file's: multistart, least-squares, genetic, ...",
-            autocompletion=one_of(*OPTIMISERS),
+            help="In place of the file's: {optimisers}.",
+            autocompletion=key_of("optimisers"),
         ),
     ] = None,
     multi_start: Annotated[
@@ -75,7 +72,9 @@ def fit(
     executor: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Where many starts run, each for itself: processes.", autocompletion=one_of(*EXECUTORS)
+            metavar="NAME",
+            help="Where many starts run, each for itself: processes.",
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
@@ -239,10 +238,11 @@ def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
 def _progress(optimiser: str, events: bool) -> Iterator[Any]:
     """Evaluations, time and the best cost so far."""
     from fracid.cli.progress import progress_shown
+    from fracid.optimise import optimiser_from_name
     from fracid.tasks.job import Progress
 
     began = time.perf_counter()
-    total = EVALUATIONS_OF_THE_GA if optimiser == "genetic" else None  # the others stop when they have converged
+    total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
     with progress_shown("evaluations", events=events) as tell:
 
         def callback(best: Evaluation, evaluations: int) -> None:

@@ -16,7 +16,7 @@ import typer
 
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.text import csv_cell, printable
@@ -57,16 +57,14 @@ def noise(
     seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions at each level with each encoder.", min=1)] = 50,
     cost: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="In place of the project's: rmse, itae, iae, huber, ...", autocompletion=one_of(*COSTS)
-        ),
+        typer.Option(metavar="NAME", help="In place of the project's: {costs}.", autocompletion=key_of("costs")),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the run's: multistart, genetic, cma, ...",
-            autocompletion=one_of(*OPTIMISERS),
+            help="In place of the run's: {optimisers}.",
+            autocompletion=key_of("optimisers"),
         ),
     ] = None,
     executor: Annotated[
@@ -74,7 +72,7 @@ def noise(
         typer.Option(
             metavar="NAME",
             help="processes, or threads: of a model of your own the only way.",
-            autocompletion=one_of(*EXECUTORS),
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
-from fracid.cli.completion import EXECUTORS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import InputError, NotTrusted
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
@@ -62,7 +62,7 @@ def resume(
         typer.Option(
             metavar="NAME",
             help="Of a study: threads or processes, in place of what it had.",
-            autocompletion=one_of(*EXECUTORS),
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[

@@ -49,10 +49,6 @@ __all__ = ["search"]
 CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
 
-POLISHED = ("differential-evolution", "cma", "nelder-mead")
-"""Optimisers whose best point least squares goes on from.  The paper's genetic algorithm keeps its own, and the
-examination of a fit says what it missed."""
-
 
 def search(
     problem: Problem, name: str, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
@@ -93,9 +89,10 @@ def search(
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
     watch, options = watch or Watch(), options or {}
-    if name != "multistart":
-        found = minimised(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch)
-        return (_polished(problem, found, jobs, watch) if name in POLISHED else found), ()
+    optimiser = optimiser_from_name(name)
+    if optimiser.function is not None:
+        found = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
+        return (_polished(problem, found, jobs, watch) if optimiser.polish else found), ()
     points = [("given", problem.start)]
     if at_least("starts", starts, 1) > 1:
         points += _regression_start(problem)

@@ -50,6 +50,7 @@ from fracid.models import Model, model_from_name
 from fracid.optimise import optimiser_from_name
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import Experiment
+from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
@@ -75,19 +76,6 @@ LONGEST_KEY = 100
 
 LONGEST_MESSAGE = 600
 """Characters."""
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {
-        "method": "gl-paper",
-        "cost": "itae",
-        "weights": "equal",
-        "outputs": ["alpha"],
-        "per_recording": [],
-        "initial_state": "held",
-        "optimiser": "genetic",
-    }
-}
-"""What a preset puts into ``[fit]``; ``paper`` also fixes every parameter and frees the orders."""
 
 
 class _Table(BaseModel):

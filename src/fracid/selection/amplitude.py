@@ -51,7 +51,7 @@ from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import AmplitudeBlock
-from fracid.selection.ladder import FRICTION, ORDER, RUNGS
+from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
 
@@ -81,9 +81,6 @@ SWINGS = 2.0
 TIGHT = 0.05
 """Standard deviation of the prior that holds a constant near its fitted value, relative to it: it decides only what
 the window does not see."""
-
-VISCOUS = RUNGS["viscous"]
-"""What is held: it and the order are one to a single swing, and an error of it moves the order of all windows alike."""
 
 RELEASES = "releases"
 """The drift over whole recordings."""
@@ -347,13 +344,16 @@ def _window_values(
         fixed = isinstance(v, Tied) or (freed and not isinstance(v, Free))
         orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
     parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
+    kinds = problem.model.friction
+    # held: it and the order are one to a single swing, and an error of it moves the order of all windows alike
+    viscous = {name for name, kind in kinds.items() if kind.power == 1}
     for name, v in problem.parameters.items():
         if isinstance(v, Tied):
             parameters[name] = v
-        elif isinstance(v, Free) and not name.startswith(VISCOUS) and name not in problem.per_recording:
+        elif isinstance(v, Free) and name not in viscous and name not in problem.per_recording:
             value = float(values[problem.model.parameter_names.index(name)])
             sd = TIGHT * max(abs(value), 1e-3 * min(v.upper - v.lower, 1.0))
-            sd = errors.get(name, math.nan) if name.startswith(FRICTION) else sd
+            sd = errors.get(name, math.nan) if name in kinds else sd
             if sd > 0:
                 parameters[name] = replace(_around(value, v), prior=Prior(value, sd))
     return orders, parameters

@@ -1,13 +1,32 @@
-"""The methods: a row for each stepping scheme."""
+"""The methods: a row for each stepping scheme, and all that fracid knows of it.
+
+A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`METHODS`: its name, its title for help
+and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
+from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
+
+The loops take a second to import, so a row fetches its own when it first runs.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from fracid.solver.schemes import step_gl, step_gl_sequential, step_pi2
+__all__ = ["METHODS", "Exported", "Method"]
 
-__all__ = ["METHODS", "Method"]
+
+@dataclass(frozen=True)
+class Exported:
+    """What the templates of :mod:`fracid.export` must know to step alike."""
+
+    words: str
+    """What it is, for the head of a file."""
+    newton: bool = False
+    """Newton's method at every step, in place of sweeps."""
+    last_first: bool = False
+    """The last state first, each with those already new."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +39,52 @@ class Method:
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[..., tuple[int, int]]
     """(the loops' common arguments, corrections, corrected, out) → (last good index, how it ended)."""
+    title: str
+    """What one takes it for, in a phrase."""
+    follows: float = math.inf
+    """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
+    raw: bool = False
+    """Whether it sums x itself, which is right only for x(0) = 0."""
+    exported: Exported | None = None
+    """None for one that cannot be written in another language."""
+
+
+def _loops() -> Any:
+    from fracid.solver import schemes
+
+    return schemes
 
 
 METHODS = {
-    "pi2": Method("pi", 2, lambda *run: step_pi2(*run[:-3], False, *run[-3:])),
-    "pi2-implicit": Method("pi", 2, lambda *run: step_pi2(*run[:-3], False, 0, *run[-2:])),
-    "pi3": Method("pi3", 3, lambda *run: step_pi2(*run[:-3], True, *run[-3:])),
-    "gl": Method("gl", 1, lambda *run: step_gl(*run[:-3], False, run[-1])),
-    "gl-sequential": Method("gl", 1, lambda *run: step_gl_sequential(*run[:-3], run[-1])),
-    "gl-paper": Method("gl", 1, lambda *run: step_gl(*run[:-3], True, run[-1])),
-}
+    "pi2": Method(
+        "pi", 2, lambda *run: _loops().step_pi2(*run[:-3], False, *run[-3:]),
+        "everything, steep friction too; at order 1 a second-order ODE solver",
+        exported=Exported("product trapezoidal rule, second order"),
+    ),
+    "pi2-implicit": Method(
+        "pi", 2, lambda *run: _loops().step_pi2(*run[:-3], False, 0, *run[-2:]),
+        "stiff systems: Newton's method at every step",
+        exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
+    ),
+    "pi3": Method(
+        "pi3", 3, lambda *run: _loops().step_pi2(*run[:-3], True, *run[-3:]),
+        "smooth systems: often a thousandth of the error, in the same time",
+        follows=2.0, exported=Exported("product rule of third order"),
+    ),
+    "gl": Method(
+        "gl", 1, lambda *run: _loops().step_gl(*run[:-3], False, run[-1]),
+        "the paper's scheme as it should be, on x - x(0)",
+        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
+    ),
+    "gl-sequential": Method(
+        "gl", 1, lambda *run: _loops().step_gl_sequential(*run[:-3], run[-1]),
+        "the same without the anti-damping of explicit Euler",
+        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
+    ),
+    "gl-paper": Method(
+        "gl", 1, lambda *run: _loops().step_gl(*run[:-3], True, run[-1]),
+        "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
+        follows=1.0, raw=True, exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
+    ),
+}  # fmt: skip
+"""By name, as a project file has it."""

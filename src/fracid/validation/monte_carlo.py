@@ -55,7 +55,7 @@ from fracid.figures import Style, draw
 from fracid.findings import Finding
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
-from fracid.problem.costs import ABSOLUTE, COSTS, cost_from_name
+from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable, portable_memory
 from fracid.safety.schema import Block, as_json
 from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, StatisticsBlock, StudyBlock
@@ -291,7 +291,8 @@ class NoiseStudy:
             yield f'the scheme {self.problem.method}, of first order (type method = "pi2" in [fit])'
         else:
             yield f"the step (type substeps = {2 * self.problem.substeps} in [fit])"
-        if self.problem.cost_function.loss is ABSOLUTE:
+        loss = self.problem.cost_function.loss
+        if loss is not None and loss.centre == "median":
             yield f'the cost {self.problem.cost_function.name}, which rounding biases (type cost = "rmse")'
         if self.problem.initial_state in ("held", "measured"):
             yield 'a first sample that is taken for the start (type initial_state = "rest")'
