@@ -299,8 +299,8 @@ def _recording(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
-        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256, e.units,
-        problem.model.zero,
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
+        e.sha256, e.units, problem.model.zero,
     )  # fmt: skip
 
 
@@ -349,7 +349,7 @@ def _estimates(
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
     free = {u.name: _estimate(u, x, i, known, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
-    return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
+    return fixed | free | {name: free[to] for name, to in problem.parametrisation.aliases.items()}
 
 
 def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str, verdict: Verdict | None) -> Estimate:

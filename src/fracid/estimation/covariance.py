@@ -366,7 +366,7 @@ def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
-    loss, weights = _loss_and_weights(problem, errors)
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
     rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
@@ -378,20 +378,16 @@ def _joined(parts: list[FloatArray]) -> FloatArray:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _loss_and_weights(problem: Problem, errors: list[FloatArray]) -> tuple[Loss, list[FloatArray]]:
-    """ρ, and w of each recording, shape (n_samples, n_outputs)."""
-    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+def _loss(problem: Problem) -> Loss:
+    """ρ, which only a user's own cost has not."""
+    loss = problem.cost_function.loss
     assert loss is not None
-    assert weight is not None
-    balance = problem.balance(errors)
-    shares = zip(problem.experiments, problem.shares(), strict=True)
-    return loss, [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+    return loss
 
 
 def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
     """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
-    loss, weights = _loss_and_weights(problem, errors)
-    balance = problem.balance(errors)
+    loss, weights, balance = _loss(problem), problem.criterion.sample_weights(errors), problem.criterion.balance(errors)
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
     squares = [
         (j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o]
@@ -408,9 +404,9 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     priors = [problem.unknowns[i].range.prior for i in free]
     if not any(priors):
         return np.zeros(len(free)), 0.0
-    loss, weights = _loss_and_weights(problem, errors)
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
-    level = total / problem.prior_samples
+    level = total / problem.criterion.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 

@@ -100,14 +100,14 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
 def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What the priors add to A, on its diagonal, and to g: 2(D/n)/sd² and 2(D/n) z/sd, D/n the level of the data."""
     curved, pull = np.zeros(len(x)), np.zeros(len(x))
-    own = {i: u.range.prior for i, u in enumerate(problem.unknowns) if u.range.prior is not None}
-    rows = problem.evaluate(x).residuals if own else None
+    criterion = problem.criterion
+    rows = problem.evaluate(x).residuals if criterion.priors else None
     if rows is None:
         return curved, pull
-    level = float(np.sum(rows[: -len(own)] ** 2)) / problem.prior_samples
-    for i, p in own.items():
+    level = float(np.sum(rows[: -len(criterion.priors)] ** 2)) / criterion.prior_samples
+    for i, p in criterion.priors.items():
         curved[i], pull[i] = 2 * level / p.sd**2, 2 * level * (x[i] - p.mean) / p.sd**2
-    return curved, pull / (1 + float(np.sum(problem.prior_residuals(x) ** 2)) / problem.prior_samples)
+    return curved, pull / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
 
 
 def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[FloatArray, float]:
@@ -222,7 +222,7 @@ def _covariance(problem: Problem, started: list[int], noise: dict[str, FloatArra
     """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
     model, experiments = problem.model, {e.name: e for e in problem.experiments}
     outputs = {model.states[model.outputs[o]]: k for k, o in enumerate(problem.outputs)}
-    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.rates.items()}
+    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.parametrisation.rates.items()}
     sources, functionals = [], []
     for u in (problem.unknowns[i] for i in started):
         assert u.experiment is not None

@@ -21,7 +21,7 @@ from fracid.errors import InputError
 from fracid.export.recursion import SCHEMES, Case, Recursion
 from fracid.models.geometry import is_pendulum
 from fracid.models.pendulum import GRAVITY
-from fracid.problem.problem import LIMIT
+from fracid.problem.simulator import LIMIT
 
 __all__ = ["c_model"]
 

@@ -250,8 +250,8 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
         for o, y in zip(problem.outputs, e.measured.T, strict=True):
             i = problem.model.outputs[o]
             x[i] = y[k]
-            if i in problem.rates:
-                x[problem.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
+            if i in problem.model.rates:
+                x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
         yield float(e.time[k]), x, e.inputs[min(k, len(e.inputs) - 1)]
 
 
@@ -336,7 +336,7 @@ def _signed(problem: Problem) -> list[str]:
 def _turned(problem: Problem, output: str) -> Problem:
     """The same with the sign of one output, and of what is known of its start, turned round."""
     e, i = problem.experiments[0], problem.model.outputs[output]
-    own = {problem.model.states[j] for j in (i, problem.rates.get(i, i))}
+    own = {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
     initial = {n: -v if n in own else v for n, v in e.initial.items()}
     return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))

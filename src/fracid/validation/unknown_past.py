@@ -44,6 +44,7 @@ from fracid.estimation.horizons import Watch, refined
 from fracid.figures import Style, draw
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
+from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 
@@ -375,7 +376,7 @@ def _from_plateau(problem: Problem, records: Records) -> Problem | str:
     for e in problem.experiments:
         if records[e.name].start == e.start:
             return f"there are no samples before the start of {e.name}"
-        release = _onwards(records[e.name], e, 0).release_in_past()
+        release = release_in_past(_onwards(records[e.name], e, 0))
         if release * e.step < HELD:
             return f"no plateau was found before the start of {e.name}"
         begun = _slice(records[e.name], release)
