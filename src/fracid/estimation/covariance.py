@@ -73,6 +73,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.findings import Failure, FailureReason
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.qr import triangle
@@ -191,7 +192,7 @@ class Sandwich:
         return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
 
 
-def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | str:
+def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | Failure:
     """Find the covariance at the minimum x, or say why there is none.
 
     Parameters
@@ -204,8 +205,8 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
 
     Returns
     -------
-    Uncertainty or str
-        The sentence says why there is none: nothing is free, a user's own cost, a run that fails.
+    Uncertainty or Failure
+        The failure says why there is none: nothing is free, a user's own cost, a run that fails.
 
     Examples
     --------
@@ -222,14 +223,16 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     (True, ())
     """
     if not problem.names:
-        return "nothing is free"
+        return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     if problem.cost_function.loss is None:
-        return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+        return Failure(
+            FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+        )
     held, found = _held(problem, x, jobs)
     error = np.full(len(x), np.nan)
     if held.all():
         return Uncertainty(error, held, (), 0.0, 1.0, error)
-    if isinstance(found, str):
+    if isinstance(found, Failure):
         return found
     free = found.free
     directions = _unseen(problem, x, found)
@@ -248,7 +251,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     )
 
 
-def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | str:
+def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | Failure:
     """A⁻¹, A⁻¹SA⁻¹ and A⁻¹S₀A⁻¹ of the unknowns `free`, all others held; or why there are none.
 
     Parameters
@@ -275,13 +278,13 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     (1, 1)
     """
     seen = _seen(problem, x, free, jobs)
-    return seen if isinstance(seen, str) else _sandwich(problem, *seen, free)
+    return seen if isinstance(seen, Failure) else _sandwich(problem, *seen, free)
 
 
-def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | str:
+def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | Failure:
     """Errors of each recording at x and their derivatives by the unknowns `free`."""
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    return errors if isinstance(errors, str) else J if isinstance(J, str) else (errors, J)
+    return errors if isinstance(errors, Failure) else J if isinstance(J, Failure) else (errors, J)
 
 
 def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
@@ -342,14 +345,14 @@ def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArra
     return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
 
 
-def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | str]:
+def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | Failure]:
     """Which unknowns their bounds hold, shape (n_unknowns,), and the sandwich of all others, or why there is none."""
     near, away = _near(problem, x)
     some = np.flatnonzero(~near | (away > 0))
     if not len(some):
-        return near, "all unknowns lie at a bound"
+        return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound")
     seen = _seen(problem, x, some, jobs)
-    if isinstance(seen, str):
+    if isinstance(seen, Failure):
         return near, seen
     errors, J = seen
     found = _sandwich(problem, errors, J, some)
@@ -437,7 +440,7 @@ def _sparse(unseen: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
 
 
-def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
+def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | Failure:
     """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
 
     Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
@@ -446,17 +449,17 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     room = np.minimum(problem.space.upper - x, x - problem.space.lower)
     steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
     here = problem.errors(x)
-    if isinstance(here, str):
+    if isinstance(here, Failure):
         return here
     J = [np.empty((*e.shape, len(free))) for e in here]
 
-    def differentiate(column: int) -> str | None:
+    def differentiate(column: int) -> Failure | None:
         step = steps * (np.arange(len(x)) == free[column])
         plus, minus = problem.errors(x + step), problem.errors(x - step)
-        if isinstance(plus, str) and isinstance(minus, str):
-            return f"the runs on both sides of the minimum fail: {plus}"
-        one_sided = isinstance(plus, str) or isinstance(minus, str)
-        high, low = (here if isinstance(side, str) else side for side in (plus, minus))
+        if isinstance(plus, Failure) and isinstance(minus, Failure):
+            return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {plus}")
+        one_sided = isinstance(plus, Failure) or isinstance(minus, Failure)
+        high, low = (here if isinstance(side, Failure) else side for side in (plus, minus))
         for j, p, m in zip(J, high, low, strict=True):
             j[..., column] = (p - m) / (np.sum(step) if one_sided else 2 * np.sum(step))
         return None
@@ -544,14 +547,14 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     return float(min(longest, min(map(len, errors)) // 4))
 
 
-def claimed_half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+def claimed_half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
-    if isinstance(known, str) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
+    if isinstance(known, Failure) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
         return half_width(known, x, i)
     return np.inf
 
 
-def half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+def half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half of the 95 % interval of free parameter i; 0 where there is none."""
-    interval = None if isinstance(known, str) else known.interval(x, i)
+    interval = None if isinstance(known, Failure) else known.interval(x, i)
     return 0.0 if interval is None else (interval[1] - interval[0]) / 2

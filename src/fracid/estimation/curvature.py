@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.estimation.covariance import UNSEEN, jacobian, rows_and_scores
+from fracid.findings import Failure
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 from fracid.qr import triangle
@@ -67,7 +68,7 @@ class Curvature:
     """g, of the priors too, shape (n_free,)."""
 
 
-def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | str:
+def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | Failure:
     """Find A⁻¹ and g of the unknowns `free`, or say why a run fails.
 
     Examples
@@ -83,8 +84,10 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     array([0.95])
     """
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    if isinstance(errors, str) or isinstance(J, str):
-        return errors if isinstance(errors, str) else str(J)
+    if isinstance(errors, Failure):
+        return errors
+    if isinstance(J, Failure):
+        return J
     rows, scores = rows_and_scores(problem, errors, J)
     prior, pull = _priors(problem, x)
     gradient = np.sum([s.sum(axis=0) for s in scores], axis=0) + pull[free]
@@ -189,7 +192,7 @@ def start_shift(
     if problem.initial_state not in LOOSER:
         return None
     errors = problem.errors(x)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         return None
     weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
     values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(found.free)), False
@@ -205,7 +208,7 @@ def start_shift(
             k: alone.names.index(name) for k, i in enumerate(found.free) if (name := problem.names[i]) in alone.names
         }
         J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
-        if isinstance(J, str):
+        if isinstance(J, Failure):
             return None
         rows = weight * J[0].reshape(-1, len(own) + len(started))
         G = found.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]

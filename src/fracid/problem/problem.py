@@ -25,6 +25,7 @@ from functools import cached_property
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Failure
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
 from fracid.problem.checks import check_criterion, check_parametrisation, check_simulator
@@ -114,7 +115,7 @@ class Problem:
     def evaluate(self, x: FloatArray) -> Evaluation:
         """Cost, residuals and, where the cost is infinite, the reason."""
         errors = self.simulator.errors(x)
-        return Evaluation(x, math.inf, None, errors) if isinstance(errors, str) else self.criterion(x, errors)
+        return Evaluation(x, math.inf, None, str(errors)) if isinstance(errors, Failure) else self.criterion(x, errors)
 
     def cost(self, x: FloatArray) -> float:
         """𝓛(x) of (25), joined over the recordings; infinite where a run diverges."""
@@ -134,14 +135,14 @@ class Problem:
             raise InputError(f"The cost {self.cost_function.name!r} has no residuals here: {reason}.")
         return evaluation.residuals
 
-    def errors(self, x: FloatArray) -> list[FloatArray] | str:
+    def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
         return self.simulator.errors(x)
 
     def levels(self, x: FloatArray) -> dict[str, float]:
         """The level of each output's residual, rms [rad]; infinite where a run fails."""
         errors = self.errors(x)
-        return dict.fromkeys(self.outputs, math.inf) if isinstance(errors, str) else self.criterion.levels(errors)
+        return dict.fromkeys(self.outputs, math.inf) if isinstance(errors, Failure) else self.criterion.levels(errors)
 
     # --- what the parts say ------------------------------------------------------------------------
 
@@ -197,7 +198,7 @@ class Problem:
         """Simulate one recording with the unknowns x, from its release on, on its grid divided by `substeps`."""
         return self.simulator.trajectory(x, e)
 
-    def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | str:
+    def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
         return self.simulator.outputs(x, e)
 

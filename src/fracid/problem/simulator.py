@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.findings import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.unknowns import Free
@@ -59,26 +60,26 @@ class Simulator:
     memo: Memo | None
     """Has what was simulated before, and keeps what will be."""
 
-    def errors(self, x: FloatArray) -> list[FloatArray] | str:
+    def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
         errors = []
         for e in self.parametrisation.experiments:
             outputs = self.outputs(x, e)
-            if isinstance(outputs, str):
+            if isinstance(outputs, Failure):
                 return outputs
             errors.append(e.measured - outputs)
         return errors
 
-    def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | str:
+    def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
         if self.memo is None:
             return self._outputs(x, e)
         return self.memo.get(self._key(x, e), lambda: self._outputs(x, e))
 
-    def _outputs(self, x: FloatArray, e: Experiment) -> FloatArray | str:
+    def _outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         run = self.trajectory(x, e)
         if not run.completed:
-            return f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s"
+            return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         columns = [self.parametrisation.model.outputs[n] for n in self.parametrisation.outputs]
         if e.release_time == 0.0:
             return run.states[:: self.substeps, columns]

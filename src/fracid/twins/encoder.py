@@ -8,6 +8,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Failure
 from fracid.problem import Problem
 
 __all__ = ["encoder", "simulated"]
@@ -52,7 +53,7 @@ def simulated(problem: Problem, x: FloatArray, finer: int = FINER) -> Problem:
                 '"measured", and let the recording start at rest, initial_state = "rest".'
             )
         run = exact.fitted(x, e)
-        if isinstance(run, str):
+        if isinstance(run, Failure):
             raise InputError(f"The truth cannot be simulated: {run}. Give values whose run reaches the end.")
         twins.append(replace(e, measured=np.ascontiguousarray(run)))
     return replace(problem, experiments=tuple(twins))

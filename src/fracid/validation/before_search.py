@@ -49,7 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Failure, Finding
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
@@ -357,7 +357,7 @@ def _part(problem: Problem, x: FloatArray) -> float:
     """The part of the motion that x leaves over, rms over the outputs that move; infinite if its run fails."""
     e = problem.experiments[0]
     fitted = problem.fitted(x, e)
-    if isinstance(fitted, str):
+    if isinstance(fitted, Failure):
         return math.inf
     spread = np.std(e.measured, axis=0)
     moves = spread > 1e-2 * spread.max()

@@ -12,7 +12,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.estimation.covariance import Uncertainty, half_width
 from fracid.estimation.horizons import Watch, refined, uninterrupted
-from fracid.findings import Finding
+from fracid.findings import Failure, Finding
 from fracid.problem import Problem
 
 __all__ = ["COARSE_STEP", "Discretisation", "coarse_step", "discretisation_check"]
@@ -46,7 +46,7 @@ SHIFT = 1e-4
 """Orders that move by less than this do not matter, however narrow their intervals."""
 
 
-def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Discretisation:
+def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there."""
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
