@@ -9,6 +9,7 @@ from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.parameter_verdicts import identifiability
 from fracid.estimation.profile_walk import refit
+from fracid.findings import Failure, FailureReason
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem
 
@@ -174,7 +175,7 @@ def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
 
 def test_without_intervals_nothing_is_said_but_why():
     p = twin(orders=ORDERS)
-    found = identifiability(p, p.start, "a run fails")
+    found = identifiability(p, p.start, Failure(FailureReason.RUN, "a run fails"))
     assert {v.sentence for v in found.values()} == {"unknown: a run fails"}
 
 

@@ -16,7 +16,7 @@ dies, as 1/A, a drag makes it rise; an order that is real stays.**
 The test takes the viscous friction of a fit as it is, cuts each recording into windows of falling amplitude, and in
 each fits the orders again, with the initial state, with the constants that are no friction (a frequency must not speak
 for the damping), and with other friction that the model has, as near to its value as the fit knows it.  What came
-before a window enters its memory (:mod:`fracid.problem.problem`).  Recordings of different heights are compared as
+before a window enters its memory (:mod:`fracid.problem.past`).  Recordings of different heights are compared as
 wholes too.  With orders :math:`q_i`, standard errors :math:`s_i` and their weighted mean q,
 
 .. math::  Q = \sum_i (q_i - q)^2 / s_i^2

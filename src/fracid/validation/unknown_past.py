@@ -226,7 +226,7 @@ class CutCheck:
 def cut_check(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | Failure,
+    known: Uncertainty | Failure | None,
     *,
     whole: Mapping[str, Experiment] | None = None,
     jobs: int = 1,
@@ -239,8 +239,8 @@ def cut_check(
     problem : Problem
     x : ndarray, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or Failure
-        Of x, from :func:`fracid.estimation.covariance.uncertainty`; a failure is taken for "no interval".
+    known : Uncertainty, Failure or None
+        Of x, from :func:`fracid.estimation.covariance.uncertainty`; all but the first stand for "no interval".
     whole : mapping, optional
         Recording → itself with all samples before its start (:func:`whole_records`).  A past that the problem has
         already is known without.
@@ -292,7 +292,7 @@ def cut_check(
             left_out[name] = str(found)
         else:
             treatments.append(found)
-    ends = [None if isinstance(known, Failure) else known.interval(x, i) for i in problem.order_indices]
+    ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
     return CutCheck(
         dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
         {n: None if end is None else (end[1] - end[0]) / 2 for n, end in zip(names, ends, strict=True)},
