@@ -31,9 +31,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
+from fracid.errors import Failure
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
 from fracid.estimation.horizons import Watch, refined
-from fracid.findings import Failure, Finding
+from fracid.findings import Finding
 from fracid.identification import POOR
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Free, Problem

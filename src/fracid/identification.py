@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
@@ -50,7 +50,7 @@ from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, RecordingFit
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
-from fracid.findings import Failure, FailureReason, Finding
+from fracid.findings import Finding
 from fracid.fit import Fit
 from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
 from fracid.problem import Experiment, Free, Problem, Unknown

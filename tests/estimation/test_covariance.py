@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import METHODS, Uncertainty, at_bound, jacobian, sandwich, uncertainty, widening
-from fracid.findings import Failure, FailureReason
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.parameter_verdicts import identifiability
 from fracid.estimation.profile_walk import refit
-from fracid.findings import Failure, FailureReason
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem
 

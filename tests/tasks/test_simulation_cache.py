@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.findings import Failure, FailureReason
+from fracid.errors import Failure, FailureReason
 from fracid.problem import Experiment, Free, Problem
 from fracid.tasks.simulation_cache import Memo
 

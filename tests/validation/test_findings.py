@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
-from fracid.findings import Failure, FailureReason
 from fracid.identification import identify
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS

@@ -13,8 +13,7 @@ from typing import Any
 
 import typer
 
-from fracid.errors import InputError
-from fracid.safety.schema import Names, read_as
+from fracid.safety.json_files import json_of, text_of
 
 __all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS", "from_run", "one_of"]
 
@@ -35,9 +34,6 @@ RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "step
 COLUMNS = ("alpha=", "theta=", "voltage=")
 
 ZEROS = ("hanging", "upright")
-
-NAMED = {"orders?": Names({"free": bool}), "parameters?": Names({"free": bool}), "recordings?": Names(dict)}
-"""What counts here of a result."""
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:
@@ -63,7 +59,8 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
         typed = [ctx.params.get("run"), ctx.params.get("source"), *ctx.args]
         results = (_result(Path(word)) for word in typed if word)
         result: Any = next(filter(None, results), {})
-        names = [name for block in blocks for name, said in result.get(block, {}).items() if _shown(block, said)]
+        named = ((block, result.get(block)) for block in blocks)
+        names = [n for block, said in named if isinstance(said, dict) for n in said if _shown(block, said[n])]
         return [name for name in names if name.startswith(incomplete)]
 
     return complete
@@ -72,11 +69,12 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
 def _result(run: Path) -> Any:
     """The content of a run's result; None where there is none."""
     try:
-        return read_as(run / "result.json", NAMED, "")
-    except (OSError, InputError):
+        content = json_of(text_of(run / "result.json"))
+    except (OSError, ValueError):
         return None
+    return content if isinstance(content, dict) else None
 
 
 def _shown(block: str, said: Any) -> bool:
     """Of orders and parameters those that were free."""
-    return block == "recordings" or bool(said["free"])
+    return block == "recordings" or (isinstance(said, dict) and said.get("free") is True)

@@ -17,8 +17,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_co
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
 from fracid.errors import DataError, InputError
-from fracid.runs.schemas import end
-from fracid.safety.schema import fault_of
+from fracid.files import json_number
 from fracid.safety.text import printable
 from fracid.units import with_unit
 from fracid.workflows.figures import drawing
@@ -203,14 +202,15 @@ def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManag
     """Of starts that run elsewhere, a journal in a folder of its own."""
     from fracid.optimise import Outcome
     from fracid.runs.folder import STARTS
+    from fracid.schemas.run import fault_of_end
     from fracid.tasks.journal import Journal
 
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    shape = end(unknowns, (o.value for o in Outcome))
+    outcomes = [o.value for o in Outcome]
     study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
-    return Journal(run.folder / STARTS, study, lambda _, said: fault_of(said, shape))
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, outcomes))
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
@@ -247,7 +247,7 @@ def _progress(optimiser: str, events: bool) -> Iterator[Any]:
 
         def callback(best: Evaluation, evaluations: int) -> None:
             if tell is not None:
-                cost = best.cost if isfinite(best.cost) else None
+                cost = json_number(best.cost)
                 tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
 
         yield callback

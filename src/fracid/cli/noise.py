@@ -18,9 +18,7 @@ from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_co
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
 from fracid.errors import DataError, InputError
-from fracid.runs.schemas import repetition
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import fault_of
 from fracid.safety.text import csv_cell, printable
 
 if TYPE_CHECKING:
@@ -199,6 +197,7 @@ def _studied(
     """Run it, going on with what the journal in the folder has."""
     from fracid.cli.progress import progress_shown
     from fracid.runs.folder import JOURNAL, open_folder
+    from fracid.schemas.study import fault_of_repetition
     from fracid.tasks.journal import Journal
     from fracid.validation.monte_carlo import planned
 
@@ -206,11 +205,14 @@ def _studied(
         fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
         optimiser=optimiser or fitted.optimiser, starts=fitted.starts,
     )  # fmt: skip
-    shape = repetition(plan.problem.names)
+
+    def fault(_key: str, said: Any) -> str:
+        return fault_of_repetition(said, plan.problem.names)
+
     if (folder / "result.json").exists():
         raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
     with (
-        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), lambda _, said: fault_of(said, shape)) as journal,
+        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), fault) as journal,
         progress_shown("repetitions", events=json_) as progress,
     ):
         for note in (*journal.notes, *plan.findings):

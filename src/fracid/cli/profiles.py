@@ -13,8 +13,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
-from fracid.errors import DataError, InputError
-from fracid.findings import Failure
+from fracid.errors import DataError, Failure, InputError
 from fracid.safety.paths import refuse_mistaken
 
 if TYPE_CHECKING:
@@ -150,21 +149,18 @@ def _of_project(path: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem,
 def _intervals(found: Profiles, known: Uncertainty | Failure, drawn: Bootstrap | Failure) -> dict[str, Any]:
     """Every unknown's intervals by every method that gave one."""
     from fracid.estimation.covariance import METHODS
+    from fracid.files import json_number
 
     rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
     for i, name in enumerate(rows):
         if not isinstance(known, Failure):
             rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
-            rows[name]["effective_samples"] = _finite(float(known.effective_samples[i]))
+            rows[name]["effective_samples"] = json_number(known.effective_samples[i])
         if not isinstance(drawn, Failure) and rows[name]["sandwich"] is not None:
             rows[name]["bootstrap"] = drawn.interval(i)
         if name in found.profiles:
             rows[name]["profile"] = found.profiles[name].interval95
     return {"methods": METHODS, "unknowns": rows}
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
 
 
 def _write(found: _Profiled, folder: Path) -> Path:

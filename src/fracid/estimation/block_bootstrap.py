@@ -36,10 +36,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least, unknown_name
+from fracid.errors import Failure, InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
 from fracid.estimation.profile_walk import refit
-from fracid.findings import Failure
 from fracid.problem import Problem
 from fracid.problem.costs import ABSOLUTE
 from fracid.problem.portable import Portable, portable_memory

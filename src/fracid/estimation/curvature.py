@@ -38,8 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.covariance import UNSEEN, jacobian, rows_and_scores
-from fracid.findings import Failure
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 from fracid.qr import triangle

@@ -33,9 +33,9 @@ from typing import Literal
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
-from fracid.findings import Failure
 from fracid.problem import Problem
 from fracid.units import with_unit
 

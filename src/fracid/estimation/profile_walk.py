@@ -11,9 +11,8 @@ from enum import Enum
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import NORMAL_95, Sandwich, at_bound, sandwich
-from fracid.findings import Failure
 from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
 from fracid.problem import Problem
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fracid.files import json_number
 from fracid.safety.text import csv_cell, file_stems
 
 if TYPE_CHECKING:
@@ -105,4 +106,4 @@ def json_text(run: SavedRun, **more: Any) -> str:
 
 
 def _lists(signals: Mapping[str, Any]) -> dict[str, list[float | None]]:
-    return {n: [v if np.isfinite(v) else None for v in y.tolist()] for n, y in signals.items()}
+    return {n: [json_number(v) for v in y.tolist()] for n, y in signals.items()}

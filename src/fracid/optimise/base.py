@@ -31,8 +31,9 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
-from fracid.safety.schema import json_of, must_be
+from fracid.errors import InputError, at_least, is_number
+from fracid.files import json_number
+from fracid.safety.json_files import REACH, json_of
 from fracid.tasks.journal import append_whole, whole_lines
 
 __all__ = ["Ask", "Evaluation", "EvaluationLog", "Optimiser", "Outcome", "Result", "Space", "as_generator", "minimise"]
@@ -196,7 +197,7 @@ class EvaluationLog:
         lines = []
         for e in batch:
             self._count += 1
-            point, cost = dict(zip(names, e.point.tolist(), strict=True)), e.cost if math.isfinite(e.cost) else None
+            point, cost = dict(zip(names, e.point.tolist(), strict=True)), json_number(e.cost)
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")
@@ -206,9 +207,11 @@ class EvaluationLog:
 def _seconds(lines: list[bytes]) -> float:
     """Where the clock of an older log stood."""
     try:
-        return float(must_be(json_of(lines[-1]), {"seconds": float}, Path("log"), "")["seconds"])
-    except (IndexError, ValueError, InputError):
+        content = json_of(lines[-1])
+    except (IndexError, ValueError):
         return 0.0
+    seconds: Any = content.get("seconds") if isinstance(content, dict) else None
+    return float(seconds) if is_number(seconds) and abs(seconds) < REACH else 0.0
 
 
 def minimise(

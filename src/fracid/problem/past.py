@@ -40,7 +40,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.problem.experiment import Experiment
-from fracid.signals.swing import release_time, swing_frequency
+from fracid.signals.swing import common_period, release_time
 from fracid.solver.operators import derivative
 from fracid.solver.solve import time_scale
 
@@ -119,7 +119,7 @@ def smooth_past(e: Experiment, substeps: int = 1) -> tuple[FloatArray, int]:
     """
     assert e.past is not None
     whole, n, release = np.vstack([e.past, e.measured]), len(e.past), release_in_past(e)
-    cutoff = CUTOFF * swing_frequency(whole, e.step)
+    cutoff = CUTOFF / (e.step * min(common_period(whole), len(whole) / 3))
     reach = math.ceil(2 / (cutoff * e.step))
     if cutoff < 0.4 / e.step:
         from scipy.signal import butter, sosfiltfilt

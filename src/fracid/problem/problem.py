@@ -24,8 +24,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
-from fracid.findings import Failure
+from fracid.errors import Failure, InputError
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
 from fracid.problem.checks import check_criterion, check_parametrisation, check_simulator
@@ -51,6 +50,7 @@ class Problem:
     --------
     >>> import fracid
     >>> import numpy as np
+    >>> from fracid.problem import Free
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.2}, step=2e-3, end=4.0)
     >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))

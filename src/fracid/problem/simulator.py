@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Failure, FailureReason
+from fracid.errors import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.unknowns import Free

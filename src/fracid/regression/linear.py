@@ -11,6 +11,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.files import json_number
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
@@ -159,7 +160,7 @@ class Regression:
         intervals = self.search.interval95 if self.search else {}
         return {
             "orders": {
-                n: {"value": v, "interval95": [_number(end) for end in intervals[n]] if n in intervals else None}
+                n: {"value": v, "interval95": [json_number(end) for end in intervals[n]] if n in intervals else None}
                 for n, v in self.orders.items()
             },
             "parameters": {
@@ -170,8 +171,8 @@ class Regression:
             "combinations": dict(self.combinations),
             "estimator": self.estimator,
             "fit_percent": dict(self.fit_percent),
-            "noise_ratio": _number(self.noise_ratio),
-            "condition_number": _number(self.condition_number),
+            "noise_ratio": json_number(self.noise_ratio),
+            "condition_number": json_number(self.condition_number),
             "samples": self.samples,
             "cutoff": self.cutoff,
             "cutoff_reason": self.cutoff_reason,
@@ -330,11 +331,6 @@ def _at(
         amplitude=max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows),
         search=None, warnings=tuple(warnings),
     )  # fmt: skip
-
-
-def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
-    return float(value) if math.isfinite(value) else None
 
 
 def _terms(

@@ -14,6 +14,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.recording import Recording
+from fracid.signals.noise import noise_level
 from fracid.solver.operators import derivative
 
 __all__ = ["LUMPED", "PENDULUM", "TERMS", "regressor"]
@@ -206,16 +207,6 @@ def _spectrum(x: FloatArray, step: float) -> Pair:
     return f, np.asarray(power[1:] / (2.0 * np.sin(math.pi * f * step)) ** 2, dtype=np.float64)
 
 
-def _noise(x: FloatArray, step: float, resolution: float) -> float:
-    """Noise of x, rms: the floor of the upper half of its spectrum, at least q/√12 of the encoder's step q.
-
-    A slow signal's rounding errors are not white, and the floor alone would miss most of them.
-    """
-    f, power = _spectrum(x, step)
-    floor = float(np.median(power[f > 0.25 / step])) / math.log(2.0)  # the median of an exponential variate
-    return max(math.sqrt(floor), resolution / math.sqrt(12.0), 1e-9 * float(np.ptp(x)))
-
-
 # --- recordings --------------------------------------------------------------------------------------
 
 
@@ -328,7 +319,7 @@ def make_swing(
         raise InputError(f"{name}: a sample is not a finite number; leave such samples out or fill them.")
     if np.ptp(alpha) == 0.0:
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
-    noise = np.array([_noise(x, step, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
+    noise = np.array([noise_level(x, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
     return Swing(name, step, angles, start, drive, volts, noise, theta is not None and float(np.ptp(theta)) > 0.0)
 
 

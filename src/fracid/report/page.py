@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError
-from fracid.files import write_text
+from fracid.files import json_number, write_text
 from fracid.report.equations import equations, is_rotary_pendulum
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
@@ -187,7 +187,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple | np.ndarray):
         return [_plain(v) for v in value]
     if isinstance(value, float | np.floating):
-        return float(value) if isfinite(value) else None
+        return json_number(float(value))
     return value
 
 

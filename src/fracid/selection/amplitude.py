@@ -43,16 +43,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
-from fracid.findings import Failure, FailureReason
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
+from fracid.safety.schema import as_json
+from fracid.schemas.comparison import AmplitudeBlock
 from fracid.selection.ladder import FRICTION, ORDER, RUNGS
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import envelope
+from fracid.signals.swing import envelope, swing_period
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -197,13 +198,7 @@ class AmplitudeTest:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
-        return {
-            "friction_in_disguise": self.disguised,
-            "sentences": list(self.sentences),
-            "windows": [_window_json(w) for w in self.windows],
-            "drifts": [_drift_json(d) for d in self.drifts],
-            "notes": list(self.notes),
-        }
+        return as_json(AmplitudeBlock, self)
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> AmplitudeTest:
@@ -215,8 +210,9 @@ class AmplitudeTest:
         >>> AmplitudeTest.of_json(test.to_json()) == test
         True
         """
-        windows = tuple(_window_of(w) for w in said["windows"])
-        return cls(windows, tuple(_drifts(windows)), tuple(said["notes"]))
+        block = AmplitudeBlock.model_validate(said)
+        windows = tuple(Window(**dict(w)) for w in block.windows)
+        return cls(windows, tuple(_drifts(windows)), tuple(block.notes))
 
 
 def amplitude_test(
@@ -302,7 +298,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
         return Failure(FailureReason.DRIVEN, f"{e.name} is driven: it has no amplitude that falls.")
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
-    period = _period(swing)
+    period = _whole_period(swing)
     size = envelope(swing, period)
     floor = max(FLOOR * float(size.max()), COUNTS * (resolution(swing) or 0.0))
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
@@ -316,11 +312,9 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     return list(pairwise(ends))
 
 
-def _period(swing: FloatArray) -> int:
-    """The period of the strongest oscillation of the speed [samples]: it knows of no plateau and no drift."""
-    speed = np.diff(swing)
-    spectrum = np.abs(np.fft.rfft(speed - speed.mean()))
-    return max(2, round(len(speed) / max(1, int(np.argmax(spectrum)))))
+def _whole_period(swing: FloatArray) -> int:
+    """The period [samples], the whole signal where it does not swing."""
+    return max(2, round(min(swing_period(swing), swing.size)))
 
 
 def _piece(
@@ -395,7 +389,7 @@ def _window(
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
     """Order → the mean amplitude of the scored outputs that have it, of all where none has."""
     measured = piece.experiments[0].measured
-    period = _period(measured[:, np.argmax(np.std(measured, axis=0))])
+    period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
     of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
     return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
@@ -455,28 +449,3 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
 
 def _degrees(angle: float) -> str:
     return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
-
-
-# --- as JSON -------------------------------------------------------------------------------------------------
-
-
-def _window_json(w: Window) -> dict[str, Any]:
-    errors = {n: s if math.isfinite(s) else None for n, s in w.standard_errors.items()}
-    return {
-        "recording": w.recording, "from": w.start, "to": w.end, "whole": w.whole, "amplitude": dict(w.amplitude),
-        "orders": dict(w.orders), "standard_errors": errors,
-    }  # fmt: skip
-
-
-def _window_of(said: Mapping[str, Any]) -> Window:
-    errors = {n: math.inf if s is None else float(s) for n, s in said["standard_errors"].items()}
-    return Window(said["recording"], said["from"], said["to"], said["whole"], dict(said["amplitude"]),
-                  dict(said["orders"]), errors)  # fmt: skip
-
-
-def _drift_json(d: Drift) -> dict[str, Any]:
-    return {
-        "order": d.order, "over": d.over, "amplitudes": list(d.amplitudes), "values": list(d.values),
-        "standard_errors": list(d.standard_errors), "probability": d.probability, "explained": d.explained,
-        "change": d.change, "drifts": d.drifts, "sentence": d.sentence,
-    }  # fmt: skip

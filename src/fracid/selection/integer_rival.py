@@ -27,8 +27,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fracid.errors import Failure
 from fracid.estimation.horizons import Watch, growing
-from fracid.findings import Failure
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value

@@ -36,8 +36,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
-from fracid.findings import Failure
+from fracid.errors import Failure, InputError, unknown_name
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction

@@ -29,7 +29,7 @@ from zlib import crc32
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Failure, FailureReason
+from fracid.errors import Failure, FailureReason
 
 __all__ = ["Memo"]
 

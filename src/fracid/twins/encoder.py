@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
-from fracid.findings import Failure
+from fracid.errors import Failure, InputError
 from fracid.problem import Problem
 
 __all__ = ["encoder", "simulated"]

@@ -49,14 +49,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.findings import Failure, Finding
+from fracid.errors import Failure
+from fracid.findings import Finding
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import measure_signal
-from fracid.signals.swing import count_swings, tail
+from fracid.signals.swing import swing_count, swing_period, swing_start, tail
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import FOLLOWS, STEPS_A_PERIOD, linearised, modes, steps_a_period
@@ -171,8 +172,7 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
         x[problem.model.outputs[o]] = value
     found = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
     growth = max((m.real for m in found if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
-    _, period, _ = count_swings(largest_output(e))
-    falls = growth * min(period, len(e.measured)) * e.step > 1
+    falls = growth * min(swing_period(largest_output(e)), len(e.measured)) * e.step > 1
     if "alpha" in posture and any(p.name == "alpha_rest" for p in problem.model.parameters):
         yield from _off_hanging(problem, e, posture["alpha"], falls)
     elif falls:
@@ -188,8 +188,7 @@ def _where_it_stays(y: FloatArray) -> float | None:
         return rest
     late = y[len(y) // 2 :]
     middle = float(np.median(late))
-    count, _, _ = count_swings(late)
-    return middle if count >= SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2 else None
+    return middle if swing_count(late) >= SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2 else None
 
 
 def _off_hanging(problem: Problem, e: Experiment, rest: float, falls: bool) -> Iterator[Finding]:
@@ -314,7 +313,8 @@ def _turned_round(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, 
 def _two_swings(problem: Problem) -> Problem | None:
     """Of the recording, every so many samples, by its rmse; None if nothing swings."""
     e = problem.experiments[0]
-    period, begins = min((count_swings(y)[1:] for y in e.measured.T if np.ptp(y) > 0), default=(math.inf, 0))
+    moving = [y for y in e.measured.T if np.ptp(y) > 0]
+    period, begins = min(((swing_period(y), swing_start(y)) for y in moving), default=(math.inf, 0))
     if not math.isfinite(period) or e.past is not None:
         return None
     every = max(1, round(period / SAMPLES))

@@ -47,8 +47,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, rows_and_scores
-from fracid.findings import Failure, Finding
+from fracid.errors import Failure
+from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian, rows_and_scores
+from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
@@ -64,9 +65,6 @@ MUCH = 0.3
 
 MOVES = 1.0
 """Half intervals by which an order may move."""
-
-SHIFT = 1e-4
-"""Orders that move by less do not matter, however narrow their intervals."""
 
 MOST = 0.6
 """Part of the squares that are left over which one fault may explain; real rigs reach 0.34."""
@@ -160,7 +158,7 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jo
 
 
 def _moves(m: Misreading) -> bool:
-    return m.half_intervals > MOVES and abs(m.shift) > SHIFT
+    return m.half_intervals > MOVES and abs(m.shift) > LEAST_SHIFT
 
 
 def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> list[Misreading]:
