@@ -1,9 +1,59 @@
-"""Settings for the whole suite: property tests repeat themselves, unless asked to explore (make fuzz)."""
+"""Settings for the whole suite, and what is made once a session for all tests.
+
+Property tests repeat themselves, unless asked to explore (make fuzz).
+"""
 
 import os
+import shutil
+import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+import folders
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+UNHURRIED = ("broad", "slow")
+"""Markers of what `make test` leaves out."""
+BUDGET = 5.0
+"""What a test of `make test` may take [s]; who takes longer is listed, for a busy machine is no fault of a test."""
+
+
+def pytest_configure():
+    """Ctrl-C means what it means, here and in each process that is started, also if the shell had it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """List what is too slow for `make test`."""
+    reports = [r for kind in ("", "passed") for r in terminalreporter.getreports(kind)]
+    slow = [r for r in reports if r.duration > BUDGET and not any(name in r.keywords for name in UNHURRIED)]
+    if slow:
+        terminalreporter.section(f"above {BUDGET:g} s: make them shorter, or mark them broad (make test-all)")
+        for report in sorted(slow, key=lambda r: -r.duration):
+            terminalreporter.line(f"{report.duration:6.1f} s {report.when:8} {report.nodeid}")
+
+
+@pytest.fixture(scope="session")
+def plain(tmp_path_factory):
+    """The folder of a project with its run; nobody changes it."""
+    return folders.made_once(folders.plain, tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def two_recordings(tmp_path_factory):
+    """The same of a recording that is fitted and one, driven, that is not."""
+    return folders.made_once(folders.two_recordings, tmp_path_factory)
+
+
+@pytest.fixture
+def sent(plain, tmp_path, monkeypatch):
+    """The run of `plain` in a folder that one stands in, free to be spoilt."""
+    shutil.copytree(plain, tmp_path / "sent")
+    monkeypatch.chdir(tmp_path / "sent")
+    return Path("run")

@@ -16,17 +16,16 @@ from fracid.identification import identify
 from fracid.optimise import EvaluationLog
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 WIDE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
 STEP = 4e-3
 
 
-def twin(name="swing", *, end=3.0, alpha=0.4, orders=(0.9, 0.9, 0.95, 0.95), step=STEP, noise=0.0, seed=1, **options):
-    """A release from `alpha` [rad], known, with white noise [rad]."""
-    run = fracid.simulate(RIG, orders=list(orders), initial={"alpha": alpha}, step=step, end=end, **options)
-    y = run.states[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(run.states), 2))
-    return Experiment(name, step, y, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+def twin(name="swing", **changes):
+    """A release from 0.4 rad, known."""
+    return release(name, **{"end": 3.0, "alpha": 0.4, "step": STEP} | changes)
 
 
 def problem(*experiments, **options):

@@ -13,6 +13,7 @@ import pytest
 import fracid
 from fracid.cli.app import main
 from program import run
+from twins import write_release
 
 PROJECT = """
 [model]
@@ -40,9 +41,8 @@ QUICK = ("--keep", "drag_theta", "--keep", "drag_alpha")
 
 def write_swing(file, angle, seed, end=3.0):
     rig = fracid.rotary_pendulum("stepper-freeswing", coulomb_alpha=5e-5)
-    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": angle}, step=1e-2, end=end)
-    noisy = run.states[:, 2] + 1e-3 * np.random.default_rng(seed).standard_normal(len(run.time))
-    np.savetxt(file, np.column_stack([run.time, noisy]), delimiter=",", header="time,alpha", comments="")
+    write_release(file, rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=angle, step=1e-2, end=end, outputs=("alpha",),
+                  noise=1e-3, seed=seed)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import json
 import math
 
-import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -14,6 +13,7 @@ from fracid.estimation.cost_profile import Profiles
 from fracid.runs.folder import open_folder
 from fracid.selection.comparison import Comparison, Row, Score
 from program import fit_in, run
+from twins import RIG, write_release
 
 PROJECT = """
 [model]
@@ -39,11 +39,7 @@ OF_A_RUN = {"figure1-rig", "figure2-release-20", "figure3-release-20-theta", "fi
 def made(tmp_path_factory):
     """A project with a twin of 2 s, its run with profiles, and the fit itself."""
     folder, fits = tmp_path_factory.mktemp("draw"), []
-    rig = fracid.rotary_pendulum("srv02-rotpen", C1=5e-3)
-    swing = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(swing.time), 2))
-    table = np.column_stack([swing.time, swing.states[:, [0, 2]] + noise])
-    np.savetxt(folder / "swing.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(folder / "swing.csv", RIG.with_parameters(C1=5e-3), alpha=0.35, step=5e-3, end=2.0, noise=1e-3)
     fit_in(folder, PROJECT, lambda fit: fits.append(fit) or ())
     profiles = fracid.profile(fits[0], points=4, joint=("lambda", "mu"))
     (folder / "run" / "profiles.json").write_text(json.dumps(profiles.to_json()), encoding="utf-8")

@@ -13,10 +13,10 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-import fracid
 from fracid.estimation import horizons
 from fracid.workflows import figures
 from program import run
+from twins import write_release
 
 FAST = "[model.orders]\nlambda = 0.9\n"
 RECORDING = """
@@ -34,11 +34,7 @@ FIT = '[fit]\ninitial_state = "held"\n'
 def folder(tmp_path_factory):
     """A folder with a twin of 2 s and a project file."""
     folder = tmp_path_factory.mktemp("fit")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(folder / "swing.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(folder / "swing.csv", alpha=0.35, step=5e-3, end=2.0, noise=1e-3)
     (folder / "rig.toml").write_text(RECORDING + FIT, encoding="utf-8")
     return folder
 

@@ -11,38 +11,18 @@ import numpy as np
 import pytest
 
 from fracid.cli.app import open_page
+from fracid.recording import load_recording
+from fracid.recording.writing import save_recording
 from fracid.safety.paths import kind_of
 from fracid.tasks.journal import resumable
-from program import fit_in, run
-
-PROJECT = """
-[model.orders]
-lambda = 1.0
-mu = { start = 0.95, lower = 0.5, upper = 1.2 }
-[[recording]]
-name = "swing"
-file = "swing.csv"
-initial = { theta = 0.0, alpha = 0.35 }
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-[fit]
-initial_state = "held"
-"""
+from program import run
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(plain, tmp_path_factory):
     """A folder with recordings, a project, its run, and a study's folder."""
-    import fracid
-    from fracid.recording.writing import save_recording
-    from fracid.twins.twin import Twin
-
-    folder = tmp_path_factory.mktemp("next")
-    twin = Twin.of_model(fracid.rotary_pendulum(), orders={"mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=1.0)
-    recording = twin.record(twin.simulate(), noise={"alpha": 1e-3, "theta": 1e-3}, seed=1)
-    for name in ("swing.csv", "swing.mat"):
-        save_recording(recording, folder / name)
-    fit_in(folder, PROJECT)
+    folder = shutil.copytree(plain, tmp_path_factory.mktemp("next") / "plain")
+    save_recording(load_recording(folder / "swing.csv"), folder / "swing.mat")
     (folder / "runs").mkdir()
     shutil.move(folder / "run", folder / "runs" / "rig")
     (folder / "study").mkdir()

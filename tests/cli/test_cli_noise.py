@@ -3,11 +3,10 @@
 import csv
 import json
 
-import numpy as np
 import pytest
 
-import fracid
 from program import fit_in, run
+from twins import write_release
 
 PROJECT = """
 [model.orders]
@@ -31,10 +30,7 @@ QUICK = ("--levels", "0.1", "--counts", "4096", "--executor", "threads")
 def folder(tmp_path_factory):
     """A project with a twin of 2 s, and its run."""
     folder = tmp_path_factory.mktemp("noise")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    np.savetxt(folder / "swing.csv", np.column_stack([run.time, run.states[:, [0, 2]]]), delimiter=",",
-               header="time,theta,alpha", comments="")  # fmt: skip
+    write_release(folder / "swing.csv", alpha=0.35, step=5e-3, end=2.0)
     fit_in(folder, PROJECT)
     return folder
 

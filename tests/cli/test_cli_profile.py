@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-import fracid
 from program import fit_in, run
+from twins import write_release
 
 PROJECT = """
 [model.parameters]
@@ -24,11 +24,7 @@ initial_state = "held"
 
 
 def write_twin(file, seed=1):
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, alpha=0.35, step=5e-3, end=2.0, noise=1e-3, seed=seed)
 
 
 @pytest.fixture(scope="module")

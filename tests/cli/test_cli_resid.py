@@ -8,12 +8,11 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import fracid
 from fracid.cli.app import main
 from program import fit_in
+from twins import RIG, write_release
 
 PROJECT = """
 [model.orders]
@@ -39,11 +38,8 @@ initial_state = "held"
 
 def write_twin(file, seed, **friction):
     """A pendulum with dry friction that the model of the project may lack."""
-    rig = fracid.rotary_pendulum("srv02-rotpen", **friction)
-    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.35}, step=5e-3, end=4.0)
-    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, RIG.with_parameters(**friction), orders={"lambda": 1.0, "mu": 1.0}, alpha=0.35, step=5e-3,
+                  end=4.0, noise=1e-3, seed=seed)  # fmt: skip
 
 
 def fitted(folder, *, lacking):

@@ -12,9 +12,10 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap, resampled
 from fracid.estimation.covariance import residual_bandwidth, uncertainty
 from fracid.estimation.profile_walk import refit
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Free, Problem
 from fracid.problem.costs import COSTS, Cost
 from fracid.tasks.journal import Journal
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 ORDERS = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
@@ -27,9 +28,8 @@ def noise(n, rho, seed, sd=3e-3):
 
 
 def swing(name="swing", rho=0.0, seed=1, mu=0.95, end=4.0):
-    run = fracid.simulate(RIG, orders=[0.9, 0.9, mu, mu], initial={"alpha": 0.3}, step=2e-3, end=end)
-    measured = run.states[:, [0, 2]] + noise(len(run.time), rho, seed)
-    return Experiment(name, 2e-3, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.3})
+    exact = release(name, orders={"lambda": 0.9, "mu": mu}, alpha=0.3, step=2e-3, end=end)
+    return replace(exact, measured=exact.measured + noise(len(exact.measured), rho, seed))
 
 
 def fitted(*swings, **options):

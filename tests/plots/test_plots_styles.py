@@ -19,7 +19,6 @@ from matplotlib.text import Text
 import fracid
 from fracid import plots
 from fracid.errors import InputError
-from fracid.estimation.records import RecordingFit
 from fracid.estimation.starts import Start
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
@@ -28,6 +27,7 @@ from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
 from fracid.selection.comparison import Comparison, Row, Score
 from fracid.validation.unknown_past import CutCheck, Treatment
+from twins import fit_of, release
 
 TIME = np.arange(0, 12, 5e-3)
 SWING = 0.3 * np.exp(-0.2 * TIME) * np.cos(6 * TIME)
@@ -44,15 +44,12 @@ def rig():
 @cache
 def twin():
     swing = {"theta": 0.2 * SWING, "alpha": SWING}
-    return RecordingFit("release 92°", "fit", TIME, {n: y + NOISE for n, y in swing.items()}, swing, 1e-3, {}, {},
-                        zero="hanging")  # fmt: skip
+    return fit_of(swing, dict.fromkeys(swing, NOISE), TIME, "release 92°", zero="hanging")
 
 
 @cache
 def problem():
-    run = fracid.simulate(rig(), orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
-    swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
+    swing = release("twin", rig(), alpha=0.3, step=1e-2, end=2.0, noise=1e-3, known=False)
     return Problem(rig(), (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate")
 
 

@@ -15,6 +15,7 @@ from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.recording import Recording
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 TRUE = {"lambda": 0.9, "mu": 0.95}
@@ -23,11 +24,9 @@ STEP = 4e-3
 OWN = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
 
 
-def twin(name="swing", end=2.0, alpha=0.4, *, rig=RIG, orders=TRUE, known=True, **run):
+def twin(name="swing", end=2.0, alpha=0.4, **options):
     """An exact release from `alpha` [rad], the arm at 0."""
-    run = fracid.simulate(rig, orders=orders, initial={"alpha": alpha}, step=STEP, end=end, **run)
-    initial = {"theta": 0.0, "alpha": alpha} if known else {}
-    return Experiment(name, STEP, run.states[:, [0, 2]], np.zeros((1, 1)), initial=initial)
+    return release(name, step=STEP, end=end, alpha=alpha, **options)
 
 
 def problem(*experiments, **options):

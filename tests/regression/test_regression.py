@@ -13,6 +13,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, regressor, start_values
 from fracid.regression.rows import swing_of
+from twins import states
 
 COUNT = 2 * np.pi / 4096
 RIG = fracid.rotary_pendulum(
@@ -30,11 +31,7 @@ def orders(name):
 
 def run(degrees, name, end=6.0, model=RIG, inputs=None):
     """States every millisecond, solved at a fifth of it."""
-    fine = fracid.simulate(
-        model, orders=orders(name), initial={"alpha": np.radians(degrees)}, step=2e-4, end=end, inputs=inputs
-    )
-    assert fine.completed
-    return fine.states[::5]
+    return states(model, orders=orders(name), alpha=np.radians(degrees), step=1e-3, finer=5, end=end, inputs=inputs)
 
 
 def recording(states, **more):

@@ -13,42 +13,7 @@ import fracid
 from fracid.cli import main
 from fracid.errors import InputError
 from fracid.runs.reproduction import ELSEWHERE, compared
-from program import fit_in, run
-
-PROJECT = """
-[model.orders]
-lambda = 0.9
-mu = { start = 1.0, lower = 0.5, upper = 1.2 }
-[[recording]]
-name = "release 20°"
-file = "swing.csv"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-[fit]
-initial_state = "held"
-"""
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    """A project with a twin of 2 s, and its run."""
-    folder = tmp_path_factory.mktemp("fitted")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    found = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(3).standard_normal((201, 2))
-    rows = np.column_stack([found.time, found.states[:, [0, 2]] + noise])
-    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="time,theta,alpha", comments="")
-    fit_in(folder, PROJECT)
-    return folder
-
-
-@pytest.fixture
-def sent(fitted, tmp_path, monkeypatch):
-    """The same in a folder to be changed."""
-    shutil.copytree(fitted, tmp_path / "sent")
-    monkeypatch.chdir(tmp_path / "sent")
-    return tmp_path / "sent" / "run"
+from program import RELEASE, run
 
 
 def edited(path, change):
@@ -76,8 +41,8 @@ def older(result):
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 8])
-def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(fitted, jobs):
-    found = fracid.reproduce(fitted / "run", jobs=jobs)
+def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, jobs):
+    found = fracid.reproduce(plain / "run", jobs=jobs)
     assert found.differences == ()
     assert (found.identical, found.reproduced, found.changed) == (True, True, {})
     assert found.values > 100
@@ -140,7 +105,7 @@ def another_recording(sent):
         (another_recording, "is not the one that"),
         (lambda sent: (sent / "result.json").unlink(), "was finished, but its result.json cannot be read"),
         (lambda sent: (sent / "run.json").unlink(), "has no run.json"),
-        (lambda sent: (sent / "project.toml").write_text(PROJECT.replace("swing", "swung")), "cannot be read as"),
+        (lambda sent: (sent / "project.toml").write_text(RELEASE.replace("swing", "swung")), "cannot be read as"),
     ],
 )
 def test_what_cannot_be_done_again_is_told(capsys, sent, spoil, message):
@@ -154,17 +119,18 @@ def test_what_cannot_be_done_again_is_told(capsys, sent, spoil, message):
 
 
 @pytest.fixture(scope="module")
-def studied(fitted):
+def studied(plain, tmp_path_factory):
     """A noise study of two repetitions, in threads."""
+    folder = shutil.copytree(plain, tmp_path_factory.mktemp("studied") / "plain")
     words = ["noise", "run", "--levels", "0.1", "--counts", "0", "--seeds", "2", "--executor", "threads"]
     words += ["--out", "noise"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(fitted)
+        patch.chdir(folder)
         patch.setattr(sys, "argv", ["fracid", *words])
         with pytest.raises(SystemExit) as stop:
             main(words)
     assert not stop.value.code
-    return fitted / "noise"
+    return folder / "noise"
 
 
 @pytest.mark.parametrize("spoiled", [False, True])

@@ -10,12 +10,12 @@ from contextlib import contextmanager, nullcontext
 import numpy as np
 import pytest
 
-import fracid
 from fracid.cli import fit as fit_command
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, run_state
 from fracid.tasks.simulation_cache import Memo
+from twins import write_release
 
 PROJECT = """
 [model]
@@ -57,11 +57,7 @@ command.run_fit(Path(sys.argv[1]), Path(sys.argv[2]), preset=None, optimiser=Non
 def project(tmp_path_factory):
     """A short swing and a project file beside it."""
     folder = tmp_path_factory.mktemp("project")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=3.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((301, 2))
-    theta, alpha = (run.states[:, [0, 2]] + noise).T
-    np.savez(folder / "swing.npz", time=0.01 * np.arange(301), theta=theta, alpha=alpha)
+    write_release(folder / "swing.npz", alpha=0.3, step=0.01, end=3.0, noise=1e-3)
     (folder / "rig.toml").write_text(PROJECT)
     return folder / "rig.toml"
 

@@ -5,7 +5,6 @@ import io
 import json
 import shutil
 from html.parser import HTMLParser
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -21,27 +20,10 @@ from fracid.estimation.records import RecordingFit
 from fracid.export.table import _csv
 from fracid.plots import appearance
 from fracid.safety.text import csv_cell, json_text, printable
-from program import RELEASE, fit_in, run
+from program import run
 
 EVIL = "\"'><img src=x onerror=alert(1)></script><script>alert(2)</script> [red]{{7*7}} $\\frac{ \\input{x} ${run} =1+1"
 TERMINAL = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202eevil\u2066\x7f"
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fitted")
-    time = np.arange(0.0, 2.0, 0.01)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 200))
-    np.savez(folder / "swing.npz", time=time, theta=noise[0], alpha=0.35 * np.cos(6 * time) + noise[1])
-    fit_in(folder, RELEASE)
-    return folder
-
-
-@pytest.fixture
-def sent(fitted, tmp_path, monkeypatch):
-    shutil.copytree(fitted, tmp_path / "sent")
-    monkeypatch.chdir(tmp_path / "sent")
-    return Path("run")
 
 
 # --- the page ----------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
 from program import run
+from twins import write_release
 
 # --- recordings that are mangled as real ones are ------------------------------------------------------
 
@@ -176,10 +177,7 @@ initial_state = "rest"
 def project(tmp_path_factory):
     """A short swing and a project file beside it."""
     folder = tmp_path_factory.mktemp("project")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    swing = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=2.0)
-    theta, alpha = (swing.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))).T
-    np.savez(folder / "swing.npz", time=0.01 * np.arange(201), theta=theta, alpha=alpha)
+    write_release(folder / "swing.npz", orders={"lambda": 1.0, "mu": 0.95}, alpha=0.3, step=0.01, end=2.0, noise=1e-3)
     (folder / "rig.toml").write_text(PROJECT)
     return folder / "rig.toml"
 

@@ -12,7 +12,6 @@ from importlib.metadata import distribution, requires
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -23,6 +22,7 @@ from fracid.cli.resume import ASKED
 from fracid.errors import InputError
 from fracid.safety.text import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
 from program import run
+from twins import angles, write
 
 PACKAGE = Path(fracid.__file__).parent
 ROOT = Path(__file__).parents[2]
@@ -200,12 +200,8 @@ def hostile(tmp_path_factory):
     outer = tmp_path_factory.mktemp("outer")
     (outer / "a" / "b").mkdir(parents=True)
     folder = outer / "a" / "b"
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    found = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
-    rows = np.column_stack([found.time, found.states[:, [0, 2]] + noise])
-    np.savetxt(folder / FILE, rows, delimiter=",", header="time,theta [x](y),\x1b[31malpha\u202e<b>", comments="",
-               encoding="utf-8")  # fmt: skip
+    y = angles(alpha=0.35, step=1e-2, end=2.0, noise=1e-3)
+    write(folder / FILE, y, 1e-2, ("theta [x](y)", "\x1b[31malpha\u202e<b>"))
     (folder / "rig.toml").write_text(project_of(HOSTILE, OUTSIDE), encoding="utf-8")
     return outer
 

@@ -19,6 +19,7 @@ from fracid.selection.ladder import held, ladder, unseen
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
+from twins import release
 
 RIG = fracid.rotary_pendulum("stepper-freeswing")  # its arm is clamped: one degree of freedom
 C1 = RIG.parameter("C1").value
@@ -29,10 +30,9 @@ INERTIA = {"C1": Free(C1, 0.3 * C1, 3 * C1)}
 def swing(angle=0.6, mu=1.0, *, dry=0.0, drag=0.0, rest=0.0, noise=1e-3, seed=1, end=3.0, name=None):
     """A free swing of that order and friction, with white noise [rad]."""
     parameters = {"b_alpha": 1e-5, "coulomb_alpha": dry, "drag_alpha": drag, "alpha_rest": rest}
-    run = fracid.simulate(RIG, orders={"lambda": 1.0, "mu": mu}, parameters=parameters,
-                          initial={"alpha": angle + rest}, step=1e-2, end=end)  # fmt: skip
-    y = run.states[:, [2]] + noise * np.random.default_rng(seed).standard_normal((len(run.time), 1))
-    return Experiment(name or f"{angle} rad", 1e-2, y, np.zeros((1, 1)))
+    return release(name or f"{angle} rad", RIG, orders={"lambda": 1.0, "mu": mu}, parameters=parameters,
+                   alpha=angle + rest, step=1e-2, end=end, outputs=("alpha",), noise=noise, seed=seed,
+                   known=False)  # fmt: skip
 
 
 def problem(*fitted, **options):

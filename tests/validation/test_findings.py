@@ -21,9 +21,9 @@ from fracid.solver.memory import compressed, full, short
 from fracid.validation.after_search import after, noisy_start
 from fracid.validation.before_search import _most_moved, before
 from fracid.validation.sensor_faults import FORMS, misreadings
+from twins import COUNT, angles
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
-COUNT = 2 * np.pi / 4096
 ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
 FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
 C1 = FREE["C1"].start
@@ -34,11 +34,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "honesty.md"
 
 def release(alpha=0.6, end=8.0, model=RIG, step=STEP, inputs=None, orders=(0.95, 0.97), seed=1):
     """θ and α of a release, as encoders of 4096 counts a turn read them with a little noise [rad], shape (n, 2)."""
-    run = fracid.simulate(model, orders=dict(zip(("lambda", "mu"), orders, strict=True)), initial={"alpha": alpha},
-                          step=step, end=end, inputs=inputs)  # fmt: skip
-    assert run.completed
-    noise = 5e-4 * np.random.default_rng(seed).standard_normal((len(run.states), 2))
-    return COUNT * np.rint((run.states[:, [0, 2]] + noise) / COUNT)
+    return angles(model, orders=dict(zip(ORDERS, orders, strict=True)), alpha=alpha, step=step, end=end, inputs=inputs,
+                  noise=5e-4, seed=seed, counts=True)  # fmt: skip
 
 
 def problem(y, model=RIG, step=STEP, inputs=None, **options):

@@ -17,11 +17,11 @@ from scipy.signal import lfilter
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.records import RecordingFit
 from fracid.plots import residual_diagnostics, save
 from fracid.signals.correlation import autocorrelation, correlation_time, power_spectrum
 from fracid.validation.residual_sentences import NORMAL
 from fracid.validation.residuals import residual_analysis
+from twins import fit_of
 
 N, STEP = 20_000, 1e-3
 TIME = STEP * np.arange(N)
@@ -41,9 +41,7 @@ def twin(residual, fitted=None, **changes):
     """A recording with that residual [rad]."""
     n = residual.size
     fitted = FITTED[:n] if fitted is None else fitted
-    recording = RecordingFit("twin", "fit", STEP * np.arange(n), {"alpha": fitted + residual}, {"alpha": fitted},
-                             1e-3, {}, {})  # fmt: skip
-    return replace(recording, **changes)
+    return replace(fit_of({"alpha": fitted}, {"alpha": residual}, STEP * np.arange(n)), **changes)
 
 
 def analysed(residual, fitted=None, resolution=NOWHERE):

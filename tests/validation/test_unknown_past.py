@@ -9,9 +9,10 @@ import pytest
 import fracid
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, refined
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Free, Problem
 from fracid.problem.costs import cost_from_name
 from fracid.validation.unknown_past import CutCheck, Treatment, cut_check, whole_records
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", b_theta=1e-2, b_alpha=3e-4)
 STEP, PLATEAU = 5e-3, 0.5
@@ -19,13 +20,10 @@ TRUE = {"lambda": 0.9, "mu": 0.95}
 FREE = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
 
 
-def twin(orders=TRUE, noise=1e-4, end=5.0, degrees=60, rig=RIG, plateau=PLATEAU):
+def twin(orders=TRUE, noise=1e-4, end=5.0, plateau=PLATEAU):
     """A release after a held plateau, from the record's first sample on."""
-    run = fracid.simulate(rig, orders=orders, initial={"alpha": np.radians(degrees)}, step=STEP / 4, end=end)
-    swing = run.states[::4, [0, 2]]
-    swing = np.vstack([np.tile(swing[0], (round(plateau / STEP), 1)), swing])
-    noise = noise * np.random.default_rng(1).standard_normal(swing.shape)
-    return Experiment("twin", STEP, swing + noise, np.zeros((1, 1)))
+    return release("twin", RIG, orders=orders, alpha=np.radians(60), step=STEP, end=end, finer=4, plateau=plateau,
+                   noise=noise, known=False)  # fmt: skip
 
 
 def cut(whole, at, past=False):
