@@ -6,6 +6,7 @@ Property tests repeat themselves, unless asked to explore (make fuzz).
 import os
 import shutil
 import signal
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,13 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 UNHURRIED = ("broad", "slow")
 """Markers of what `make test` leaves out."""
+PROGRAMS = {"browser", "in_octave"}
+"""Fixtures that start another's program: who takes one is broad."""
+LONG_DOCTESTS = (
+    "identification.identify", "noise.noise_levels", "sensor_faults.misread", "comparison.compare",
+    "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test",
+)  # fmt: skip
+"""Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0
 """What a test of `make test` may take [s]; who takes longer is listed, for a busy machine is no fault of a test."""
 
@@ -27,6 +35,22 @@ def pytest_configure():
     """Ctrl-C means what it means, here and in each process that is started, also if the shell had it ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)  # before what is not asked for is left out
+def pytest_collection_modifyitems(items):
+    """Mark what is broad: of the variants of a test all but those that ``few`` keeps, spread evenly, and the rest."""
+    variants = defaultdict(list)
+    for item in items:
+        if PROGRAMS & set(getattr(item, "fixturenames", ())) or item.name.endswith(LONG_DOCTESTS):
+            item.add_marker("broad")
+        if item.get_closest_marker("few"):
+            variants[item.parent.nodeid, item.originalname].append(item)
+    for of_one in variants.values():
+        kept = of_one[0].get_closest_marker("few").args[0]
+        at = {round(k * (len(of_one) - 1) / max(kept - 1, 1)) for k in range(kept)}
+        for item in (item for k, item in enumerate(of_one) if k not in at):
+            item.add_marker("broad")
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -59,6 +59,7 @@ def test_orders_and_constants_are_found_together():
     assert not fit.parameters["C3"].free
 
 
+@pytest.mark.broad
 def test_the_start_of_a_swing_and_what_each_recording_has_for_itself_are_found():
     rigs = {"a": 0.05, "b": -0.03}
     swings = []
@@ -77,6 +78,7 @@ def test_the_start_of_a_swing_and_what_each_recording_has_for_itself_are_found()
         assert fit.recordings[name].initial["theta"].free
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(COSTS))
 def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
     fit = identify(problem(twin(noise=2e-3), cost_function=COSTS[name]))
@@ -259,6 +261,7 @@ def test_nothing_free_is_told():
 INTEGER = {"orders": (1.0, 1.0, 1.0, 1.0), "step": 1e-3, "end": 5.0, "alpha": 0.17}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so(cost):
     # 20 s at 1 kHz, exact and of order 1: Euler's growth is balanced by orders below 1
@@ -274,6 +277,7 @@ def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so
     assert fit.discretisation.orders["lambda"] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("method", ["gl", "gl-paper"])
 def test_a_first_order_fit_of_a_twin_carries_its_check_into_the_result(method):
     twin_of_order_one = twin(noise=1e-3, **INTEGER | {"end": 10.0})
@@ -319,6 +323,7 @@ def test_a_bound_that_is_reached_is_told():
     assert "lambda lies at its bound: 0.95; widen it, or the model lacks something." in fit.warnings
 
 
+@pytest.mark.broad
 def test_confounded_constants_are_named_in_the_result():
     names = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
     fit = identify(problem(twin(noise=1e-3), parameters=free(0.3, 3.0, 1.0, *names)), options={})

@@ -32,6 +32,7 @@ def test_every_fault_of_the_page_is_made(script):
     assert set(re.findall(r"^\| `([a-z-]+)`", page, flags=re.M)) - LEFT_OUT == {f.code for f in script.FAULTS}
 
 
+@pytest.mark.broad
 def test_a_twin_without_a_fault_has_no_finding_and_its_orders_are_the_truth(script):
     said = script.ask(script.TWINS[0].problem(), ())
     assert said.findings == ()

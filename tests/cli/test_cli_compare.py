@@ -115,6 +115,7 @@ def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folde
 # --- going on -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_same_command_goes_on_from_its_journal_and_ends_the_same(capsys, folder):
     journal, result = folder / "run" / "journal.jsonl", folder / "run" / "compare.json"
     whole, before = journal.read_bytes(), result.read_bytes()

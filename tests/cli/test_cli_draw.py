@@ -56,6 +56,7 @@ def content(figure):
 # --- what it draws -----------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_of_a_run_it_draws_everything_for_a_journal_as_pdf(capsys, made, monkeypatch):
     folder, drawn = made[0], {}
 
@@ -84,6 +85,7 @@ def test_a_new_run_takes_the_figures_of_the_old_one_away(made, tmp_path):
     assert not [path for path in (folder / "figures").rglob("*.*") if path.is_file()]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("what", "words", "written"),
     [
@@ -138,6 +140,7 @@ def test_mistakes_are_said_with_what_to_give(capsys, tmp_path, monkeypatch, word
 # --- the same from the folder as from the session ------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "draw",
     [

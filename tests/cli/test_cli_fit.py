@@ -143,6 +143,7 @@ def test_options_replace_what_the_file_says(capsys, project, tmp_path):
     assert (content["optimiser"], content["seed"]) == ("least-squares", 9)
 
 
+@pytest.mark.broad
 def test_many_starts_have_their_line_their_figure_and_their_place_in_the_result(capsys, project, tmp_path):
     _, out, _ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--multi-start", 3, "--out", tmp_path)
     assert "starts: 3 of 3 came to the lowest cost; the lowest is that of the start" in out
@@ -152,6 +153,7 @@ def test_many_starts_have_their_line_their_figure_and_their_place_in_the_result(
     assert result["start_that_won"] in {s["origin"] for s in result["starts"]}
 
 
+@pytest.mark.broad
 @pytest.mark.usefixtures("undrawn")
 def test_many_starts_run_on_processes_and_an_executor_without_them_is_refused(capsys, project, undrawn, tmp_path):
     path = project(FAST + RECORDING + FIT)
@@ -166,6 +168,7 @@ def test_many_starts_run_on_processes_and_an_executor_without_them_is_refused(ca
     assert "are for many starts; say how many: --multi-start N" in err
 
 
+@pytest.mark.broad
 def test_multi_start_replaces_the_files_starts_and_optimiser(capsys, project, tmp_path):
     path = project(FAST + RECORDING + FIT + 'starts = 4\noptimiser = "genetic"\n')
     _, out, _ = run(capsys, "fit", path, "--multi-start", 2, "--out", tmp_path, "--json")
@@ -173,6 +176,7 @@ def test_multi_start_replaces_the_files_starts_and_optimiser(capsys, project, tm
     assert (content["optimiser"], len(content["starts"])) == ("multistart", 2)
 
 
+@pytest.mark.broad
 def test_a_record_that_begins_in_motion_is_cut_elsewhere_where_that_is_asked_for(capsys, project, tmp_path):
     moving = RECORDING.replace("initial =", "from = 0.2\n# initial =") + '[fit]\ninitial_state = "estimate"\n'
     path = project("[model.orders]\nlambda = 0.9\nmu = { start = 0.9, lower = 0.5, upper = 1.2 }\n" + moving)
@@ -188,6 +192,7 @@ def test_a_record_that_begins_in_motion_is_cut_elsewhere_where_that_is_asked_for
     assert (tmp_path / "run" / "figures" / "cut.svg").exists()
 
 
+@pytest.mark.broad
 def test_a_validation_recording_is_drawn_and_listed(capsys, project, tmp_path):
     second = RECORDING.replace("release 20°", "held out") + 'use = "validate"\n'
     _, out, _ = run(capsys, "fit", project(FAST + RECORDING + second + FIT), "--out", tmp_path)
@@ -245,6 +250,7 @@ def test_what_cannot_be_is_a_sentence_and_an_exit_code(capsys, folder, project, 
     assert "Traceback" not in err
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("constants", ["C3 = 0.1", "b_alpha = -0.5"])
 def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, project, tmp_path, constants):
     path = project(f"[model.parameters]\n{constants}\n" + FAST + RECORDING + FIT)
@@ -255,6 +261,7 @@ def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, projec
     assert json.loads((tmp_path / "result.json").read_text())["cost"]["value"] is None
 
 
+@pytest.mark.broad
 def test_a_value_at_its_bound_is_shown_as_that_bound_and_kept_as_it_was_found(capsys, project, tmp_path):
     text = "[model.orders]\nlambda = 0.9\nmu = 0.95\n"
     text += "[model.parameters]\ndrag_alpha = { start = 1e-4, lower = 0.0, upper = 0.1 }\n"  # there is none
@@ -284,6 +291,7 @@ model = Model(name="decay", rhs=rhs, states=("y",), orders=("q",), outputs={"y":
 """
 
 
+@pytest.mark.broad
 def test_a_model_whose_order_has_no_integer_value_has_no_rival_and_the_fit_says_so(capsys, tmp_path):
     t = np.arange(0, 4, 0.02)
     np.savetxt(tmp_path / "y.csv", np.column_stack([t, np.exp(-t)]), delimiter=",", header="t,y", comments="")
@@ -340,6 +348,7 @@ def test_a_wrong_option_is_told(capsys, folder, monkeypatch, arguments, message)
     assert message in err
 
 
+@pytest.mark.broad
 def test_an_interrupted_search_ends_with_1_and_keeps_its_best(capsys, project, tmp_path, monkeypatch):
     module, calls = horizons, []
 
@@ -373,6 +382,7 @@ def test_the_program_says_what_is_wrong_without_a_traceback(folder):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_ctrl_c_ends_the_program_with_1_and_its_result(folder, tmp_path):
     path = tmp_path / "long.toml"  # a search that would take a minute
@@ -391,6 +401,7 @@ def test_ctrl_c_ends_the_program_with_1_and_its_result(folder, tmp_path):
     assert json.loads((tmp_path / "run" / "result.json").read_text())["outcome"].startswith("interrupted")
 
 
+@pytest.mark.broad
 def test_a_fit_without_a_genetic_algorithm_does_not_import_one(folder, tmp_path):
     code = (
         "import sys\nfrom fracid.cli import main\n"
@@ -401,6 +412,7 @@ def test_a_fit_without_a_genetic_algorithm_does_not_import_one(folder, tmp_path)
     assert done.stderr.splitlines()[-1] == "0"
 
 
+@pytest.mark.broad
 def test_the_demo_runs_its_three_parts_and_says_that_nothing_was_measured(capsys, tmp_path, monkeypatch):
     from fracid.cli import demo
 
@@ -418,6 +430,7 @@ def test_the_demo_runs_its_three_parts_and_says_that_nothing_was_measured(capsys
     assert (tmp_path / "reference" / "figures" / "cost-over-orders.svg").exists()
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_a_process_beside_draws_is_what_is_drawn_here(capsys, project, tmp_path, jobs):
     path = project(FAST + RECORDING + FIT)
@@ -445,6 +458,7 @@ class DeadProcess:
         pass
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("before", [False, True])
 def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch, before):
     monkeypatch.setattr(concurrent.futures, "ProcessPoolExecutor", lambda *_: DeadProcess(before))

@@ -34,6 +34,7 @@ def completed(capsys, monkeypatch, words, shell="bash"):
         return run(capsys)[1]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
@@ -93,6 +94,7 @@ def test_the_words_of_the_completion_are_those_of_the_tables():
     assert set(RECORDINGS) == set(READERS)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_completion_of_each_shell_can_be_shown(shell):
     command = [sys.executable, "-c", "from fracid.cli import main; main()", "--show-completion"]
@@ -195,6 +197,7 @@ def swing(tmp_path_factory):
     return file
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_the_help_is_coloured_on_a_terminal_alone_never_with_no_color_and_never_wider(capsys, monkeypatch, command):
     words = [w for w in (command, "--help") if w]
@@ -222,6 +225,7 @@ def test_what_a_command_prints_is_coloured_on_a_terminal_alone_and_never_with_no
     assert not ESCAPE.search(shown(monkeypatch, words, TERM="dumb"))
 
 
+@pytest.mark.broad
 def test_through_a_pipe_there_is_no_colour_unless_it_is_forced(monkeypatch, swing):
     words = ["check", str(swing)]
     assert not ESCAPE.search(shown(monkeypatch, words, terminal=False))

@@ -95,6 +95,7 @@ MISTAKES = {
 """What is typed → what the sentence must hold."""
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_told_with_what_to_type(capsys, folder, words):
     code, out, err = run(capsys, *words.split())
@@ -172,6 +173,7 @@ def test_check_init_fit_and_on_are_led_to_by_what_is_printed(capsys, folder, tmp
     assert (tmp_path / "my swing.toml").exists()
 
 
+@pytest.mark.broad
 def test_a_fit_and_what_is_done_with_it_lead_on(capsys, folder):
     from fracid.cli.app import new_console
     from fracid.cli.fit import Ran, _say_next
@@ -231,6 +233,7 @@ def test_the_report_says_where_it_is_if_no_browser_takes_it(capsys, folder, monk
     assert f"Open {(folder / 'page.html').as_uri()}." in err
 
 
+@pytest.mark.broad
 def test_python_m_fracid_says_the_same(folder):
     command = [sys.executable, "-m", "fracid", "fit", "swing.csv"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)

@@ -53,6 +53,7 @@ def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):
     assert (where / "figures" / "noise.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.broad
 def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp_path):
     code, out, err = run(capsys, "noise", folder / "rig.toml", "--seeds", "2", *QUICK, "--out", tmp_path, "--json")
     record = json.loads(out)
@@ -62,6 +63,7 @@ def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp
     assert (record["optimiser"], record["cost"], record["seeds"]) == ("multistart", "rmse", 2)
 
 
+@pytest.mark.broad
 def test_more_seeds_and_levels_go_on_from_what_is_done(capsys, folder, tmp_path):
     few = ("noise", folder / "run", "--out", tmp_path, "--executor", "threads", "--counts", "4096", "--json")
     _, out, _ = run(capsys, *few, "--seeds", "2", "--levels", "0.1")
@@ -75,6 +77,7 @@ def test_more_seeds_and_levels_go_on_from_what_is_done(capsys, folder, tmp_path)
     assert first.items() <= json.loads(out)["repetitions"].items()
 
 
+@pytest.mark.broad
 def test_another_study_in_the_same_folder_is_refused(capsys, folder, tmp_path):
     same = ("noise", folder / "run", "--out", tmp_path, "--seeds", "1", *QUICK)
     assert run(capsys, *same)[0] == 0
@@ -83,6 +86,7 @@ def test_another_study_in_the_same_folder_is_refused(capsys, folder, tmp_path):
     assert 'cost was "rmse" and is "itae"' in err
 
 
+@pytest.mark.broad
 def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
     code, out, _ = run(capsys, "noise", folder / "run", "--seeds", "1", *QUICK, "--out", tmp_path, "--json", "--cost",
                        "iae", "--optimiser", "genetic")  # fmt: skip
@@ -91,6 +95,7 @@ def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
     assert (record["optimiser"], record["cost"]) == ("genetic", "iae")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

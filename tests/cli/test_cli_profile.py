@@ -74,6 +74,7 @@ def test_every_interval_says_its_method_and_every_unknown_its_verdict(capsys, fo
     assert record["bootstrap"]["method"].endswith("one-step")
 
 
+@pytest.mark.broad
 def test_a_project_is_fitted_first_and_two_unknowns_are_profiled_together(capsys, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = ["--parameter", "mu", "--parameter", "b_alpha", "--joint", "mu, b_alpha", "--points", 5]
@@ -85,6 +86,7 @@ def test_a_project_is_fitted_first_and_two_unknowns_are_profiled_together(capsys
     assert np.shape(record["joint"]["rise"]) == (5, 5)
 
 
+@pytest.mark.broad
 def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     table = np.loadtxt(tmp_path / "swing.csv", delimiter=",", skiprows=1)
@@ -105,6 +107,7 @@ def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(caps
     assert record["spread"]["recordings"] == ["release 20°", "slow"]
 
 
+@pytest.mark.broad
 def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     (tmp_path / "arm.toml").write_text('[model]\nrig = "stepper-freeswing"\n' + PROJECT, encoding="utf-8")
@@ -116,6 +119,7 @@ def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     assert "flat" in out
 
 
+@pytest.mark.broad
 def test_profiles_json_is_the_same_for_any_jobs(capsys, folder, tmp_path):
     found = []
     for jobs in (1, 3):

@@ -105,6 +105,7 @@ def test_json_holds_the_same_and_out_writes_it(capsys, folder, tmp_path):
     assert found["amplitude"] == pytest.approx(np.radians(60), rel=0.15)
 
 
+@pytest.mark.broad
 def test_an_order_that_is_not_given_is_searched_and_becomes_a_start(capsys, folder):
     found = record(capsys, folder / "rig.toml", "--order", "lambda=0.95")
     low, high = found["orders"]["mu"]["interval95"]
@@ -161,6 +162,7 @@ def test_a_start_in_motion_is_not_searched_for_orders_and_the_release_mends_it(c
     assert whole.time[0] == 0.0
 
 
+@pytest.mark.broad
 def test_an_arm_that_is_not_scored_is_left_out(capsys, folder):
     code, out, _ = run(capsys, folder / "alone.toml", *GIVEN, "--json")
     found = json.loads(out)
@@ -175,6 +177,7 @@ def test_ties_are_let_go_and_it_says_so(capsys, folder):
     assert found["parameters"]["C3"]["value"] == pytest.approx(TRUE["C3"], rel=0.03)
 
 
+@pytest.mark.broad
 def test_several_recordings_are_taken_together_or_each_by_itself(capsys, folder):
     both = record(capsys, folder / "two.toml", *GIVEN)
     each = record(capsys, folder / "two.toml", *GIVEN, "--each")

@@ -97,6 +97,7 @@ def test_of_a_right_model_noise_is_left_of_every_recording_and_output(capsys, go
             assert found["normality"]["ppcc"] > 0.985
 
 
+@pytest.mark.broad
 def test_the_figures_go_into_the_folder(capsys, good, tmp_path):
     code, out, _ = run(
         capsys, "resid", good / "run", "--recording", "release 20°", "--output", "alpha", "--out", tmp_path

@@ -83,6 +83,7 @@ def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
         assert np.all(drawn.standard_error > 2 * known.white)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
     p, x = fitted(swing(rho=0.5, end=2.0), cost_function=COSTS[cost])
@@ -113,6 +114,7 @@ def test_the_seed_decides_and_jobs_do_not():
     assert not np.array_equal(one.draws, other.draws)
 
 
+@pytest.mark.broad
 def test_refits_are_the_same_in_other_processes_and_none_is_done_twice(tmp_path):
     p, x = fitted(swing(end=1.0))
     same = {"variant": "refit", "draws": 4, "seed": 1}

@@ -49,6 +49,7 @@ def eight():
 # --- the starts -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
     kinds = [s.origin.split()[0] for s in eight.starts]
     assert kinds == ["given", "regression", *["Sobol"] * 6]
@@ -58,6 +59,7 @@ def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
     assert sobol == sorted(sobol)
 
 
+@pytest.mark.broad
 def test_initial_states_stay_as_measured(eight):
     at = [i for i, u in enumerate(eight.problem.unknowns) if u.kind == "initial"]
     assert len(at) == 4
@@ -65,6 +67,7 @@ def test_initial_states_stay_as_measured(eight):
         assert start.point[at].tolist() == eight.problem.start[at].tolist()
 
 
+@pytest.mark.broad
 def test_most_starts_of_a_stiff_problem_come_to_the_truth(eight):
     assert eight.recordings["twin"].rmse["alpha"] == pytest.approx(1e-3, rel=0.1)
     costs = [final_cost(s, eight.starts) for s in eight.starts]
@@ -74,6 +77,7 @@ def test_most_starts_of_a_stiff_problem_come_to_the_truth(eight):
         assert low - (high - low) < true < high + (high - low)
 
 
+@pytest.mark.broad
 def test_what_became_of_each_start_is_in_the_result(eight):
     content = json.loads(json.dumps(eight.to_json(), allow_nan=False))
     assert len(content["starts"]) == 8
@@ -86,6 +90,7 @@ def test_what_became_of_each_start_is_in_the_result(eight):
     assert won(eight.starts).cost == eight.cost
 
 
+@pytest.mark.broad
 def test_the_result_is_the_same_for_any_number_of_threads():
     p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"]})
     one, three = (identify(p, starts=4, jobs=jobs) for jobs in (1, 3))
@@ -99,6 +104,7 @@ def test_the_seed_decides_the_sobol_points():
     assert points[0] == points[1] != points[2]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("starts", [2, 4])
 def test_many_starts_never_end_above_one(starts):
     p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
@@ -112,6 +118,7 @@ def test_where_the_regression_does_not_apply_sobol_points_take_its_place():
     assert [s.origin.split()[0] for s in made] == ["given", "Sobol", "Sobol"]
 
 
+@pytest.mark.broad
 def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
     p, calls = stiff(swing(end=3.0)), []
 
@@ -222,6 +229,7 @@ def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
 # --- starts that know nothing of each other ----------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum_of_those_together(tmp_path):
     p = stiff(swing(end=2.0))
     found = {}

@@ -151,6 +151,7 @@ STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controlle
 IN_C = [n for n in VARIANTS if "past" not in n and n != STEPPED_TOGETHER]
 
 
+@pytest.mark.few(3)
 @compiler
 @pytest.mark.parametrize("name", IN_C)
 def test_the_c_function_steps_as_fracid_does(tmp_path, name):
@@ -211,6 +212,7 @@ def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
             np.testing.assert_array_equal(recording["residual"][output], ours.residual(output))
 
 
+@pytest.mark.broad
 @octave
 def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exported):
     folder, _ = exported

@@ -201,6 +201,7 @@ def test_the_encoder_step_is_drawn_where_it_is_known():
         assert "encoder" not in words(residual_plots(twin(200), "alpha", resolution=unknown))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("residual", "said"),
     [
@@ -284,6 +285,7 @@ def test_runs_that_nearly_diverge_do_not_take_the_colours_from_the_valley():
     assert {"×2", "×10", "×50"} <= set(said)
 
 
+@pytest.mark.broad
 def test_diverging_runs_are_hatched_and_named():
     costs = np.where(MU > 1.0, np.inf, VALLEY)
     costs[0, 0] = np.nan
@@ -293,6 +295,7 @@ def test_diverging_runs_are_hatched_and_named():
     assert "diverges" not in words(cost_plane(LAMBDA, MU, VALLEY))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("cost", "said"),
     [
@@ -339,6 +342,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("make", FIGURES.values(), ids=FIGURES)
 def test_files_are_small_and_the_same_each_time(make, tmp_path):
     first, second = save(make(), tmp_path / "a", "figure"), save(make(), tmp_path / "b", "figure")
@@ -350,6 +354,7 @@ def test_files_are_small_and_the_same_each_time(make, tmp_path):
     assert imread(first[1]).std() > 0.02  # not an empty sheet
 
 
+@pytest.mark.broad
 def test_threads_draw_the_same_files(tmp_path):
     def draw(name):
         save(fitted_over_time(twin(2000)), tmp_path / name, "figure")
@@ -416,6 +421,7 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
         save(Figure(), tmp_path / "file", "figure")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["$x_1", "a\nb", "50 % {x} \\alpha ^2", "Masse 振子", "long " * 60, ""])
 def test_any_name_of_a_recording_can_be_drawn(name, tmp_path):
     recording = twin(50, name=name)
@@ -430,6 +436,7 @@ def test_an_output_of_any_name_can_be_drawn(tmp_path):
     save(fitted_over_time(replace(recording, measured=odd, fitted=odd)), tmp_path, "figure")
 
 
+@pytest.mark.broad
 def test_drawing_does_not_touch_pyplot():
     code = (
         "import sys, tempfile, numpy as np; from fracid.plots import cost_plane, save;"
@@ -439,6 +446,7 @@ def test_drawing_does_not_touch_pyplot():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.broad
 def test_importing_the_module_does_not_import_matplotlib():
     code = "import sys, fracid.plots; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -131,6 +131,7 @@ def test_all_figures_are_looked_at_here():
 # --- a journal's columns -----------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):
     width, height = 25.4 * drawn(name, "journal").get_size_inches()
@@ -154,6 +155,7 @@ def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
             assert (widths[widths > 0] >= 0.5 - 1e-9).all(), part
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_has_letters_and_no_heading(name):
     screen, journal = drawn(name), drawn(name, "journal")
@@ -258,6 +260,7 @@ def written(tmp_path_factory):
     return folders
 
 
+@pytest.mark.broad
 def test_two_processes_write_the_same_bytes(written):
     one, other = written
     names = sorted(path.name for path in one.iterdir())

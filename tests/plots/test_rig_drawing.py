@@ -151,6 +151,7 @@ def test_the_rig_is_seen_from_above_and_not_mirrored():
     assert z[1] > 0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", MODELS)
 def test_the_arrow_of_theta_leads_from_x_counter_clockwise_to_the_arm(name):
     model = model_of(name)
@@ -209,6 +210,7 @@ def test_the_drawing_says_which_way_the_motor_drives(rig, said):
     assert ("drives" in text) == bool(said)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("style", ["screen", "journal"])
 @pytest.mark.parametrize("name", [*[*MODELS][1::2], "srv02-rotpen, hanging", "cazzolato-prime, hanging"])
 def test_nothing_written_leaves_the_picture_or_lies_on_other_words(name, style):

@@ -206,6 +206,7 @@ def released_at(time, *, volts=None, step=STEP / 8, rig=RIG, alpha=0.8):
     return Experiment("late", STEP, measured, inputs, initial={"theta": 0.0, "alpha": alpha})
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("time", [-0.0317, -STEP, 0.0, 0.3 * STEP, 0.0291])
 def test_the_release_is_found_between_the_samples(time):
     e = replace(released_at(time), release_time=Free(0.0, -0.04, 0.04))
@@ -239,6 +240,7 @@ def test_until_its_release_a_recording_keeps_its_start_and_inputs_keep_its_clock
     assert p.fitted(np.empty(0), p.experiments[0]) == pytest.approx(early.measured, abs=1e-3)
 
 
+@pytest.mark.broad
 def test_the_cost_follows_the_release_smoothly():
     e = replace(released_at(0.0), release_time=Free(0.0, -0.04, 0.04))
     p, times = problem(e, orders=TRUE), np.linspace(-1.1, 1.1, 441) * STEP
@@ -264,6 +266,7 @@ def from_mid_swing(*, past=True, plateau=0.4, cut=1.1, end=5.0, alpha=1.0, noise
     return Experiment.of(after, rig, ["theta", "alpha"], before=before if past else None)
 
 
+@pytest.mark.broad
 def test_a_measured_past_recovers_the_orders_where_a_free_start_alone_is_biased():
     found = {}
     for past in (True, False):
@@ -330,6 +333,7 @@ def test_a_past_has_its_inputs():
 # --- free and driven recordings together ---------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_release_and_a_voltage_pulse_tell_together_what_neither_tells_alone():
     """A release knows the constants up to a factor, a pulse each of them less well; a chirp is predicted."""
     names = ("C1", "C3", "C6", "J_theta", "C4", "b_theta", "b_alpha")

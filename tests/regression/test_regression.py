@@ -112,6 +112,7 @@ def test_a_recorded_torque_needs_no_known_constant():
 # --- noise in the columns -------------------------------------------------------------------------------
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("degrees", "name"), [(30, "integer"), (30, "near"), (60, "integer"), (60, "near"),
                                                (60, "paper"), (90, "near"), (90, "paper")])  # fmt: skip
 @pytest.mark.parametrize("seed", [1, 2])
@@ -183,6 +184,7 @@ def test_robust_estimators_outvote_a_push_that_nobody_recorded():
 # --- orders ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_search_finds_both_orders_of_a_large_release():
     found = regress(release(60, "near", 1), RIG, known=C4)
     for n, true in orders("near").items():
@@ -287,6 +289,7 @@ def test_start_values_are_near_the_truth_within_bounds_and_leave_alone_what_is_n
     assert problem.cost(x) < 0.2 * problem.cost(problem.start)
 
 
+@pytest.mark.broad
 def test_a_record_that_starts_in_motion_does_not_show_the_orders():
     swing = release(60, "near", 1).trim(0.65, 4.0)
     at = {"lambda": 0.95, "mu": Free(1.0, 0.8, 1.2)}

@@ -40,6 +40,7 @@ def older(result):
 # --- doing it again ----------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("jobs", [1, 2, 8])
 def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, jobs):
     found = fracid.reproduce(plain / "run", jobs=jobs)
@@ -59,6 +60,7 @@ def test_the_command_says_so_and_writes_nothing_into_the_run(capsys, sent):
     assert again["orders"] == result["orders"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("by", [1e-15, 1e-12, 1e-3])
 def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
     edited(sent / "result.json", moved(by))
@@ -69,6 +71,7 @@ def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
     assert "That is a fault of fracid" in out
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("by", "code"), [(1e-12, 0), (0.9 * ELSEWHERE, 0), (1.2 * ELSEWHERE, 1), (1e-3, 1)])
 def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, by, code):
     edited(sent / "result.json", moved(by))
@@ -133,6 +136,7 @@ def studied(plain, tmp_path_factory):
     return folder / "noise"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled):
     shutil.copytree(studied, tmp_path / "noise")
@@ -145,6 +149,7 @@ def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled)
     assert Path.cwd() == tmp_path
 
 
+@pytest.mark.broad
 def test_a_study_of_other_data_is_not_the_same(capsys, studied, tmp_path, monkeypatch):
     shutil.copytree(studied, tmp_path / "noise")
     monkeypatch.chdir(tmp_path)

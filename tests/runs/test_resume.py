@@ -125,6 +125,7 @@ def test_a_finished_run_leaves_no_memo_and_says_that_there_is_nothing_to_do(proj
     assert "is finished; its result is" in capsys.readouterr().out
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_fit_cut_off_anywhere_ends_the_same_and_simulates_nothing_twice(project, whole, memos, tmp_path, seed):
     rng, (uncut, files) = np.random.default_rng(seed), whole
@@ -164,6 +165,7 @@ def fitted_until(evaluations, project, folder):
         patch.undo()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("evaluations", [1, 20])
 def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, evaluations):
     ran = fitted_until(evaluations, project, tmp_path / "run")
@@ -174,6 +176,7 @@ def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, eva
     assert run_state(tmp_path / "run").finished
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tmp_path, monkeypatch):
     rng = np.random.default_rng(5)
@@ -190,6 +193,7 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         assert result(folder) == whole[0]
 
 
+@pytest.mark.broad
 def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, capsys, monkeypatch):
     fitted_until(20, project, tmp_path / "run")
     log = tmp_path / "run" / EVALUATIONS
@@ -244,6 +248,7 @@ def state(folder, kind):
 # --- studies -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_studys_command_is_typed_again_where_it_was_typed(project, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "study"

@@ -120,6 +120,7 @@ def test_json_on_a_terminal_means_the_same_and_commands_nothing(value):
     assert printable(text) == text
 
 
+@pytest.mark.broad
 def test_columns_and_folders_with_a_terminals_commands_are_shown_without(capsys, sent):
     np.savetxt("evil.csv", np.column_stack([np.arange(9.0), np.arange(9.0) % 2, np.arange(9.0) % 3]), delimiter=",",
                header=f"t,a,{TERMINAL.replace(chr(7), '')}", comments="", encoding="utf-8")  # fmt: skip

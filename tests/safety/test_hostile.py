@@ -186,6 +186,7 @@ def drawn_so(monkeypatch, draw):
     monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(draw))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
@@ -220,6 +221,7 @@ def test_a_fit_whose_figures_fail_shows_and_keeps_its_result_and_resume_draws_th
     assert run_state(tmp_path / "run").finished
 
 
+@pytest.mark.broad
 def test_a_fit_that_was_cut_short_and_is_typed_again_goes_on_and_another_begins_anew(
     project, tmp_path, capsys, monkeypatch
 ):

@@ -138,6 +138,7 @@ DAMAGED = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("fault", DAMAGED)
 def test_a_damaged_run_is_refused_in_a_sentence(capsys, sent, fault):
     change, words = DAMAGED[fault]
@@ -181,6 +182,7 @@ def test_options_that_nobody_could_have_typed_are_refused(capsys, sent, option, 
 # --- what lies beside ----------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", ["profiles.json", "compare.json", "environment.json"])
 @pytest.mark.parametrize("content", ["{", "[]", '{"profiles": {}}', '{"command": [1]}'])
 def test_a_report_leaves_out_what_is_damaged_beside_it_and_says_so(sent, name, content):

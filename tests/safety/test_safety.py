@@ -238,6 +238,7 @@ def called(words):
         return out.getvalue()
 
 
+@pytest.mark.broad
 def test_all_that_is_written_lies_in_the_run_folder(hostile, fitted):
     before, _ = fitted
     now = {path for path in hostile.rglob("*") if path.is_file()}
@@ -248,6 +249,7 @@ def test_all_that_is_written_lies_in_the_run_folder(hostile, fitted):
     assert all(re.fullmatch(r"[\w.-]+", path.name) for path in written)
 
 
+@pytest.mark.broad
 def test_a_hostile_name_is_printed_as_it_is(fitted):
     for text in fitted[1]:
         assert "\x1b" not in text
@@ -343,6 +345,7 @@ WRITERS = {"fit": ["fit", "rig.toml", "--out", "run"], "compare": ["compare", "r
            "resume": ["resume", "run"]}  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("words", "link"),
     [*(([command, "run"], "figures") for command in READERS), *((WRITERS["fit"], link) for link in LINKS),

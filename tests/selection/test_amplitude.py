@@ -94,6 +94,7 @@ def test_an_order_that_imitates_friction_drifts_and_is_flagged(case):
     assert list(drift.amplitudes) == sorted(drift.amplitudes, reverse=True)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", HONEST)
 def test_an_order_that_is_real_does_not_drift(case):
     test = fitted(**HONEST[case])
@@ -103,6 +104,7 @@ def test_an_order_that_is_real_does_not_drift(case):
     assert test.drifts[0].values[0] == pytest.approx(true, abs=1e-3)
 
 
+@pytest.mark.broad
 def test_the_flag_is_seldom_false():
     flagged = 0
     for seed in range(6):

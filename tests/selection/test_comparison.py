@@ -193,6 +193,7 @@ def test_what_is_held_and_what_is_unseen():
 # --- fits and scores ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_a_richer_structure_never_fits_worse(truth):
     found = compared(truth)
@@ -241,6 +242,7 @@ def test_scores_are_those_of_the_residual():
     assert score.itae["alpha"] == pytest.approx(itae, rel=1e-3)
 
 
+@pytest.mark.broad
 def test_initial_state_and_rest_are_found_again_on_what_is_not_fitted():
     fitted = swing(dry=5e-5, rest=0.01)
     moved = swing(0.35, dry=5e-5, rest=-0.03, seed=9)
@@ -264,6 +266,7 @@ def test_a_structure_that_diverges_where_it_was_not_fitted_is_told_and_is_valid_
 # --- leave one out --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_left_out_in_turn_each_recording_is_judged_by_a_fit_that_never_saw_it():
     good, odd = swing(dry=5e-5, end=2.0), swing(0.5, dry=1.5e-4, seed=7, end=2.0, name="odd")  # as if of another rig
     found = judged(problem(good), validation=[odd], leave_one_out=True)
@@ -289,6 +292,7 @@ def plain():
     return judged(problem(swing(dry=5e-5, end=2.0)), validation=[swing(0.3, dry=5e-5, seed=3, end=2.0)])
 
 
+@pytest.mark.broad
 def test_numbers_are_the_same_for_any_number_of_threads():
     p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
     assert judged(p, validation=other, jobs=3).to_json() == plain().to_json()
@@ -471,6 +475,7 @@ def test_the_figure_has_a_panel_for_the_fit_and_for_each_recording_held_out():
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["viscous", "+ Coulomb"]
 
 
+@pytest.mark.broad
 def test_a_cost_of_ones_own_is_fitted_by_evolution_and_judged_held_out():
     e, other = (replace(swing(a, end=1.5, seed=i), initial={"alpha": a}) for i, a in enumerate((0.6, 0.3)))
     mean_square = Cost("mean_square", function=lambda t, r: float(np.mean(r**2)))

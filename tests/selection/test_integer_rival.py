@@ -29,6 +29,7 @@ def nominal(twin, **options):
     return Problem(RIG, (twin,), **{"orders": BOTH, "initial_state": "held"} | options)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("counts", [False, True])
 @pytest.mark.parametrize("friction", [DRY, {"coulomb_alpha": 1e-3}, DRY | {"b_theta": 0.02, "b_alpha": 1e-4}])
 def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_called_fractional(friction, counts):
@@ -182,6 +183,7 @@ def sought(model, experiment):
                    initial_state="held")  # fmt: skip
 
 
+@pytest.mark.broad
 def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_the_spring():
     data = struck(mount(), r=0.4)
     fair, unfair = (identify(sought(mount(**declared), data)) for declared in (R_IS_0, {}))

@@ -107,6 +107,7 @@ def waits(folder):
 # --- the same result -------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("executor", "jobs"), [("threads", 1), ("threads", 3), ("processes", 2)])
 def test_every_executor_gives_the_same_to_the_bit_in_order_with_linear_algebra_on_one_thread(executor, jobs, tmp_path):
     sent, numbers = Sent(tmp_path), np.arange(4.0)
@@ -233,6 +234,7 @@ def test_a_killed_worker_process_costs_nothing_but_time(tmp_path):
     assert sorted(keys) == sorted(found)
 
 
+@pytest.mark.broad
 def test_a_repetition_that_kills_every_worker_is_named(tmp_path):
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
         with pytest.raises(Unfinished, match=r"'seed 3' was given up: a worker process died twice"):
@@ -303,6 +305,7 @@ def cluster(tmp_path):
         process.wait()
 
 
+@pytest.mark.broad
 def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worker_is_killed(
     cluster, tmp_path, monkeypatch
 ):

@@ -451,6 +451,7 @@ MISREAD = {
 }  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("fault", MISREAD)
 def test_a_signal_that_was_misread_is_said_with_how_much(fault):
     code, signal, size, made = MISREAD[fault]

@@ -44,6 +44,7 @@ def study(problem=None, truth=TRUTH, **options):
 # --- intervals keep their word -------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_orders_and_friction_lie_in_their_intervals_as_often_as_these_say():
     # the smallest part of `make coverage`: one rig, dry friction in truth and model, initial angles free
     dry = {"coulomb_theta": 2e-3, "coulomb_alpha": 2.5e-4}
@@ -119,6 +120,7 @@ def test_a_repetition_is_its_own_whatever_else_the_study_holds():
     assert study(seeds=2, seed=2).repetitions != small.repetitions
 
 
+@pytest.mark.broad
 def test_processes_and_threads_find_the_same_to_the_bit():
     threads, processes = (study(seeds=2, executor=name) for name in ("threads", "processes"))
     assert processes.repetitions == threads.repetitions
@@ -181,6 +183,7 @@ def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
     assert "the cost itae, which rounding biases" in found.sentences()[-1]
 
 
+@pytest.mark.broad
 def test_a_start_that_is_taken_as_measured_claims_too_little():
     problem = release()
     held = replace(problem, experiments=(replace(problem.experiments[0], initial={}),))
@@ -210,6 +213,7 @@ def test_a_noisy_start_is_said_before_the_study_with_its_number_and_no_other_is(
     assert planned(held, np.array(truth), levels=[0.0], seeds=1).findings == ()
 
 
+@pytest.mark.broad
 def test_intervals_that_keep_their_word_are_said_to():
     sentences = study(seeds=25).sentences()
     assert len(sentences) == 2

@@ -394,6 +394,7 @@ def test_a_constant_part_is_told():
 SEEDS = 60
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("correlation", [0.0, 0.9], ids=["white", "AR(1)"])
 def test_p_values_are_uniform_where_nothing_is_wrong(correlation):
     found = [analysed(ar1(correlation, seed, n=6000)) for seed in range(SEEDS)]
@@ -533,6 +534,7 @@ def test_a_histograms_bins_are_no_narrower_than_the_encoders_steps_that_it_shows
     assert np.count_nonzero(np.diff(np.sign(np.diff(values)))) <= 3  # it rises and falls: no comb
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("residual", [residual for name, (residual, _) in ODD.items() if name != "empty"],
                          ids=[name for name in ODD if name != "empty"])  # fmt: skip
 def test_odd_residuals_are_drawn_and_named(residual):
@@ -543,6 +545,7 @@ def test_odd_residuals_are_drawn_and_named(residual):
     figure.savefig(io.BytesIO(), dpi=20)
 
 
+@pytest.mark.broad
 def test_the_file_is_small(tmp_path):
     (svg,) = save(residual_diagnostics(twin(ar1(0.9), DECAY), "alpha"), tmp_path, "page", ("svg",))
     assert svg.stat().st_size < 700_000

@@ -81,6 +81,7 @@ def test_orders_of_a_right_start_stay_within_their_intervals_wherever_the_record
     assert abs(later[0].orders["mu"] - 0.95) < 1e-3
 
 
+@pytest.mark.broad
 def test_integer_orders_have_no_memory_so_the_past_changes_nothing():
     whole = twin({"lambda": 1.0, "mu": 1.0}, noise=1e-3)
     near_one = {n: Free(1.0, 0.5, 1.2) for n in TRUE}
