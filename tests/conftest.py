@@ -28,7 +28,8 @@ LONG_DOCTESTS = (
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0
-"""What a test of `make test` may take [s]; who takes longer is listed, for a busy machine is no fault of a test."""
+"""What a test of `make test` may take [s of processor time]: who takes more is listed."""
+BEGAN = pytest.StashKey[float]()
 
 
 def pytest_configure():
@@ -53,14 +54,36 @@ def pytest_collection_modifyitems(items):
             item.add_marker("broad")
 
 
+def processor_time():
+    """Of this process and of those that it has waited for [s]: a busy machine does not lengthen it."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Note when a test begins, the making of what it takes included."""
+    item.stash[BEGAN] = processor_time()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Say with a test's end what it took, if that is more than `make test` has for it."""
+    report = yield
+    took = processor_time() - item.stash[BEGAN]
+    if report.when == "teardown" and took > BUDGET and not any(map(item.get_closest_marker, UNHURRIED)):
+        report.user_properties.append(("too long", took))
+    return report
+
+
 def pytest_terminal_summary(terminalreporter):
     """List what is too slow for `make test`."""
-    reports = [r for kind in ("", "passed") for r in terminalreporter.getreports(kind)]
-    slow = [r for r in reports if r.duration > BUDGET and not any(name in r.keywords for name in UNHURRIED)]
+    reports = terminalreporter.getreports("")
+    slow = [(took, r.nodeid) for r in reports for name, took in r.user_properties if name == "too long"]
     if slow:
         terminalreporter.section(f"above {BUDGET:g} s: make them shorter, or mark them broad (make test-all)")
-        for report in sorted(slow, key=lambda r: -r.duration):
-            terminalreporter.line(f"{report.duration:6.1f} s {report.when:8} {report.nodeid}")
+        for took, name in sorted(slow, reverse=True):
+            terminalreporter.line(f"{took:6.1f} s  {name}")
 
 
 @pytest.fixture(scope="session")

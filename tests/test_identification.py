@@ -87,6 +87,7 @@ def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
         assert abs(found.value - true) < 4 * found.standard_error < 0.02
 
 
+@pytest.mark.broad
 def test_a_growing_horizon_and_several_starts_leave_a_local_minimum_in_which_plain_least_squares_ends():
     p = problem(orders={"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)})
     assert identify(p, optimiser="least-squares").cost > 0.1
@@ -107,6 +108,7 @@ def test_a_users_cost_is_minimised_without_residuals():
 # --- threads, seeds, logs -----------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("optimiser", ["multistart", "genetic"])
 def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
     p = problem(twin(noise=1e-3, end=1.0))
@@ -119,6 +121,7 @@ def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
     assert np.array_equal(one.x, three.x)
 
 
+@pytest.mark.broad
 def test_another_seed_searches_elsewhere():
     p = problem(twin(end=1.0))
     found = [identify(p, optimiser="genetic", seed=s, options={"generations": 1}).x.tolist() for s in (1, 1, 2)]
@@ -261,7 +264,7 @@ def test_nothing_free_is_told():
 INTEGER = {"orders": (1.0, 1.0, 1.0, 1.0), "step": 1e-3, "end": 5.0, "alpha": 0.17}
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so(cost):
     # 20 s at 1 kHz, exact and of order 1: Euler's growth is balanced by orders below 1
@@ -352,6 +355,7 @@ def test_what_is_tied_is_checked_with_what_it_follows():
     assert fit.orders["lambda"] == fit.orders["mu"]
 
 
+@pytest.mark.broad
 def test_how_far_the_orders_move_with_the_cut_is_found_where_it_is_asked_for():
     asked = identify(problem(orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate"), cut=True)
     assert asked.cut.orders == {"mu": asked.orders["mu"].value}

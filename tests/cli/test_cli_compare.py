@@ -137,6 +137,7 @@ def test_what_is_not_finished_is_not_given_up_for_another_comparison(capsys, fol
     assert "fracid resume" in err
 
 
+@pytest.mark.broad
 def test_what_is_finished_gives_way_to_another_comparison(capsys, folder):
     (folder / "rig.toml").write_text(PROJECT.replace('use = "validate"', ""), encoding="utf-8")
     code, out, _ = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)

@@ -108,6 +108,7 @@ def test_of_a_comparison_it_draws_the_ladder(capsys, tmp_path):
     assert [path.name for path in (tmp_path / "figures" / "journal").iterdir()] == ["ladder.pdf"]
 
 
+@pytest.mark.broad
 def test_of_a_study_of_noise_it_draws_what_the_study_draws(capsys, made, tmp_path, monkeypatch):
     study = fracid.noise_study(made[1].problem, made[1].x, levels=[1e-3, 2e-3], seeds=2)
     (tmp_path / "noise.json").write_text(json.dumps(study.to_json()), encoding="utf-8")
@@ -140,7 +141,7 @@ def test_mistakes_are_said_with_what_to_give(capsys, tmp_path, monkeypatch, word
 # --- the same from the folder as from the session ------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "draw",
     [

@@ -113,6 +113,7 @@ def test_json_is_all_that_stands_on_standard_output_and_events_on_standard_error
     assert {"load", "search", "uncertainty", "discretisation", "figures", "total"} <= set(content["timing"])
 
 
+@pytest.mark.broad
 @pytest.mark.usefixtures("undrawn")
 def test_result_json_is_the_same_for_any_jobs_but_for_its_timing(capsys, project, tmp_path):
     text, found = FAST + RECORDING + FIT, []
@@ -374,6 +375,7 @@ def test_an_interrupted_search_ends_with_1_and_keeps_its_best(capsys, project, t
 # --- as a process -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_program_says_what_is_wrong_without_a_traceback(folder):
     done = program("fit", folder / "swing.csv")
     assert (done.returncode, done.stdout) == (2, "")

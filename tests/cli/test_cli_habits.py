@@ -215,6 +215,7 @@ def main_outputs(swing):
             "--force"], ["init", str(swing), "--yes", "--force", "--out", str(swing.with_suffix(".toml"))]]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("which", range(3))
 def test_what_a_command_prints_is_coloured_on_a_terminal_alone_and_never_with_no_color(monkeypatch, swing, which):
     words = main_outputs(swing)[which]

@@ -108,6 +108,7 @@ def test_the_figures_go_into_the_folder(capsys, good, tmp_path):
     assert (tmp_path / "figures" / "residuals-release-20-alpha.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.broad
 def test_of_a_model_without_friction_the_swing_is_left(capsys, lacking, tmp_path, undrawn):
     code, out, _ = run(capsys, "resid", lacking / "run", "--output", "alpha", "--out", tmp_path)
     assert code == 0

@@ -94,6 +94,7 @@ def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
     assert np.corrcoef(quick.draws[:, 1], slow.draws[:, 1])[0, 1] > 0.95
 
 
+@pytest.mark.broad
 def test_a_start_taken_from_the_first_samples_adds_its_noise_to_refits_alone():
     e = replace(swing(end=2.0), initial={})
     p, x = fitted(e)

@@ -97,6 +97,7 @@ def test_the_result_is_the_same_for_any_number_of_threads():
     assert json.dumps(one.to_json()) == json.dumps(three.to_json())
 
 
+@pytest.mark.broad
 def test_the_seed_decides_the_sobol_points():
     p = stiff(swing(end=1.0), parameters={})
     points = [[s.point.tolist() for s in search(p, "multistart", np.random.default_rng(seed), starts=4)[1]]
@@ -104,7 +105,7 @@ def test_the_seed_decides_the_sobol_points():
     assert points[0] == points[1] != points[2]
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("starts", [2, 4])
 def test_many_starts_never_end_above_one(starts):
     p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})

@@ -136,7 +136,7 @@ def test_it_never_leaves_the_bounds(name):
         assert np.all((SPACE.lower <= points) & (points <= SPACE.upper))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["least-squares", "nelder-mead", "multistart"])
 @settings(max_examples=20, deadline=None)
 @example(lower=0.0, width=1.0, start=0.5625, target=0.0625)

@@ -194,6 +194,7 @@ def test_a_residual_that_bends_with_the_angle_shows_in_the_mean_of_the_bins():
     np.testing.assert_allclose(np.radians(line.get_ydata()), 2 * angle**2, atol=2e-4)
 
 
+@pytest.mark.broad
 def test_the_encoder_step_is_drawn_where_it_is_known():
     known = words(residual_plots(twin(), "alpha", resolution=STEPS))
     assert "one encoder step, 0.0879°" in known
@@ -342,7 +343,7 @@ FIGURES = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("make", FIGURES.values(), ids=FIGURES)
 def test_files_are_small_and_the_same_each_time(make, tmp_path):
     first, second = save(make(), tmp_path / "a", "figure"), save(make(), tmp_path / "b", "figure")
@@ -455,6 +456,7 @@ def test_importing_the_module_does_not_import_matplotlib():
 # --- a recording -----------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_an_overview_shows_each_signal_whole_and_close_up_in_its_unit(tmp_path):
     time = np.arange(0, 10, 0.002)
     alpha = np.where(time < 2, 0.5, 0.5 * np.cos(6 * (time - 2)) * np.exp(-0.5 * (time - 2)))

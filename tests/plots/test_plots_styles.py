@@ -131,7 +131,7 @@ def test_all_figures_are_looked_at_here():
 # --- a journal's columns -----------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):
     width, height = 25.4 * drawn(name, "journal").get_size_inches()
@@ -139,6 +139,7 @@ def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):
     assert height <= 230.0001
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_text_is_neither_too_small_nor_too_large_and_has_no_serifs(name):
     for text in drawn(name, "journal").findobj(Text):
@@ -147,6 +148,7 @@ def test_a_journals_text_is_neither_too_small_nor_too_large_and_has_no_serifs(na
             assert text.get_fontfamily() == ["sans-serif"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
     for part in parts(drawn(name, "journal")):
@@ -155,7 +157,7 @@ def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
             assert (widths[widths > 0] >= 0.5 - 1e-9).all(), part
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_has_letters_and_no_heading(name):
     screen, journal = drawn(name), drawn(name, "journal")
@@ -167,6 +169,7 @@ def test_a_journals_figure_has_letters_and_no_heading(name):
         assert f"({letter}) " in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_written_leaves_a_journals_page(name):
     figure = drawn(name, "journal")
@@ -269,6 +272,7 @@ def test_two_processes_write_the_same_bytes(written):
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
 
 
+@pytest.mark.broad
 def test_a_pdf_has_its_fonts_as_truetype_a_title_and_no_date(written):
     for path in written[0].glob("*.pdf"):
         content = path.read_bytes()
@@ -280,6 +284,7 @@ def test_a_pdf_has_its_fonts_as_truetype_a_title_and_no_date(written):
         assert width / 72 * 25.4 == pytest.approx(88, abs=0.1)
 
 
+@pytest.mark.broad
 def test_an_svg_has_a_title_and_no_date(written):
     for path in written[0].glob("*.svg"):
         content = path.read_text(encoding="utf-8")

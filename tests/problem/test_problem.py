@@ -473,6 +473,7 @@ def one_order(prior=None, **options):
     return problem(noisy(twin(), 1e-2), orders=orders, **options)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_data_and_prior_meet_where_their_precisions_say(weights):
     """One unknown, white noise: the posterior's mode lies between both, each weighed by its inverse variance."""

@@ -197,6 +197,7 @@ def test_the_search_finds_both_orders_of_a_large_release():
         assert abs(along[np.argmin(ratio)] - true) < 0.01
 
 
+@pytest.mark.broad
 def test_a_small_release_does_not_show_the_orders_and_no_constant_is_called_identified():
     at = {"lambda": 1.0, "mu": Free(1.0, 0.8, 1.2)}
     found = regress(release(10, "integer", 2, end=4.0), RIG, orders=at, known=C4)

@@ -136,7 +136,7 @@ def studied(plain, tmp_path_factory):
     return folder / "noise"
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled):
     shutil.copytree(studied, tmp_path / "noise")

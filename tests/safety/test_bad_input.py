@@ -30,7 +30,7 @@ def holds(told, says):
     return True
 
 
-@pytest.mark.few(24)
+@pytest.mark.few(18)
 @pytest.mark.parametrize("row", RECORDINGS, ids=names(RECORDINGS))
 def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
     if "permission" in row.wrong and os.geteuid() == 0:

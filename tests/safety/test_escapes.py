@@ -60,6 +60,7 @@ def with_texts(value, evil):
     return evil if isinstance(value, str) else value
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("evil", [EVIL, TERMINAL], ids=["page", "terminal"])
 def test_no_text_of_a_run_becomes_an_element_of_its_page(sent, evil):
     clean = Elements(fracid.write_report(sent).read_text(encoding="utf-8"))

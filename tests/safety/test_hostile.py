@@ -186,7 +186,7 @@ def drawn_so(monkeypatch, draw):
     monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(draw))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [

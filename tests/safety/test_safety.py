@@ -258,6 +258,7 @@ def test_a_hostile_name_is_printed_as_it_is(fitted):
     assert FOLDER in fitted[1][0]
 
 
+@pytest.mark.broad
 def test_a_figure_is_a_picture_and_nothing_else(hostile, fitted):
     pictures = sorted((hostile / "a" / "b" / FOLDER).rglob("*.svg"))
     assert len(pictures) > 3
@@ -267,6 +268,7 @@ def test_a_figure_is_a_picture_and_nothing_else(hostile, fitted):
         assert not any(name.startswith("on") for e in elements for name in e.attrib)
 
 
+@pytest.mark.broad
 def test_programs_for_other_languages_are_not_written_to_by_names(hostile, fitted, tmp_path):
     folder = hostile / "a" / "b" / FOLDER / "export"
     for line in (folder / "model.m").read_text(encoding="utf-8").splitlines():
@@ -279,6 +281,7 @@ def test_programs_for_other_languages_are_not_written_to_by_names(hostile, fitte
         assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.broad
 def test_tables_hold_what_they_should(hostile, fitted):
     tables = sorted((hostile / "a" / "b" / FOLDER / "export").glob("*.csv"))
     assert {path.stem for path in tables} == set(file_stems([HOSTILE, OUTSIDE]).values())

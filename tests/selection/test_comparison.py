@@ -202,6 +202,7 @@ def test_a_richer_structure_never_fits_worse(truth):
             assert found[s.name].cost <= found[name].cost
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_the_true_structure_predicts_to_the_noise_and_what_lacks_it_does_not(truth):
     found = compared(truth)
@@ -298,6 +299,7 @@ def test_numbers_are_the_same_for_any_number_of_threads():
     assert judged(p, validation=other, jobs=3).to_json() == plain().to_json()
 
 
+@pytest.mark.broad
 def test_cut_short_and_gone_on_with_it_ends_the_same_and_repeats_nothing(tmp_path):
     p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
     told = []

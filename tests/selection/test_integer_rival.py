@@ -29,7 +29,7 @@ def nominal(twin, **options):
     return Problem(RIG, (twin,), **{"orders": BOTH, "initial_state": "held"} | options)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("counts", [False, True])
 @pytest.mark.parametrize("friction", [DRY, {"coulomb_alpha": 1e-3}, DRY | {"b_theta": 0.02, "b_alpha": 1e-4}])
 def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_called_fractional(friction, counts):
@@ -45,6 +45,7 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("orders", [(0.8623, 0.9146), (0.95, 0.97)])
 def test_fractional_data_keep_their_orders(orders):
     fit = identify(nominal(swing(orders)))
@@ -99,6 +100,7 @@ def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_
     assert "With every order 1 the same model explains the recordings as well" in rival.warning
 
 
+@pytest.mark.broad
 def test_an_order_off_1_by_chance_is_not_called_fractional():
     twin = swing(parameters=DRY, end=3.0, counts=False)
     noise = 3e-2 * np.random.default_rng(28).standard_normal(twin.measured.shape)

@@ -395,7 +395,7 @@ def test_integers_lists_and_single_precision_are_taken():
         assert derivative(signal, 1, 1.0).dtype == np.float64
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("order", [-0.5, 0.9146, 1.5])
 def test_a_million_samples_take_seconds_not_hours(kind, order):

@@ -196,6 +196,7 @@ def test_a_mistake_is_a_sentence(work, tasks, options, message, monkeypatch):
         run_tasks(work, tasks, **options)
 
 
+@pytest.mark.broad
 def test_a_repetition_that_raises_is_named_and_what_was_done_is_kept(tmp_path):
     tasks = [Task(f"seed {seed}", (7, seed)) for seed in range(12)]
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
@@ -243,6 +244,7 @@ def test_a_repetition_that_kills_every_worker_is_named(tmp_path):
         assert {"seed 0", "seed 1", "seed 2"} <= set(journal.done)
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_workers_go_with_a_parent_that_was_killed(tmp_path):
     code = (

@@ -320,6 +320,7 @@ def held(seed, state="held", noise=1e-3, **options):
     return p, *minimum(p)
 
 
+@pytest.mark.broad
 def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it_is_said_and_nowhere_else():
     """Of intervals whose unknown its start's noise moves by less than half of them, all but 5 % hold the truth."""
     inside, beyond = [], []
@@ -464,6 +465,7 @@ def test_a_signal_that_was_misread_is_said_with_how_much(fault):
     assert best.size == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.broad
 def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
     """The one step of Gauss and Newton is what another search finds with alpha_rest free."""
     p = problem(spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")
@@ -487,6 +489,7 @@ STRUCTURES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("lacks", STRUCTURES)
 def test_a_structure_that_cannot_explain_the_recording_is_said_with_its_noise(lacks):
     y = release(model=STRUCTURES[lacks], orders=(1.0, 1.0))

@@ -65,6 +65,7 @@ def test_orders_and_friction_lie_in_their_intervals_as_often_as_these_say():
     assert 0.90 < held / intervals < 0.99
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("orders", "called"), [((1.0, 1.0), 0), ((0.9, 0.95), 6)])
 def test_integer_orders_are_not_called_fractional_and_fractional_ones_are(orders, called):
     (cell,) = study(truth=np.array(orders), seeds=6, rival=True).cells
@@ -157,6 +158,7 @@ def test_binomial_limits_are_exact(held, trials):
     assert binomial95(held, trials) == pytest.approx(tuple(stats.binomtest(held, trials).proportion_ci(method="exact")))
 
 
+@pytest.mark.broad
 def test_noise_and_coarse_encoders_widen_what_is_claimed():
     found = study(levels=[0.0, NOISE, 4 * NOISE], resolutions=[2 * np.pi / 20_000, 2 * np.pi / 500], seeds=3)
     claimed = np.array([c.unknowns["mu"].claimed for c in found.cells]).reshape(3, 2)
@@ -176,6 +178,7 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     assert 'initial_state = "rest"' in found.sentences()[-1]
 
 
+@pytest.mark.broad
 def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
     found = study(release(method="gl", cost_function=COSTS["itae"]), seeds=12)
     assert found.cells[0].unknowns["mu"].coverage < 0.2
@@ -289,6 +292,7 @@ def test_several_plans_run_together_and_each_gathers_its_own():
 # --- the figure ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_figure_has_a_row_for_each_unknown_and_a_mark_for_each_cell():
     found = study(levels=[NOISE, 2 * NOISE], resolutions=[0.0, COUNT], seeds=2)
     figure = noise_levels(found)

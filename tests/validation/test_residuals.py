@@ -175,6 +175,7 @@ def test_a_damped_swing_is_a_band_and_its_own_frequency_is_found_in_it():
     assert analysed(late + 0.01 * white(), fitted).spectrum.swing == pytest.approx(SWING, abs=0.1)
 
 
+@pytest.mark.broad
 def test_fading_noise_is_not_taken_for_a_swing():
     lines = [analysed(ar1(0.99, seed)).spectrum.line for seed in range(40)]
     assert sum(line is not None for line in lines) <= 2

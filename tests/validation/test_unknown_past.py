@@ -57,6 +57,7 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
 
+@pytest.mark.broad
 def test_a_treatment_that_fits_worse_is_no_rival():
     whole = twin()
     found = checked(Problem(RIG, (cut(whole, PLATEAU + 1.3, past=True),), FREE))
@@ -67,6 +68,7 @@ def test_a_treatment_that_fits_worse_is_no_rival():
     assert found.verdict.startswith("No order moves by more than its interval")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("start", ["from the plateau", "with its past"])
 def test_orders_of_a_right_start_stay_within_their_intervals_wherever_the_record_is_cut(start):
     whole = twin(noise=1e-3)
