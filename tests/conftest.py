@@ -24,7 +24,8 @@ PROGRAMS = {"browser", "in_octave"}
 """Fixtures that start another's program: who takes one is broad."""
 LONG_DOCTESTS = (
     "identification.identify", "noise.noise_levels", "sensor_faults.misread", "comparison.compare",
-    "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test",
+    "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test", "reduction.multi_term",
+    "linear.linear_response",
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0

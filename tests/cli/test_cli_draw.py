@@ -101,6 +101,7 @@ def test_a_rig_is_drawn_by_its_name_or_with_the_constants_of_a_project(capsys, m
     assert {path.name for path in tmp_path.iterdir()} == written
 
 
+@pytest.mark.broad
 def test_of_a_comparison_it_draws_the_ladder(capsys, tmp_path):
     (tmp_path / "compare.json").write_text(json.dumps(comparison().to_json()), encoding="utf-8")
     code, _, err = run(capsys, "draw", tmp_path)

@@ -251,7 +251,7 @@ def test_what_cannot_be_is_a_sentence_and_an_exit_code(capsys, folder, project, 
     assert "Traceback" not in err
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("constants", ["C3 = 0.1", "b_alpha = -0.5"])
 def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, project, tmp_path, constants):
     path = project(f"[model.parameters]\n{constants}\n" + FAST + RECORDING + FIT)

@@ -134,6 +134,7 @@ def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, un
     assert record["notes"] == []
 
 
+@pytest.mark.broad
 def test_values_that_do_not_give_the_saved_rmse_are_told(capsys, good, tmp_path, undrawn):
     shutil.copytree(good, tmp_path / "copy")
     path = tmp_path / "copy" / "run" / "result.json"

@@ -40,6 +40,7 @@ def fitted(*swings, **options):
 # --- the blocks --------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("length", [1, 3, 7, 20])
 def test_resampled_residuals_have_mean_zero_at_every_sample(length):
     errors = np.random.default_rng(1).standard_normal((20, 2)) + 5.0
@@ -83,7 +84,7 @@ def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
         assert np.all(drawn.standard_error > 2 * known.white)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
     p, x = fitted(swing(rho=0.5, end=2.0), cost_function=COSTS[cost])

@@ -84,6 +84,7 @@ def test_the_integer_order_model_swings_as_the_fractional_one(name):
         assert error < 1e-2 * np.ptp(exact[:, problem.model.outputs[output]])
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("posture", ["hanging", "upright"])
 @pytest.mark.parametrize("name", CASES)
 def test_a_linear_model_has_the_fractional_models_response_and_poles(name, posture):

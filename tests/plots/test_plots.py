@@ -85,6 +85,7 @@ def test_each_output_is_headed_by_its_fit_and_rmse():
         assert f"({rmse / ENCODER:.1f} encoder steps)" in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("zero", "said"), [("hanging", "0 = hanging"), ("upright", "0 = upright")])
 def test_figure_2_says_where_alpha_is_zero(zero, said):
     assert said in words(fitted_over_time(twin(200), zero=zero))
@@ -202,7 +203,7 @@ def test_the_encoder_step_is_drawn_where_it_is_known():
         assert "encoder" not in words(residual_plots(twin(200), "alpha", resolution=unknown))
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("residual", "said"),
     [
@@ -381,6 +382,7 @@ def test_saving_leaves_no_settings_and_no_other_files_behind(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plane.png", "plane.svg"]
 
 
+@pytest.mark.broad
 def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
     (old,) = save(cost_plane(LAMBDA, MU, VALLEY), tmp_path, "plane", ("svg",))
     content = old.read_bytes()

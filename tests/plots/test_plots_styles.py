@@ -181,6 +181,7 @@ def test_nothing_written_leaves_a_journals_page(name):
             assert sheet.y0 - slack <= box.y0 <= box.y1 <= sheet.y1 + slack, text.get_text()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_lines_of_one_panel_are_told_apart_in_grey(name):
     for axes in drawn(name, "journal").axes:

@@ -112,7 +112,7 @@ def test_a_recorded_torque_needs_no_known_constant():
 # --- noise in the columns -------------------------------------------------------------------------------
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("degrees", "name"), [(30, "integer"), (30, "near"), (60, "integer"), (60, "near"),
                                                (60, "paper"), (90, "near"), (90, "paper")])  # fmt: skip
 @pytest.mark.parametrize("seed", [1, 2])

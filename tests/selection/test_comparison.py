@@ -193,7 +193,7 @@ def test_what_is_held_and_what_is_unseen():
 # --- fits and scores ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_a_richer_structure_never_fits_worse(truth):
     found = compared(truth)
@@ -330,6 +330,7 @@ def test_a_problem_in_memory_stays_in_its_process():
 # --- the verdict ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("truth", "begins"),
     [

@@ -141,7 +141,7 @@ def test_certificates_of_memories_that_compress_nothing():
     assert compressed().certificate("pi", 0.9, 5).bound < 1e-14
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize(("order", "tolerance"), [(0.5, 1e-10), (0.9, 1e-10), (1.1, 1e-10), (1.9, 1e-9)])
 def test_three_million_steps_of_a_constant_force_add_no_rounding_beyond_the_tolerance(order, tolerance):
     run = solve_fde(constant_force, order, [0.0] if order < 1 else [[0.0, 0.0]], step=1e-3, end=3e3)

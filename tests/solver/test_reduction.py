@@ -146,6 +146,7 @@ def test_there_are_no_more_states_than_composition_needs(orders, form, states):
 # --- known solutions -------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", MULTI_TERM, **by_name)
 def test_pi2_converges_to_the_known_solution_in_all_derivatives(problem, form):

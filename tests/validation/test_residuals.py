@@ -526,6 +526,7 @@ def test_the_encoders_step_is_drawn_over_time_and_its_rounding_in_the_spectrum()
     assert floor * 0.5 / STEP == pytest.approx(np.degrees(ENCODER) ** 2 / 12, rel=1e-3)
 
 
+@pytest.mark.broad
 def test_a_histograms_bins_are_no_narrower_than_the_encoders_steps_that_it_shows():
     rest = measured_by_an_encoder(np.zeros(N), 3 * ENCODER * rng().standard_normal(N))  # a residual on a lattice
     panel = residual_diagnostics(twin(rest, np.zeros(N)), "alpha", resolution={"alpha": ENCODER}).axes[3]
