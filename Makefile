@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-slow lint docs bench orders coverage bench-peers scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint docs bench orders coverage bench-peers scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -20,9 +20,17 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/fracid demo --out runs/demo
 
+# Two minutes on two cores, once the loops are compiled: of every package, and of every table of variants.
 test: $(READY)
 	$(BIN)/pytest -n 2 --dist worksteal
 
+# Those and whole programs, browsers, examples, the rest of the tables.  Without what make test has run already:
+# make test-all MARKED='broad and not slow'
+MARKED ?= not slow
+test-all: $(READY)
+	$(BIN)/pytest -n 2 --dist worksteal -m '$(MARKED)'
+
+# What takes minutes, real recordings included where they are.
 test-slow: $(READY)
 	$(BIN)/pytest -m slow
 

@@ -16,17 +16,16 @@ from fracid.identification import identify
 from fracid.optimise import EvaluationLog
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 WIDE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
 STEP = 4e-3
 
 
-def twin(name="swing", *, end=3.0, alpha=0.4, orders=(0.9, 0.9, 0.95, 0.95), step=STEP, noise=0.0, seed=1, **options):
-    """A release from `alpha` [rad], known, with white noise [rad]."""
-    run = fracid.simulate(RIG, orders=list(orders), initial={"alpha": alpha}, step=step, end=end, **options)
-    y = run.states[:, [0, 2]] + noise * np.random.default_rng(seed).standard_normal((len(run.states), 2))
-    return Experiment(name, step, y, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+def twin(name="swing", **changes):
+    """A release from 0.4 rad, known."""
+    return release(name, **{"end": 3.0, "alpha": 0.4, "step": STEP} | changes)
 
 
 def problem(*experiments, **options):
@@ -60,6 +59,7 @@ def test_orders_and_constants_are_found_together():
     assert not fit.parameters["C3"].free
 
 
+@pytest.mark.broad
 def test_the_start_of_a_swing_and_what_each_recording_has_for_itself_are_found():
     rigs = {"a": 0.05, "b": -0.03}
     swings = []
@@ -78,6 +78,7 @@ def test_the_start_of_a_swing_and_what_each_recording_has_for_itself_are_found()
         assert fit.recordings[name].initial["theta"].free
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(COSTS))
 def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
     fit = identify(problem(twin(noise=2e-3), cost_function=COSTS[name]))
@@ -86,6 +87,7 @@ def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
         assert abs(found.value - true) < 4 * found.standard_error < 0.02
 
 
+@pytest.mark.broad
 def test_a_growing_horizon_and_several_starts_leave_a_local_minimum_in_which_plain_least_squares_ends():
     p = problem(orders={"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)})
     assert identify(p, optimiser="least-squares").cost > 0.1
@@ -106,6 +108,7 @@ def test_a_users_cost_is_minimised_without_residuals():
 # --- threads, seeds, logs -----------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("optimiser", ["multistart", "genetic"])
 def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
     p = problem(twin(noise=1e-3, end=1.0))
@@ -118,6 +121,7 @@ def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
     assert np.array_equal(one.x, three.x)
 
 
+@pytest.mark.broad
 def test_another_seed_searches_elsewhere():
     p = problem(twin(end=1.0))
     found = [identify(p, optimiser="genetic", seed=s, options={"generations": 1}).x.tolist() for s in (1, 1, 2)]
@@ -260,6 +264,7 @@ def test_nothing_free_is_told():
 INTEGER = {"orders": (1.0, 1.0, 1.0, 1.0), "step": 1e-3, "end": 5.0, "alpha": 0.17}
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so(cost):
     # 20 s at 1 kHz, exact and of order 1: Euler's growth is balanced by orders below 1
@@ -275,6 +280,7 @@ def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so
     assert fit.discretisation.orders["lambda"] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("method", ["gl", "gl-paper"])
 def test_a_first_order_fit_of_a_twin_carries_its_check_into_the_result(method):
     twin_of_order_one = twin(noise=1e-3, **INTEGER | {"end": 10.0})
@@ -320,6 +326,7 @@ def test_a_bound_that_is_reached_is_told():
     assert "lambda lies at its bound: 0.95; widen it, or the model lacks something." in fit.warnings
 
 
+@pytest.mark.broad
 def test_confounded_constants_are_named_in_the_result():
     names = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
     fit = identify(problem(twin(noise=1e-3), parameters=free(0.3, 3.0, 1.0, *names)), options={})
@@ -348,6 +355,7 @@ def test_what_is_tied_is_checked_with_what_it_follows():
     assert fit.orders["lambda"] == fit.orders["mu"]
 
 
+@pytest.mark.broad
 def test_how_far_the_orders_move_with_the_cut_is_found_where_it_is_asked_for():
     asked = identify(problem(orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate"), cut=True)
     assert asked.cut.orders == {"mu": asked.orders["mu"].value}

@@ -147,6 +147,7 @@ def test_every_figure_that_a_result_draws_is_there():
     assert set(plots.FIGURES) <= set(plots.__all__)
 
 
+@pytest.mark.broad
 def test_former_modules_still_import():
     code = "import sys, warnings; from importlib import import_module; warnings.simplefilter('ignore')\n"
     code += "for name in sys.argv[1:]: assert import_module(name).__doc__"

@@ -37,6 +37,7 @@ def texts(figure):
     return [t.get_text() for t in figure.findobj(Text) if t.get_text()]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("unit", ["V", "m", "A", "1", "N m"])
 @pytest.mark.parametrize("draw", ["plot", "plot_residuals", "tests"])
 def test_a_figure_of_what_is_no_angle_has_no_degrees(unit, draw):

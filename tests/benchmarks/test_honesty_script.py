@@ -32,12 +32,14 @@ def test_every_fault_of_the_page_is_made(script):
     assert set(re.findall(r"^\| `([a-z-]+)`", page, flags=re.M)) - LEFT_OUT == {f.code for f in script.FAULTS}
 
 
+@pytest.mark.broad
 def test_a_twin_without_a_fault_has_no_finding_and_its_orders_are_the_truth(script):
     said = script.ask(script.TWINS[0].problem(), ())
     assert said.findings == ()
     assert said.off < 2
 
 
+@pytest.mark.broad
 def test_a_fault_climbs_from_silence_to_being_said(script):
     late = next(f for f in script.FAULTS if f.what == "α read later than θ")
     row = script.climb(replace(late, ladder=(0.0, 1.0), gross=1.0, needs="drive"))
@@ -47,6 +49,7 @@ def test_a_fault_climbs_from_silence_to_being_said(script):
     assert (row.gross, row.missed) == (1, ())
 
 
+@pytest.mark.broad
 def test_a_gross_fault_that_is_not_said_is_a_miss(script):
     late = next(f for f in script.FAULTS if f.what == "α read later than θ")
     row = script.climb(replace(late, code="blow-up", also=(), ladder=(0.0,), gross=0.0, needs="drive"))

@@ -115,6 +115,7 @@ def test_help_shows_a_worked_example(capsys):
     assert "fracid check release.mat" in out
 
 
+@pytest.mark.broad
 def test_check_needs_no_heavy_module(swing):
     """Matplotlib, Numba, pymoo and pandas would each break the half second."""
     code = f"""

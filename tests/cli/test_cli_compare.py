@@ -13,6 +13,7 @@ import pytest
 import fracid
 from fracid.cli.app import main
 from program import run
+from twins import write_release
 
 PROJECT = """
 [model]
@@ -40,9 +41,8 @@ QUICK = ("--keep", "drag_theta", "--keep", "drag_alpha")
 
 def write_swing(file, angle, seed, end=3.0):
     rig = fracid.rotary_pendulum("stepper-freeswing", coulomb_alpha=5e-5)
-    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": angle}, step=1e-2, end=end)
-    noisy = run.states[:, 2] + 1e-3 * np.random.default_rng(seed).standard_normal(len(run.time))
-    np.savetxt(file, np.column_stack([run.time, noisy]), delimiter=",", header="time,alpha", comments="")
+    write_release(file, rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=angle, step=1e-2, end=end, outputs=("alpha",),
+                  noise=1e-3, seed=seed)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +115,7 @@ def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folde
 # --- going on -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_same_command_goes_on_from_its_journal_and_ends_the_same(capsys, folder):
     journal, result = folder / "run" / "journal.jsonl", folder / "run" / "compare.json"
     whole, before = journal.read_bytes(), result.read_bytes()
@@ -136,6 +137,7 @@ def test_what_is_not_finished_is_not_given_up_for_another_comparison(capsys, fol
     assert "fracid resume" in err
 
 
+@pytest.mark.broad
 def test_what_is_finished_gives_way_to_another_comparison(capsys, folder):
     (folder / "rig.toml").write_text(PROJECT.replace('use = "validate"', ""), encoding="utf-8")
     code, out, _ = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)

@@ -3,7 +3,6 @@
 import json
 import math
 
-import numpy as np
 import pytest
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -14,6 +13,7 @@ from fracid.estimation.cost_profile import Profiles
 from fracid.runs.folder import open_folder
 from fracid.selection.comparison import Comparison, Row, Score
 from program import fit_in, run
+from twins import RIG, write_release
 
 PROJECT = """
 [model]
@@ -39,11 +39,7 @@ OF_A_RUN = {"figure1-rig", "figure2-release-20", "figure3-release-20-theta", "fi
 def made(tmp_path_factory):
     """A project with a twin of 2 s, its run with profiles, and the fit itself."""
     folder, fits = tmp_path_factory.mktemp("draw"), []
-    rig = fracid.rotary_pendulum("srv02-rotpen", C1=5e-3)
-    swing = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(swing.time), 2))
-    table = np.column_stack([swing.time, swing.states[:, [0, 2]] + noise])
-    np.savetxt(folder / "swing.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(folder / "swing.csv", RIG.with_parameters(C1=5e-3), alpha=0.35, step=5e-3, end=2.0, noise=1e-3)
     fit_in(folder, PROJECT, lambda fit: fits.append(fit) or ())
     profiles = fracid.profile(fits[0], points=4, joint=("lambda", "mu"))
     (folder / "run" / "profiles.json").write_text(json.dumps(profiles.to_json()), encoding="utf-8")
@@ -60,6 +56,7 @@ def content(figure):
 # --- what it draws -----------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_of_a_run_it_draws_everything_for_a_journal_as_pdf(capsys, made, monkeypatch):
     folder, drawn = made[0], {}
 
@@ -88,6 +85,7 @@ def test_a_new_run_takes_the_figures_of_the_old_one_away(made, tmp_path):
     assert not [path for path in (folder / "figures").rglob("*.*") if path.is_file()]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("what", "words", "written"),
     [
@@ -103,6 +101,7 @@ def test_a_rig_is_drawn_by_its_name_or_with_the_constants_of_a_project(capsys, m
     assert {path.name for path in tmp_path.iterdir()} == written
 
 
+@pytest.mark.broad
 def test_of_a_comparison_it_draws_the_ladder(capsys, tmp_path):
     (tmp_path / "compare.json").write_text(json.dumps(comparison().to_json()), encoding="utf-8")
     code, _, err = run(capsys, "draw", tmp_path)
@@ -110,6 +109,7 @@ def test_of_a_comparison_it_draws_the_ladder(capsys, tmp_path):
     assert [path.name for path in (tmp_path / "figures" / "journal").iterdir()] == ["ladder.pdf"]
 
 
+@pytest.mark.broad
 def test_of_a_study_of_noise_it_draws_what_the_study_draws(capsys, made, tmp_path, monkeypatch):
     study = fracid.noise_study(made[1].problem, made[1].x, levels=[1e-3, 2e-3], seeds=2)
     (tmp_path / "noise.json").write_text(json.dumps(study.to_json()), encoding="utf-8")
@@ -142,6 +142,7 @@ def test_mistakes_are_said_with_what_to_give(capsys, tmp_path, monkeypatch, word
 # --- the same from the folder as from the session ------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "draw",
     [

@@ -34,6 +34,7 @@ def completed(capsys, monkeypatch, words, shell="bash"):
         return run(capsys)[1]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
@@ -95,6 +96,7 @@ def test_the_help_of_a_command_has_the_names_of_the_tables(capsys):
     assert ", ".join(completion.keys("costs")) in out
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_completion_of_each_shell_can_be_shown(shell):
     command = [sys.executable, "-c", "from fracid.cli import main; main()", "--show-completion"]
@@ -197,6 +199,7 @@ def swing(tmp_path_factory):
     return file
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_the_help_is_coloured_on_a_terminal_alone_never_with_no_color_and_never_wider(capsys, monkeypatch, command):
     words = [w for w in (command, "--help") if w]
@@ -214,6 +217,7 @@ def main_outputs(swing):
             "--force"], ["init", str(swing), "--yes", "--force", "--out", str(swing.with_suffix(".toml"))]]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("which", range(3))
 def test_what_a_command_prints_is_coloured_on_a_terminal_alone_and_never_with_no_color(monkeypatch, swing, which):
     words = main_outputs(swing)[which]
@@ -224,6 +228,7 @@ def test_what_a_command_prints_is_coloured_on_a_terminal_alone_and_never_with_no
     assert not ESCAPE.search(shown(monkeypatch, words, TERM="dumb"))
 
 
+@pytest.mark.broad
 def test_through_a_pipe_there_is_no_colour_unless_it_is_forced(monkeypatch, swing):
     words = ["check", str(swing)]
     assert not ESCAPE.search(shown(monkeypatch, words, terminal=False))

@@ -11,38 +11,18 @@ import numpy as np
 import pytest
 
 from fracid.cli.app import open_page
+from fracid.recording import load_recording
+from fracid.recording.writing import save_recording
 from fracid.safety.paths import kind_of
 from fracid.tasks.journal import resumable
-from program import fit_in, run
-
-PROJECT = """
-[model.orders]
-lambda = 1.0
-mu = { start = 0.95, lower = 0.5, upper = 1.2 }
-[[recording]]
-name = "swing"
-file = "swing.csv"
-initial = { theta = 0.0, alpha = 0.35 }
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-[fit]
-initial_state = "held"
-"""
+from program import run
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(plain, tmp_path_factory):
     """A folder with recordings, a project, its run, and a study's folder."""
-    import fracid
-    from fracid.recording.writing import save_recording
-    from fracid.twins.twin import Twin
-
-    folder = tmp_path_factory.mktemp("next")
-    twin = Twin.of_model(fracid.rotary_pendulum(), orders={"mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=1.0)
-    recording = twin.record(twin.simulate(), noise={"alpha": 1e-3, "theta": 1e-3}, seed=1)
-    for name in ("swing.csv", "swing.mat"):
-        save_recording(recording, folder / name)
-    fit_in(folder, PROJECT)
+    folder = shutil.copytree(plain, tmp_path_factory.mktemp("next") / "plain")
+    save_recording(load_recording(folder / "swing.csv"), folder / "swing.mat")
     (folder / "runs").mkdir()
     shutil.move(folder / "run", folder / "runs" / "rig")
     (folder / "study").mkdir()
@@ -115,6 +95,7 @@ MISTAKES = {
 """What is typed → what the sentence must hold."""
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_told_with_what_to_type(capsys, folder, words):
     code, out, err = run(capsys, *words.split())
@@ -192,6 +173,7 @@ def test_check_init_fit_and_on_are_led_to_by_what_is_printed(capsys, folder, tmp
     assert (tmp_path / "my swing.toml").exists()
 
 
+@pytest.mark.broad
 def test_a_fit_and_what_is_done_with_it_lead_on(capsys, folder):
     from fracid.cli.app import new_console
     from fracid.cli.fit import Ran, _say_next
@@ -251,6 +233,7 @@ def test_the_report_says_where_it_is_if_no_browser_takes_it(capsys, folder, monk
     assert f"Open {(folder / 'page.html').as_uri()}." in err
 
 
+@pytest.mark.broad
 def test_python_m_fracid_says_the_same(folder):
     command = [sys.executable, "-m", "fracid", "fit", "swing.csv"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)

@@ -3,11 +3,10 @@
 import csv
 import json
 
-import numpy as np
 import pytest
 
-import fracid
 from program import fit_in, run
+from twins import write_release
 
 PROJECT = """
 [model.orders]
@@ -31,10 +30,7 @@ QUICK = ("--levels", "0.1", "--counts", "4096", "--executor", "threads")
 def folder(tmp_path_factory):
     """A project with a twin of 2 s, and its run."""
     folder = tmp_path_factory.mktemp("noise")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    np.savetxt(folder / "swing.csv", np.column_stack([run.time, run.states[:, [0, 2]]]), delimiter=",",
-               header="time,theta,alpha", comments="")  # fmt: skip
+    write_release(folder / "swing.csv", alpha=0.35, step=5e-3, end=2.0)
     fit_in(folder, PROJECT)
     return folder
 
@@ -57,6 +53,7 @@ def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):
     assert (where / "figures" / "noise.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.broad
 def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp_path):
     code, out, err = run(capsys, "noise", folder / "rig.toml", "--seeds", "2", *QUICK, "--out", tmp_path, "--json")
     record = json.loads(out)
@@ -66,6 +63,7 @@ def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp
     assert (record["optimiser"], record["cost"], record["seeds"]) == ("multistart", "rmse", 2)
 
 
+@pytest.mark.broad
 def test_more_seeds_and_levels_go_on_from_what_is_done(capsys, folder, tmp_path):
     few = ("noise", folder / "run", "--out", tmp_path, "--executor", "threads", "--counts", "4096", "--json")
     _, out, _ = run(capsys, *few, "--seeds", "2", "--levels", "0.1")
@@ -79,6 +77,7 @@ def test_more_seeds_and_levels_go_on_from_what_is_done(capsys, folder, tmp_path)
     assert first.items() <= json.loads(out)["repetitions"].items()
 
 
+@pytest.mark.broad
 def test_another_study_in_the_same_folder_is_refused(capsys, folder, tmp_path):
     same = ("noise", folder / "run", "--out", tmp_path, "--seeds", "1", *QUICK)
     assert run(capsys, *same)[0] == 0
@@ -87,6 +86,7 @@ def test_another_study_in_the_same_folder_is_refused(capsys, folder, tmp_path):
     assert 'cost was "rmse" and is "itae"' in err
 
 
+@pytest.mark.broad
 def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
     code, out, _ = run(capsys, "noise", folder / "run", "--seeds", "1", *QUICK, "--out", tmp_path, "--json", "--cost",
                        "iae", "--optimiser", "genetic")  # fmt: skip
@@ -95,6 +95,7 @@ def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
     assert (record["optimiser"], record["cost"]) == ("genetic", "iae")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-import fracid
 from program import fit_in, run
+from twins import write_release
 
 PROJECT = """
 [model.parameters]
@@ -24,11 +24,7 @@ initial_state = "held"
 
 
 def write_twin(file, seed=1):
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, alpha=0.35, step=5e-3, end=2.0, noise=1e-3, seed=seed)
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +74,7 @@ def test_every_interval_says_its_method_and_every_unknown_its_verdict(capsys, fo
     assert record["bootstrap"]["method"].endswith("one-step")
 
 
+@pytest.mark.broad
 def test_a_project_is_fitted_first_and_two_unknowns_are_profiled_together(capsys, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = ["--parameter", "mu", "--parameter", "b_alpha", "--joint", "mu, b_alpha", "--points", 5]
@@ -89,6 +86,7 @@ def test_a_project_is_fitted_first_and_two_unknowns_are_profiled_together(capsys
     assert np.shape(record["joint"]["rise"]) == (5, 5)
 
 
+@pytest.mark.broad
 def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     table = np.loadtxt(tmp_path / "swing.csv", delimiter=",", skiprows=1)
@@ -109,6 +107,7 @@ def test_several_recordings_are_fitted_alone_too_and_a_disagreement_is_said(caps
     assert record["spread"]["recordings"] == ["release 20°", "slow"]
 
 
+@pytest.mark.broad
 def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     write_twin(tmp_path / "swing.csv")
     (tmp_path / "arm.toml").write_text('[model]\nrig = "stepper-freeswing"\n' + PROJECT, encoding="utf-8")
@@ -120,6 +119,7 @@ def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     assert "flat" in out
 
 
+@pytest.mark.broad
 def test_profiles_json_is_the_same_for_any_jobs(capsys, folder, tmp_path):
     found = []
     for jobs in (1, 3):

@@ -10,6 +10,7 @@ import fracid
 from fracid.cli.app import main
 from fracid.regression import LUMPED
 from fracid.validation.unknown_past import whole_recordings
+from twins import write_release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", b_theta=1e-2, b_alpha=3e-4, coulomb_theta=4e-3, coulomb_alpha=2.5e-4)
 TRUE = {n: RIG.parameter(n).value for n in LUMPED}
@@ -40,11 +41,8 @@ def folder(tmp_path_factory):
     """A release from 60° at 1 kHz after a plateau of 0.8 s, 4096 counts, as a file and in projects."""
     folder = tmp_path_factory.mktemp("regress")
     orders = {"lambda": 0.95, "mu": 0.97}
-    run = fracid.simulate(RIG, orders=orders, initial={"alpha": np.radians(60)}, step=2e-4, end=4.0)
-    angles = run.states[::5][:, [0, 2]]
-    angles = np.vstack([np.tile(angles[0], (800, 1)), angles])
-    table = np.column_stack([1e-3 * np.arange(len(angles)), COUNT * np.round(angles / COUNT)])
-    np.savetxt(folder / "swing.csv", table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(folder / "swing.csv", RIG, orders=orders, alpha=np.radians(60), step=1e-3, finer=5, end=4.0,
+                  plateau=0.8, counts=True)  # fmt: skip
     texts = {
         "rig": FREE + SWING,
         "moving": FREE + SWING + "from = 1.45\n",
@@ -107,6 +105,7 @@ def test_json_holds_the_same_and_out_writes_it(capsys, folder, tmp_path):
     assert found["amplitude"] == pytest.approx(np.radians(60), rel=0.15)
 
 
+@pytest.mark.broad
 def test_an_order_that_is_not_given_is_searched_and_becomes_a_start(capsys, folder):
     found = record(capsys, folder / "rig.toml", "--order", "lambda=0.95")
     low, high = found["orders"]["mu"]["interval95"]
@@ -163,6 +162,7 @@ def test_a_start_in_motion_is_not_searched_for_orders_and_the_release_mends_it(c
     assert whole.time[0] == 0.0
 
 
+@pytest.mark.broad
 def test_an_arm_that_is_not_scored_is_left_out(capsys, folder):
     code, out, _ = run(capsys, folder / "alone.toml", *GIVEN, "--json")
     found = json.loads(out)
@@ -177,6 +177,7 @@ def test_ties_are_let_go_and_it_says_so(capsys, folder):
     assert found["parameters"]["C3"]["value"] == pytest.approx(TRUE["C3"], rel=0.03)
 
 
+@pytest.mark.broad
 def test_several_recordings_are_taken_together_or_each_by_itself(capsys, folder):
     both = record(capsys, folder / "two.toml", *GIVEN)
     each = record(capsys, folder / "two.toml", *GIVEN, "--each")

@@ -8,12 +8,11 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import fracid
 from fracid.cli.app import main
 from program import fit_in
+from twins import RIG, write_release
 
 PROJECT = """
 [model.orders]
@@ -39,11 +38,8 @@ initial_state = "held"
 
 def write_twin(file, seed, **friction):
     """A pendulum with dry friction that the model of the project may lack."""
-    rig = fracid.rotary_pendulum("srv02-rotpen", **friction)
-    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.35}, step=5e-3, end=4.0)
-    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, RIG.with_parameters(**friction), orders={"lambda": 1.0, "mu": 1.0}, alpha=0.35, step=5e-3,
+                  end=4.0, noise=1e-3, seed=seed)  # fmt: skip
 
 
 def fitted(folder, *, lacking):
@@ -101,6 +97,7 @@ def test_of_a_right_model_noise_is_left_of_every_recording_and_output(capsys, go
             assert found["normality"]["ppcc"] > 0.985
 
 
+@pytest.mark.broad
 def test_the_figures_go_into_the_folder(capsys, good, tmp_path):
     code, out, _ = run(
         capsys, "resid", good / "run", "--recording", "release 20°", "--output", "alpha", "--out", tmp_path
@@ -111,6 +108,7 @@ def test_the_figures_go_into_the_folder(capsys, good, tmp_path):
     assert (tmp_path / "figures" / "residuals-release-20-alpha.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.broad
 def test_of_a_model_without_friction_the_swing_is_left(capsys, lacking, tmp_path, undrawn):
     code, out, _ = run(capsys, "resid", lacking / "run", "--output", "alpha", "--out", tmp_path)
     assert code == 0
@@ -136,6 +134,7 @@ def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, un
     assert record["notes"] == []
 
 
+@pytest.mark.broad
 def test_values_that_do_not_give_the_saved_rmse_are_told(capsys, good, tmp_path, undrawn):
     shutil.copytree(good, tmp_path / "copy")
     path = tmp_path / "copy" / "run" / "result.json"

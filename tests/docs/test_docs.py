@@ -8,21 +8,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+LONG = ("residuals", "identification", "uncertainty", "theory", "choosing", "coming-from")
+"""Pages that take seconds."""
 PAGES = (
     "docs/solver.md",
-    "docs/residuals.md",
-    "docs/identification.md",
-    "docs/uncertainty.md",
     "docs/compare.md",
     "docs/export.md",
     "docs/figures.md",
-    "docs/theory.md",
     "docs/recording.md",
-    "docs/choosing.md",
-    "docs/coming-from.md",
     "docs/limits.md",
     "docs/honesty.md",
     "README.md",
+    *(pytest.param(f"docs/{page}.md", marks=pytest.mark.broad) for page in LONG),
 )
 LINKED = sorted(str(page.relative_to(ROOT)) for page in (*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")))
 

@@ -59,6 +59,7 @@ ELSEWHERE = ("make_twins.py", "what_an_experiment_shows.py")
 EXAMPLES = sorted(path.name for path in FOLDER.glob("*.py") if path.name not in ELSEWHERE)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs_without_a_warning_and_finds_its_truth(folder, name):
     printed = ran(folder / name)
@@ -81,6 +82,7 @@ def module(path):
     return found
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", OWN)
 def test_the_project_file_of_an_example_says_what_its_python_says(folder, name):
     example = module(folder / f"{name}.py")

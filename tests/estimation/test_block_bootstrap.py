@@ -12,9 +12,10 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap, resampled
 from fracid.estimation.covariance import residual_bandwidth, uncertainty
 from fracid.estimation.profile_walk import refit
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Free, Problem
 from fracid.problem.costs import COSTS, Cost
 from fracid.tasks.journal import Journal
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 ORDERS = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
@@ -27,9 +28,8 @@ def noise(n, rho, seed, sd=3e-3):
 
 
 def swing(name="swing", rho=0.0, seed=1, mu=0.95, end=4.0):
-    run = fracid.simulate(RIG, orders=[0.9, 0.9, mu, mu], initial={"alpha": 0.3}, step=2e-3, end=end)
-    measured = run.states[:, [0, 2]] + noise(len(run.time), rho, seed)
-    return Experiment(name, 2e-3, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": 0.3})
+    exact = release(name, orders={"lambda": 0.9, "mu": mu}, alpha=0.3, step=2e-3, end=end)
+    return replace(exact, measured=exact.measured + noise(len(exact.measured), rho, seed))
 
 
 def fitted(*swings, **options):
@@ -40,6 +40,7 @@ def fitted(*swings, **options):
 # --- the blocks --------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("length", [1, 3, 7, 20])
 def test_resampled_residuals_have_mean_zero_at_every_sample(length):
     errors = np.random.default_rng(1).standard_normal((20, 2)) + 5.0
@@ -83,6 +84,7 @@ def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
         assert np.all(drawn.standard_error > 2 * known.white)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("cost", ["rmse", "itae"])
 def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
     p, x = fitted(swing(rho=0.5, end=2.0), cost_function=COSTS[cost])
@@ -93,6 +95,7 @@ def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
     assert np.corrcoef(quick.draws[:, 1], slow.draws[:, 1])[0, 1] > 0.95
 
 
+@pytest.mark.broad
 def test_a_start_taken_from_the_first_samples_adds_its_noise_to_refits_alone():
     e = replace(swing(end=2.0), initial={})
     p, x = fitted(e)
@@ -113,6 +116,7 @@ def test_the_seed_decides_and_jobs_do_not():
     assert not np.array_equal(one.draws, other.draws)
 
 
+@pytest.mark.broad
 def test_refits_are_the_same_in_other_processes_and_none_is_done_twice(tmp_path):
     p, x = fitted(swing(end=1.0))
     same = {"variant": "refit", "draws": 4, "seed": 1}

@@ -70,6 +70,7 @@ def line(model=LINE, value=None, rho=0.0, seed=1, sd=0.1, n=401, free=None, cost
 # --- where the cost is a parabola --------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("cost", ["rmse", "ise", "itse", "huber"])
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_the_profile_of_a_linear_problem_is_the_sandwichs_parabola(cost, rho):
@@ -119,6 +120,7 @@ def test_the_joint_profile_of_a_linear_problem_is_the_sandwichs_ellipse():
 # --- coverage and costs ------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("rho", [0.0, 0.8])
 def test_the_truth_is_in_32_of_36_intervals(rho):
     # with a probability of 95 % each, 31 or fewer are so in 3 % of cases

@@ -54,23 +54,27 @@ def held(cost, rho, seeds=40):
 # Of 40 intervals that hold the truth with a probability of 95 %, 35 or fewer do so in 5 % of cases.
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "huber"])
 def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
     ours, _ = held(cost, rho=0.0)
     assert np.all(ours >= 36)
 
 
+@pytest.mark.broad
 def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
     ours, plain = held("rmse", rho=0.9)
     assert np.all(ours >= 36)
     assert np.all(plain < 25)
 
 
+@pytest.mark.broad
 def test_intervals_are_sensible_under_itae_too():
     ours, _ = held("itae", rho=0.0, seeds=20)
     assert np.all(ours >= 17)
 
 
+@pytest.mark.broad
 def test_an_interval_is_as_wide_as_the_scatter_of_its_estimate():
     exact = clean()
     found, widths = [], []
@@ -284,6 +288,7 @@ def means(n, rho, seeds=2000):
     return np.array(found).T
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("n", "rho"), [(80, 0.5), (200, 0.8), (400, 0.9)])
 def test_a_mean_of_few_samples_lies_in_its_widened_interval_and_not_in_the_plain_one(n, rho):
     mean, error, wider = means(n, rho)

@@ -11,6 +11,7 @@ from fracid.estimation.parameter_verdicts import identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 FREE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -69,10 +70,7 @@ FIXED = {"lambda": 0.9, "mu": 0.95}
 
 def twin(rig=RIG, alpha=0.5, outputs=("theta", "alpha"), sd=1e-3, **options):
     """A release of orders 0.9 and 0.95 with white noise."""
-    run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": alpha}, step=5e-3, end=4.0)
-    measured = run.states[:, [rig.outputs[n] for n in outputs]]
-    measured = measured + sd * np.random.default_rng(1).standard_normal(measured.shape)
-    swing = Experiment("swing", 5e-3, measured, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+    swing = release("swing", rig, alpha=alpha, step=5e-3, end=4.0, outputs=outputs, noise=sd)
     return Problem(rig, (swing,), **{"orders": FIXED, "outputs": outputs, "initial_state": "held"} | options)
 
 

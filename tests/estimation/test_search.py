@@ -14,9 +14,10 @@ from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
 from fracid.optimise import Evaluation, Outcome, Path, Space, least_squares, lockstep, minimise, sobol_points
 from fracid.plots import waterfall
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.tasks.journal import Journal
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 TRUE = {"coulomb_theta": 1e-2, "coulomb_alpha": 3e-4, "b_theta": 5e-3, "b_alpha": 2e-4}
@@ -29,17 +30,15 @@ WIDE = {
 }
 
 
-def release(noise=1e-3, end=4.0):
-    run = fracid.simulate(RIG, orders={"lambda": 0.97, "mu": 0.98}, parameters=TRUE, initial={"alpha": 1.2}, step=4e-3,
-                          end=end)  # fmt: skip
-    y = run.states[:, [0, 2]] + noise * np.random.default_rng(1).standard_normal((len(run.states), 2))
-    return Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+def swing(end=4.0):
+    return release(orders={"lambda": 0.97, "mu": 0.98}, parameters=TRUE, alpha=1.2, step=4e-3, end=end, noise=1e-3,
+                   known=False)  # fmt: skip
 
 
 def stiff(twin=None, **options):
     """Constants with friction, from bounds as wide as ignorance."""
     free = {"orders": {"lambda": Free(1.0, 0.6, 1.2), "mu": Free(1.0, 0.6, 1.2)}, "parameters": WIDE}
-    return Problem(RIG, (twin or release(),), **free | options)
+    return Problem(RIG, (twin or swing(),), **free | options)
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +49,7 @@ def eight():
 # --- the starts -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
     kinds = [s.origin.split()[0] for s in eight.starts]
     assert kinds == ["given", "regression", *["Sobol"] * 6]
@@ -59,6 +59,7 @@ def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
     assert sobol == sorted(sobol)
 
 
+@pytest.mark.broad
 def test_initial_states_stay_as_measured(eight):
     at = [i for i, u in enumerate(eight.problem.unknowns) if u.kind == "initial"]
     assert len(at) == 4
@@ -66,6 +67,7 @@ def test_initial_states_stay_as_measured(eight):
         assert start.point[at].tolist() == eight.problem.start[at].tolist()
 
 
+@pytest.mark.broad
 def test_most_starts_of_a_stiff_problem_come_to_the_truth(eight):
     assert eight.recordings["twin"].rmse["alpha"] == pytest.approx(1e-3, rel=0.1)
     costs = [final_cost(s, eight.starts) for s in eight.starts]
@@ -75,6 +77,7 @@ def test_most_starts_of_a_stiff_problem_come_to_the_truth(eight):
         assert low - (high - low) < true < high + (high - low)
 
 
+@pytest.mark.broad
 def test_what_became_of_each_start_is_in_the_result(eight):
     content = json.loads(json.dumps(eight.to_json(), allow_nan=False))
     assert len(content["starts"]) == 8
@@ -87,34 +90,38 @@ def test_what_became_of_each_start_is_in_the_result(eight):
     assert won(eight.starts).cost == eight.cost
 
 
+@pytest.mark.broad
 def test_the_result_is_the_same_for_any_number_of_threads():
-    p = stiff(release(end=2.0), parameters={"C1": WIDE["C1"]})
+    p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"]})
     one, three = (identify(p, starts=4, jobs=jobs) for jobs in (1, 3))
     assert json.dumps(one.to_json()) == json.dumps(three.to_json())
 
 
+@pytest.mark.broad
 def test_the_seed_decides_the_sobol_points():
-    p = stiff(release(end=1.0), parameters={})
+    p = stiff(swing(end=1.0), parameters={})
     points = [[s.point.tolist() for s in search(p, "multistart", np.random.default_rng(seed), starts=4)[1]]
               for seed in (1, 1, 2)]  # fmt: skip
     assert points[0] == points[1] != points[2]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("starts", [2, 4])
 def test_many_starts_never_end_above_one(starts):
-    p = stiff(release(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
+    p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
     one = search(p, "multistart", np.random.default_rng(1))[0]
     assert search(p, "multistart", np.random.default_rng(1), starts=starts)[0].best.cost <= one.best.cost
 
 
 def test_where_the_regression_does_not_apply_sobol_points_take_its_place():
-    p = stiff(release(end=2.0), parameters={"slip_speed": Free(0.05, 1e-3, 1.0)})  # not in the regression
+    p = stiff(swing(end=2.0), parameters={"slip_speed": Free(0.05, 1e-3, 1.0)})  # not in the regression
     made = search(p, "multistart", np.random.default_rng(1), starts=3)[1]
     assert [s.origin.split()[0] for s in made] == ["given", "Sobol", "Sobol"]
 
 
+@pytest.mark.broad
 def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
-    p, calls = stiff(release(end=3.0)), []
+    p, calls = stiff(swing(end=3.0)), []
 
     def callback(best, n):
         calls.append(n)
@@ -129,7 +136,7 @@ def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
 
 
 def test_every_start_that_fails_has_its_reason():
-    p = stiff(release(end=2.0), parameters={"C3": 0.1})
+    p = stiff(swing(end=2.0), parameters={"C3": 0.1})
     result, made = search(p, "multistart", np.random.default_rng(1), starts=3)
     assert result.outcome is Outcome.ALL_FAILED
     assert made[0].ended == "every run failed"
@@ -210,7 +217,7 @@ def test_no_start_at_all_is_told():
     [("differential-evolution", {"generations": 2}), ("cma", {"generations": 2}), ("nelder-mead", {"budget": 12})],
 )
 def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
-    p = stiff(release(end=2.0), parameters=TRUE, initial_state="held")
+    p = stiff(swing(end=2.0), parameters=TRUE, initial_state="held")
     rng = np.random.default_rng(1)
     polished, _ = search(p, name, rng, options=options)
     best, _ = search(p, "multistart", rng)
@@ -223,8 +230,9 @@ def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
 # --- starts that know nothing of each other ----------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum_of_those_together(tmp_path):
-    p = stiff(release(end=2.0))
+    p = stiff(swing(end=2.0))
     found = {}
     for jobs in (1, 2):
         with Journal(tmp_path / f"{jobs}.jsonl", {}) as journal:
@@ -242,6 +250,6 @@ def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum
 
 def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
     own = replace(COSTS["rmse"], name="mine")
-    p = stiff(release(end=2.0), parameters=TRUE, cost_function=own)
+    p = stiff(swing(end=2.0), parameters=TRUE, cost_function=own)
     with pytest.raises(Unfinished, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
         search(p, "multistart", np.random.default_rng(1), starts=2, executor="processes")

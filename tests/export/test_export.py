@@ -11,6 +11,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 import fracid
+from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
@@ -19,16 +20,12 @@ from fracid.export.recursion import Case, Recursion
 from fracid.models import Parameter
 from fracid.runs.saved import load_run
 from fracid.solver.memory import compressed, full, short
-from program import fit_in, run
+from program import run
 
 octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 
 FRICTION = {"coulomb_theta": 2e-3, "coulomb_alpha": 1e-5, "drag_alpha": 1e-5, "cable_stiffness": 1e-3,
             "theta_rest": 0.1, "alpha_rest": -0.01}  # fmt: skip
-
-
-def driven(n):
-    return 2 * np.sin(0.03 * np.arange(n + 1))[:, None]
 
 
 def problem_of(orders=(0.8623, 0.9146), method="pi2", *, zero="hanging", drive=False, past=0, steps=250, h=2e-3,
@@ -154,6 +151,7 @@ STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controlle
 IN_C = [n for n in VARIANTS if "past" not in n and n != STEPPED_TOGETHER]
 
 
+@pytest.mark.few(3)
 @compiler
 @pytest.mark.parametrize("name", IN_C)
 def test_the_c_function_steps_as_fracid_does(tmp_path, name):
@@ -184,55 +182,16 @@ def test_a_run_that_fails_in_c_is_told(tmp_path):
 
 # --- a run folder ----------------------------------------------------------------------------------
 
-PROJECT = """
-[model.orders]
-lambda = 0.8623
-mu = { start = 0.9, lower = 0.7, upper = 1.2 }
-[[recording]]
-name = "release 20°"
-file = "swing.csv"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-[[recording]]
-name = "driven"
-file = "driven.csv"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-voltage = { column = "voltage", unit = "V" }
-initial = { theta = 0.0, alpha = 0.0 }
-use = "validate"
-[fit]
-initial_state = "held"
-"""
 
-
-def write_twin(file, alpha, inputs=None):
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(
-        rig, orders={"lambda": 0.8623, "mu": 0.9146}, initial={"alpha": alpha}, step=5e-3, end=2.0, inputs=inputs
-    )
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((len(run.time), 2))
-    columns, header = [run.time, run.states[:, [0, 2]] + noise], "time,theta,alpha"
-    if inputs is not None:
-        columns, header = [*columns, inputs], header + ",voltage"
-    np.savetxt(file, np.column_stack(columns), delimiter=",", header=header, comments="")
+@pytest.fixture
+def fitted(two_recordings):
+    return two_recordings / "run"
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    """A project and its run, as `fracid fit` leaves it."""
-    folder = tmp_path_factory.mktemp("fitted")
-    write_twin(folder / "swing.csv", 0.35)
-    write_twin(folder / "driven.csv", 0.0, driven(400))
-    fit_in(folder, PROJECT)
-    return folder / "run"
-
-
-@pytest.fixture(scope="module")
-def exported(fitted):
-    without_figures = [name for name in FORMATS if name != "state-space"]
-    return fitted / "export", export_run(load_run(fitted), fitted / "export", without_figures)
+def exported(two_recordings, tmp_path_factory):
+    folder, without_figures = tmp_path_factory.mktemp("export"), [name for name in FORMATS if name != "state-space"]
+    return folder, export_run(load_run(two_recordings / "run"), folder, without_figures)
 
 
 def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
@@ -253,6 +212,7 @@ def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
             np.testing.assert_array_equal(recording["residual"][output], ours.residual(output))
 
 
+@pytest.mark.broad
 @octave
 def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exported):
     folder, _ = exported
@@ -298,7 +258,7 @@ def test_a_table_holds_time_measured_fitted_residual_and_the_input(fitted, expor
         np.testing.assert_array_equal(table["alpha fitted [rad]"], ours.fitted["alpha"])
         np.testing.assert_array_equal(table["theta residual [rad]"], ours.residual("theta"))
         assert ("voltage [V]" in table) == (name == "driven")
-    np.testing.assert_array_equal(table["voltage [V]"], driven(400)[:, 0])
+    np.testing.assert_array_equal(table["voltage [V]"], driven(300)[:, 0])
 
 
 def test_the_json_file_is_the_result_with_its_curves(fitted, exported):

@@ -73,6 +73,7 @@ def test_an_operator_that_cannot_be_is_refused(order, band, words):
 # --- the models ------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", CASES)
 def test_the_integer_order_model_swings_as_the_fractional_one(name):
     problem = CASES[name]
@@ -83,6 +84,7 @@ def test_the_integer_order_model_swings_as_the_fractional_one(name):
         assert error < 1e-2 * np.ptp(exact[:, problem.model.outputs[output]])
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("posture", ["hanging", "upright"])
 @pytest.mark.parametrize("name", CASES)
 def test_a_linear_model_has_the_fractional_models_response_and_poles(name, posture):
@@ -196,6 +198,7 @@ def test_without_python_control_the_sentence_says_what_to_type(monkeypatch):
 # --- files and figures -----------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_files_hold_the_matrices(fitted, tmp_path):  # noqa: F811
     folder, done = tmp_path, fracid.export_run(fracid.load_run(fitted), tmp_path, ["matlab", "state-space"])
     found = json.loads((folder / "state_space.json").read_text(encoding="utf-8"))

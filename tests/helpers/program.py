@@ -14,12 +14,12 @@ mu = { start = 1.0, lower = 0.9, upper = 1.1 }
 [fit]
 initial_state = "held"
 [[recording]]
-file = "swing.npz"
+file = "swing.csv"
 theta = { column = "theta", unit = "rad" }
 alpha = { column = "alpha", unit = "rad" }
 initial = { theta = 0.0, alpha = 0.35 }
 """
-"""The project of a release whose recording, swing.npz, stands beside it: mu is free."""
+"""The project of a release whose recording, swing.csv, stands beside it: mu is free."""
 
 
 def run(capsys, *arguments):

@@ -129,6 +129,7 @@ def test_the_result_is_the_same_for_any_number_of_threads(name):
     assert (first.outcome, first.evaluations) == (second.outcome, second.evaluations)
 
 
+@pytest.mark.few(3)
 @every
 def test_the_seed_decides_and_numpys_global_state_is_untouched(name):
     before = np.random.get_state()[1].tolist()  # noqa: NPY002
@@ -145,6 +146,7 @@ def test_it_never_leaves_the_bounds(name):
         assert np.all((SPACE.lower <= points) & (points <= SPACE.upper))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["least-squares", "nelder-mead", "multistart"])
 @settings(max_examples=20, deadline=None)
 @example(lower=0.0, width=1.0, start=0.5625, target=0.0625)
@@ -499,6 +501,7 @@ def best_of_random_points(evaluate, seed):
     return min(points, key=lambda x: evaluate(x).cost)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("evaluate", "wins"), [(valley, True), (narrow, False)], ids=["valley", "narrow"])
 def test_against_random_points_the_ga_is_as_good_as_its_docstring_says(evaluate, wins):
     bred = distances([search("genetic", evaluate, seed=s).best.point for s in range(30)])

@@ -85,6 +85,7 @@ def test_each_output_is_headed_by_its_fit_and_rmse():
         assert f"({rmse / ENCODER:.1f} encoder steps)" in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("zero", "said"), [("hanging", "0 = hanging"), ("upright", "0 = upright")])
 def test_figure_2_says_where_alpha_is_zero(zero, said):
     assert said in words(fitted_over_time(twin(200), zero=zero))
@@ -194,6 +195,7 @@ def test_a_residual_that_bends_with_the_angle_shows_in_the_mean_of_the_bins():
     np.testing.assert_allclose(np.radians(line.get_ydata()), 2 * angle**2, atol=2e-4)
 
 
+@pytest.mark.broad
 def test_the_encoder_step_is_drawn_where_it_is_known():
     known = words(residual_plots(twin(), "alpha", resolution=STEPS))
     assert "one encoder step, 0.0879°" in known
@@ -201,6 +203,7 @@ def test_the_encoder_step_is_drawn_where_it_is_known():
         assert "encoder" not in words(residual_plots(twin(200), "alpha", resolution=unknown))
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("residual", "said"),
     [
@@ -284,6 +287,7 @@ def test_runs_that_nearly_diverge_do_not_take_the_colours_from_the_valley():
     assert {"×2", "×10", "×50"} <= set(said)
 
 
+@pytest.mark.broad
 def test_diverging_runs_are_hatched_and_named():
     costs = np.where(MU > 1.0, np.inf, VALLEY)
     costs[0, 0] = np.nan
@@ -293,6 +297,7 @@ def test_diverging_runs_are_hatched_and_named():
     assert "diverges" not in words(cost_plane(LAMBDA, MU, VALLEY))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("cost", "said"),
     [
@@ -339,6 +344,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("make", FIGURES.values(), ids=FIGURES)
 def test_files_are_small_and_the_same_each_time(make, tmp_path):
     first, second = save(make(), tmp_path / "a", "figure"), save(make(), tmp_path / "b", "figure")
@@ -350,6 +356,7 @@ def test_files_are_small_and_the_same_each_time(make, tmp_path):
     assert imread(first[1]).std() > 0.02  # not an empty sheet
 
 
+@pytest.mark.broad
 def test_threads_draw_the_same_files(tmp_path):
     def draw(name):
         save(fitted_over_time(twin(2000)), tmp_path / name, "figure")
@@ -375,6 +382,7 @@ def test_saving_leaves_no_settings_and_no_other_files_behind(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plane.png", "plane.svg"]
 
 
+@pytest.mark.broad
 def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
     (old,) = save(cost_plane(LAMBDA, MU, VALLEY), tmp_path, "plane", ("svg",))
     content = old.read_bytes()
@@ -416,6 +424,7 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
         save(Figure(), tmp_path / "file", "figure")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["$x_1", "a\nb", "50 % {x} \\alpha ^2", "Masse 振子", "long " * 60, ""])
 def test_any_name_of_a_recording_can_be_drawn(name, tmp_path):
     recording = twin(50, name=name)
@@ -430,6 +439,7 @@ def test_an_output_of_any_name_can_be_drawn(tmp_path):
     save(fitted_over_time(replace(recording, measured=odd, fitted=odd)), tmp_path, "figure")
 
 
+@pytest.mark.broad
 def test_drawing_does_not_touch_pyplot():
     code = (
         "import sys, tempfile, numpy as np; from fracid.plots import cost_plane, save;"
@@ -439,6 +449,7 @@ def test_drawing_does_not_touch_pyplot():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.broad
 def test_importing_the_module_does_not_import_matplotlib():
     code = "import sys, fracid.plots; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -447,6 +458,7 @@ def test_importing_the_module_does_not_import_matplotlib():
 # --- a recording -----------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_an_overview_shows_each_signal_whole_and_close_up_in_its_unit(tmp_path):
     time = np.arange(0, 10, 0.002)
     alpha = np.where(time < 2, 0.5, 0.5 * np.cos(6 * (time - 2)) * np.exp(-0.5 * (time - 2)))

@@ -19,7 +19,6 @@ from matplotlib.text import Text
 import fracid
 from fracid import plots
 from fracid.errors import InputError
-from fracid.estimation.records import RecordingFit
 from fracid.estimation.starts import Start
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
@@ -28,6 +27,7 @@ from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
 from fracid.selection.comparison import Comparison, Row, Score
 from fracid.validation.unknown_past import CutCheck, Treatment
+from twins import fit_of, release
 
 TIME = np.arange(0, 12, 5e-3)
 SWING = 0.3 * np.exp(-0.2 * TIME) * np.cos(6 * TIME)
@@ -44,15 +44,12 @@ def rig():
 @cache
 def twin():
     swing = {"theta": 0.2 * SWING, "alpha": SWING}
-    return RecordingFit("release 92°", "fit", TIME, {n: y + NOISE for n, y in swing.items()}, swing, 1e-3, {}, {},
-                        zero="hanging")  # fmt: skip
+    return fit_of(swing, dict.fromkeys(swing, NOISE), TIME, "release 92°", zero="hanging")
 
 
 @cache
 def problem():
-    run = fracid.simulate(rig(), orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
-    swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
+    swing = release("twin", rig(), alpha=0.3, step=1e-2, end=2.0, noise=1e-3, known=False)
     return Problem(rig(), (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate")
 
 
@@ -134,6 +131,7 @@ def test_all_figures_are_looked_at_here():
 # --- a journal's columns -----------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):
     width, height = 25.4 * drawn(name, "journal").get_size_inches()
@@ -141,6 +139,7 @@ def test_a_journals_figure_is_as_wide_as_a_column_or_a_page_and_fits_it(name):
     assert height <= 230.0001
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_text_is_neither_too_small_nor_too_large_and_has_no_serifs(name):
     for text in drawn(name, "journal").findobj(Text):
@@ -149,6 +148,7 @@ def test_a_journals_text_is_neither_too_small_nor_too_large_and_has_no_serifs(na
             assert text.get_fontfamily() == ["sans-serif"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
     for part in parts(drawn(name, "journal")):
@@ -157,6 +157,7 @@ def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
             assert (widths[widths > 0] >= 0.5 - 1e-9).all(), part
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_journals_figure_has_letters_and_no_heading(name):
     screen, journal = drawn(name), drawn(name, "journal")
@@ -168,6 +169,7 @@ def test_a_journals_figure_has_letters_and_no_heading(name):
         assert f"({letter}) " in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_written_leaves_a_journals_page(name):
     figure = drawn(name, "journal")
@@ -179,6 +181,7 @@ def test_nothing_written_leaves_a_journals_page(name):
             assert sheet.y0 - slack <= box.y0 <= box.y1 <= sheet.y1 + slack, text.get_text()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_lines_of_one_panel_are_told_apart_in_grey(name):
     for axes in drawn(name, "journal").axes:
@@ -261,6 +264,7 @@ def written(tmp_path_factory):
     return folders
 
 
+@pytest.mark.broad
 def test_two_processes_write_the_same_bytes(written):
     one, other = written
     names = sorted(path.name for path in one.iterdir())
@@ -269,6 +273,7 @@ def test_two_processes_write_the_same_bytes(written):
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
 
 
+@pytest.mark.broad
 def test_a_pdf_has_its_fonts_as_truetype_a_title_and_no_date(written):
     for path in written[0].glob("*.pdf"):
         content = path.read_bytes()
@@ -280,6 +285,7 @@ def test_a_pdf_has_its_fonts_as_truetype_a_title_and_no_date(written):
         assert width / 72 * 25.4 == pytest.approx(88, abs=0.1)
 
 
+@pytest.mark.broad
 def test_an_svg_has_a_title_and_no_date(written):
     for path in written[0].glob("*.svg"):
         content = path.read_text(encoding="utf-8")

@@ -69,6 +69,7 @@ def words(figure):
 # --- the shape ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("pose", POSES)
 def test_the_drawn_rod_has_the_kinetic_energy_of_the_models_mass_matrix(name, pose):
@@ -80,6 +81,7 @@ def test_the_drawn_rod_has_the_kinetic_energy_of_the_models_mass_matrix(name, po
     np.testing.assert_allclose([mixed, own], [M[0, 1], M[1, 1]], rtol=1e-6, atol=1e-6 * C["C1"])
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("pose", POSES)
 def test_the_drawn_rod_is_as_high_as_the_models_energy_has_it(name, pose):
@@ -150,6 +152,7 @@ def test_the_rig_is_seen_from_above_and_not_mirrored():
     assert z[1] > 0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", MODELS)
 def test_the_arrow_of_theta_leads_from_x_counter_clockwise_to_the_arm(name):
     model = model_of(name)
@@ -208,6 +211,7 @@ def test_the_drawing_says_which_way_the_motor_drives(rig, said):
     assert ("drives" in text) == bool(said)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("style", ["screen", "journal"])
 @pytest.mark.parametrize("name", [*[*MODELS][1::2], "srv02-rotpen, hanging", "cazzolato-prime, hanging"])
 def test_nothing_written_leaves_the_picture_or_lies_on_other_words(name, style):

@@ -119,6 +119,7 @@ def test_an_arm_that_is_turns_away_is_brought_back(tmp_path):
     assert any("theta ends at 326 rad" in note for note in draft.notes)
 
 
+@pytest.mark.broad
 def test_init_writes_a_file_that_fits_as_it_is_and_overwrites_none(tmp_path):
     path, target = written(tmp_path, alpha=SWING), tmp_path / "rigs" / "rig.toml"
     target.parent.mkdir()

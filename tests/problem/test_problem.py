@@ -16,6 +16,7 @@ from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.past import release_in_past, smooth_past
 from fracid.recording import Recording
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 TRUE = {"lambda": 0.9, "mu": 0.95}
@@ -24,11 +25,9 @@ STEP = 4e-3
 OWN = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
 
 
-def twin(name="swing", end=2.0, alpha=0.4, *, rig=RIG, orders=TRUE, known=True, **run):
+def twin(name="swing", end=2.0, alpha=0.4, **options):
     """An exact release from `alpha` [rad], the arm at 0."""
-    run = fracid.simulate(rig, orders=orders, initial={"alpha": alpha}, step=STEP, end=end, **run)
-    initial = {"theta": 0.0, "alpha": alpha} if known else {}
-    return Experiment(name, STEP, run.states[:, [0, 2]], np.zeros((1, 1)), initial=initial)
+    return release(name, step=STEP, end=end, alpha=alpha, **options)
 
 
 def problem(*experiments, **options):
@@ -208,6 +207,7 @@ def released_at(time, *, volts=None, step=STEP / 8, rig=RIG, alpha=0.8):
     return Experiment("late", STEP, measured, inputs, initial={"theta": 0.0, "alpha": alpha})
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("time", [-0.0317, -STEP, 0.0, 0.3 * STEP, 0.0291])
 def test_the_release_is_found_between_the_samples(time):
     e = replace(released_at(time), release_time=Free(0.0, -0.04, 0.04))
@@ -241,6 +241,7 @@ def test_until_its_release_a_recording_keeps_its_start_and_inputs_keep_its_clock
     assert p.fitted(np.empty(0), p.experiments[0]) == pytest.approx(early.measured, abs=1e-3)
 
 
+@pytest.mark.broad
 def test_the_cost_follows_the_release_smoothly():
     e = replace(released_at(0.0), release_time=Free(0.0, -0.04, 0.04))
     p, times = problem(e, orders=TRUE), np.linspace(-1.1, 1.1, 441) * STEP
@@ -266,6 +267,7 @@ def from_mid_swing(*, past=True, plateau=0.4, cut=1.1, end=5.0, alpha=1.0, noise
     return Experiment.of(after, rig, ["theta", "alpha"], before=before if past else None)
 
 
+@pytest.mark.broad
 def test_a_measured_past_recovers_the_orders_where_a_free_start_alone_is_biased():
     found = {}
     for past in (True, False):
@@ -332,6 +334,7 @@ def test_a_past_has_its_inputs():
 # --- free and driven recordings together ---------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_release_and_a_voltage_pulse_tell_together_what_neither_tells_alone():
     """A release knows the constants up to a factor, a pulse each of them less well; a chirp is predicted."""
     names = ("C1", "C3", "C6", "J_theta", "C4", "b_theta", "b_alpha")
@@ -472,6 +475,7 @@ def one_order(prior=None, **options):
     return problem(noisy(twin(), 1e-2), orders=orders, **options)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_data_and_prior_meet_where_their_precisions_say(weights):
     """One unknown, white noise: the posterior's mode lies between both, each weighed by its inverse variance."""

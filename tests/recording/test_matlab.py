@@ -36,6 +36,7 @@ def test_version_5_is_read_as_scipy_reads_it(tmp_path_factory, content, packed):
         np.testing.assert_array_equal(array, expected[name])
 
 
+@pytest.mark.broad
 @given(
     content=st.dictionaries(
         names, st.sampled_from([*DTYPES[:2], "<i4", "<i2", "<u2", "u1"]).flatmap(

@@ -429,6 +429,7 @@ PLACES = {
 }
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("what", LONG)
 def test_a_cell_of_300_000_characters_costs_no_more_than_to_read_it(what, place, tmp_path):

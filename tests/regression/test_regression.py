@@ -13,6 +13,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, regressor, start_values
 from fracid.regression.rows import swing_of
+from twins import states
 
 COUNT = 2 * np.pi / 4096
 RIG = fracid.rotary_pendulum(
@@ -30,11 +31,7 @@ def orders(name):
 
 def run(degrees, name, end=6.0, model=RIG, inputs=None):
     """States every millisecond, solved at a fifth of it."""
-    fine = fracid.simulate(
-        model, orders=orders(name), initial={"alpha": np.radians(degrees)}, step=2e-4, end=end, inputs=inputs
-    )
-    assert fine.completed
-    return fine.states[::5]
+    return states(model, orders=orders(name), alpha=np.radians(degrees), step=1e-3, finer=5, end=end, inputs=inputs)
 
 
 def recording(states, **more):
@@ -115,6 +112,7 @@ def test_a_recorded_torque_needs_no_known_constant():
 # --- noise in the columns -------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("degrees", "name"), [(30, "integer"), (30, "near"), (60, "integer"), (60, "near"),
                                                (60, "paper"), (90, "near"), (90, "paper")])  # fmt: skip
 @pytest.mark.parametrize("seed", [1, 2])
@@ -186,6 +184,7 @@ def test_robust_estimators_outvote_a_push_that_nobody_recorded():
 # --- orders ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_search_finds_both_orders_of_a_large_release():
     found = regress(release(60, "near", 1), RIG, known=C4)
     for n, true in orders("near").items():
@@ -198,6 +197,7 @@ def test_the_search_finds_both_orders_of_a_large_release():
         assert abs(along[np.argmin(ratio)] - true) < 0.01
 
 
+@pytest.mark.broad
 def test_a_small_release_does_not_show_the_orders_and_no_constant_is_called_identified():
     at = {"lambda": 1.0, "mu": Free(1.0, 0.8, 1.2)}
     found = regress(release(10, "integer", 2, end=4.0), RIG, orders=at, known=C4)
@@ -290,6 +290,7 @@ def test_start_values_are_near_the_truth_within_bounds_and_leave_alone_what_is_n
     assert problem.cost(x) < 0.2 * problem.cost(problem.start)
 
 
+@pytest.mark.broad
 def test_a_record_that_starts_in_motion_does_not_show_the_orders():
     swing = release(60, "near", 1).trim(0.65, 4.0)
     at = {"lambda": 0.95, "mu": Free(1.0, 0.8, 1.2)}

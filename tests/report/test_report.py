@@ -32,6 +32,7 @@ from fracid.report.verdict import verdict
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison import Comparison, Row, Score
+from twins import RIG, write_release
 
 HOSTILE = "</script><img src=x onerror=\"window.hit=1\"> & 'swing'"
 
@@ -58,11 +59,7 @@ SECTIONS = ("verdict", "data", "model", "values", "fitted", "residuals", "cost",
 
 
 def write_twin(file, alpha, seed):
-    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=1e-3)
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": alpha}, step=1e-2, end=6.0)
-    noise = 2e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, RIG.with_parameters(coulomb_theta=1e-3), alpha=alpha, step=1e-2, end=6.0, noise=2e-3, seed=seed)
 
 
 @pytest.fixture(scope="module")

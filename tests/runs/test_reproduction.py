@@ -13,42 +13,7 @@ import fracid
 from fracid.cli import main
 from fracid.errors import InputError
 from fracid.runs.reproduction import ELSEWHERE, compared
-from program import fit_in, run
-
-PROJECT = """
-[model.orders]
-lambda = 0.9
-mu = { start = 1.0, lower = 0.5, upper = 1.2 }
-[[recording]]
-name = "release 20°"
-file = "swing.csv"
-theta = { column = "theta", unit = "rad" }
-alpha = { column = "alpha", unit = "rad" }
-initial = { theta = 0.0, alpha = 0.35 }
-[fit]
-initial_state = "held"
-"""
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    """A project with a twin of 2 s, and its run."""
-    folder = tmp_path_factory.mktemp("fitted")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    found = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(3).standard_normal((201, 2))
-    rows = np.column_stack([found.time, found.states[:, [0, 2]] + noise])
-    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="time,theta,alpha", comments="")
-    fit_in(folder, PROJECT)
-    return folder
-
-
-@pytest.fixture
-def sent(fitted, tmp_path, monkeypatch):
-    """The same in a folder to be changed."""
-    shutil.copytree(fitted, tmp_path / "sent")
-    monkeypatch.chdir(tmp_path / "sent")
-    return tmp_path / "sent" / "run"
+from program import RELEASE, run
 
 
 def edited(path, change):
@@ -75,9 +40,10 @@ def older(result):
 # --- doing it again ----------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("jobs", [1, 2, 8])
-def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(fitted, jobs):
-    found = fracid.reproduce(fitted / "run", jobs=jobs)
+def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, jobs):
+    found = fracid.reproduce(plain / "run", jobs=jobs)
     assert found.differences == ()
     assert (found.identical, found.reproduced, found.changed) == (True, True, {})
     assert found.values > 100
@@ -94,6 +60,7 @@ def test_the_command_says_so_and_writes_nothing_into_the_run(capsys, sent):
     assert again["orders"] == result["orders"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("by", [1e-15, 1e-12, 1e-3])
 def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
     edited(sent / "result.json", moved(by))
@@ -104,6 +71,7 @@ def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
     assert "That is a fault of fracid" in out
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("by", "code"), [(1e-12, 0), (0.9 * ELSEWHERE, 0), (1.2 * ELSEWHERE, 1), (1e-3, 1)])
 def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, by, code):
     edited(sent / "result.json", moved(by))
@@ -140,7 +108,7 @@ def another_recording(sent):
         (another_recording, "is not the one that"),
         (lambda sent: (sent / "result.json").unlink(), "was finished, but its result.json cannot be read"),
         (lambda sent: (sent / "run.json").unlink(), "has no run.json"),
-        (lambda sent: (sent / "project.toml").write_text(PROJECT.replace("swing", "swung")), "cannot be read as"),
+        (lambda sent: (sent / "project.toml").write_text(RELEASE.replace("swing", "swung")), "cannot be read as"),
     ],
 )
 def test_what_cannot_be_done_again_is_told(capsys, sent, spoil, message):
@@ -154,19 +122,21 @@ def test_what_cannot_be_done_again_is_told(capsys, sent, spoil, message):
 
 
 @pytest.fixture(scope="module")
-def studied(fitted):
+def studied(plain, tmp_path_factory):
     """A noise study of two repetitions, in threads."""
+    folder = shutil.copytree(plain, tmp_path_factory.mktemp("studied") / "plain")
     words = ["noise", "run", "--levels", "0.1", "--counts", "0", "--seeds", "2", "--executor", "threads"]
     words += ["--out", "noise"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(fitted)
+        patch.chdir(folder)
         patch.setattr(sys, "argv", ["fracid", *words])
         with pytest.raises(SystemExit) as stop:
             main(words)
     assert not stop.value.code
-    return fitted / "noise"
+    return folder / "noise"
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("spoiled", [False, True])
 def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled):
     shutil.copytree(studied, tmp_path / "noise")
@@ -179,6 +149,7 @@ def test_a_study_is_typed_again(capsys, studied, tmp_path, monkeypatch, spoiled)
     assert Path.cwd() == tmp_path
 
 
+@pytest.mark.broad
 def test_a_study_of_other_data_is_not_the_same(capsys, studied, tmp_path, monkeypatch):
     shutil.copytree(studied, tmp_path / "noise")
     monkeypatch.chdir(tmp_path)

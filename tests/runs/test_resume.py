@@ -10,12 +10,12 @@ from contextlib import contextmanager, nullcontext
 import numpy as np
 import pytest
 
-import fracid
 from fracid.cli import fit as fit_command
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, run_state
 from fracid.tasks.simulation_cache import Memo
+from twins import write_release
 
 PROJECT = """
 [model]
@@ -57,11 +57,7 @@ command.run_fit(Path(sys.argv[1]), Path(sys.argv[2]), preset=None, optimiser=Non
 def project(tmp_path_factory):
     """A short swing and a project file beside it."""
     folder = tmp_path_factory.mktemp("project")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=3.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((301, 2))
-    theta, alpha = (run.states[:, [0, 2]] + noise).T
-    np.savez(folder / "swing.npz", time=0.01 * np.arange(301), theta=theta, alpha=alpha)
+    write_release(folder / "swing.npz", alpha=0.3, step=0.01, end=3.0, noise=1e-3)
     (folder / "rig.toml").write_text(PROJECT)
     return folder / "rig.toml"
 
@@ -129,6 +125,7 @@ def test_a_finished_run_leaves_no_memo_and_says_that_there_is_nothing_to_do(proj
     assert "is finished; its result is" in capsys.readouterr().out
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_fit_cut_off_anywhere_ends_the_same_and_simulates_nothing_twice(project, whole, memos, tmp_path, seed):
     rng, (uncut, files) = np.random.default_rng(seed), whole
@@ -168,6 +165,7 @@ def fitted_until(evaluations, project, folder):
         patch.undo()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("evaluations", [1, 20])
 def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, evaluations):
     ran = fitted_until(evaluations, project, tmp_path / "run")
@@ -178,6 +176,7 @@ def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, eva
     assert run_state(tmp_path / "run").finished
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tmp_path, monkeypatch):
     rng = np.random.default_rng(5)
@@ -194,6 +193,7 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         assert result(folder) == whole[0]
 
 
+@pytest.mark.broad
 def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, capsys, monkeypatch):
     fitted_until(20, project, tmp_path / "run")
     log = tmp_path / "run" / EVALUATIONS
@@ -248,6 +248,7 @@ def state(folder, kind):
 # --- studies -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_studys_command_is_typed_again_where_it_was_typed(project, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "study"

@@ -6,10 +6,10 @@ import shutil
 import numpy as np
 import pytest
 
-import fracid
 from fracid.errors import InputError
 from fracid.runs.saved import load_run
 from program import fit_in
+from twins import write_release
 
 PROJECT = """
 [model.parameters]
@@ -35,11 +35,7 @@ per_recording = ["theta_rest"]
 
 
 def write_twin(file, alpha, seed=1):
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.95}, initial={"alpha": alpha}, step=5e-3, end=2.0)
-    noise = 1e-3 * np.random.default_rng(seed).standard_normal((len(run.time), 2))
-    table = np.column_stack([run.time, run.states[:, [0, 2]] + noise])
-    np.savetxt(file, table, delimiter=",", header="time,theta,alpha", comments="")
+    write_release(file, orders={"lambda": 0.95, "mu": 0.95}, alpha=alpha, step=5e-3, end=2.0, noise=1e-3, seed=seed)
 
 
 @pytest.fixture(scope="module")

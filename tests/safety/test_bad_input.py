@@ -30,6 +30,7 @@ def holds(told, says):
     return True
 
 
+@pytest.mark.few(18)
 @pytest.mark.parametrize("row", RECORDINGS, ids=names(RECORDINGS))
 def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
     if "permission" in row.wrong and os.geteuid() == 0:
@@ -48,6 +49,7 @@ def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
     assert str(told.value).isprintable()
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("row", PROJECTS, ids=names(PROJECTS))
 def test_a_bad_project_is_told_and_never_a_traceback(row, tmp_path, capsys):
     (tmp_path / "swing.csv").write_bytes(text()())

@@ -5,7 +5,6 @@ import io
 import json
 import shutil
 from html.parser import HTMLParser
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -21,27 +20,10 @@ from fracid.estimation.records import RecordingFit
 from fracid.export.table import _csv
 from fracid.plots import appearance
 from fracid.safety.text import csv_cell, json_text, printable
-from program import RELEASE, fit_in, run
+from program import run
 
 EVIL = "\"'><img src=x onerror=alert(1)></script><script>alert(2)</script> [red]{{7*7}} $\\frac{ \\input{x} ${run} =1+1"
 TERMINAL = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202eevil\u2066\x7f"
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fitted")
-    time = np.arange(0.0, 2.0, 0.01)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, 200))
-    np.savez(folder / "swing.npz", time=time, theta=noise[0], alpha=0.35 * np.cos(6 * time) + noise[1])
-    fit_in(folder, RELEASE)
-    return folder
-
-
-@pytest.fixture
-def sent(fitted, tmp_path, monkeypatch):
-    shutil.copytree(fitted, tmp_path / "sent")
-    monkeypatch.chdir(tmp_path / "sent")
-    return Path("run")
 
 
 # --- the page ----------------------------------------------------------------------------------------
@@ -78,6 +60,7 @@ def with_texts(value, evil):
     return evil if isinstance(value, str) else value
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("evil", [EVIL, TERMINAL], ids=["page", "terminal"])
 def test_no_text_of_a_run_becomes_an_element_of_its_page(sent, evil):
     clean = Elements(fracid.write_report(sent).read_text(encoding="utf-8"))
@@ -138,6 +121,7 @@ def test_json_on_a_terminal_means_the_same_and_commands_nothing(value):
     assert printable(text) == text
 
 
+@pytest.mark.broad
 def test_columns_and_folders_with_a_terminals_commands_are_shown_without(capsys, sent):
     np.savetxt("evil.csv", np.column_stack([np.arange(9.0), np.arange(9.0) % 2, np.arange(9.0) % 3]), delimiter=",",
                header=f"t,a,{TERMINAL.replace(chr(7), '')}", comments="", encoding="utf-8")  # fmt: skip

@@ -65,6 +65,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("told", FAULTS)
 def test_what_goes_wrong_is_counted_and_told_and_the_next_inputs_are_run(told, monkeypatch, tmp_path):
     monkeypatch.setattr(fuzz, "_read", broken(FAULTS[told]))

@@ -15,6 +15,7 @@ from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
 from program import run
+from twins import write_release
 
 # --- recordings that are mangled as real ones are ------------------------------------------------------
 
@@ -176,10 +177,7 @@ initial_state = "rest"
 def project(tmp_path_factory):
     """A short swing and a project file beside it."""
     folder = tmp_path_factory.mktemp("project")
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    swing = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=2.0)
-    theta, alpha = (swing.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))).T
-    np.savez(folder / "swing.npz", time=0.01 * np.arange(201), theta=theta, alpha=alpha)
+    write_release(folder / "swing.npz", orders={"lambda": 1.0, "mu": 0.95}, alpha=0.3, step=0.01, end=2.0, noise=1e-3)
     (folder / "rig.toml").write_text(PROJECT)
     return folder / "rig.toml"
 
@@ -188,6 +186,7 @@ def drawn_so(monkeypatch, draw):
     monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(draw))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
@@ -222,6 +221,7 @@ def test_a_fit_whose_figures_fail_shows_and_keeps_its_result_and_resume_draws_th
     assert run_state(tmp_path / "run").finished
 
 
+@pytest.mark.broad
 def test_a_fit_that_was_cut_short_and_is_typed_again_goes_on_and_another_begins_anew(
     project, tmp_path, capsys, monkeypatch
 ):

@@ -7,7 +7,6 @@ import shutil
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import pytest
 from pydantic import create_model
 
@@ -22,28 +21,7 @@ from fracid.schemas.run import EvaluationLine
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines
-from program import RELEASE, fit_in, run
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fitted")
-    time = np.arange(0.0, 2.0, 0.01)
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    found = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.97}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
-    noisy = found.states[:200, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((200, 2))
-    np.savez(folder / "swing.npz", time=time, theta=noisy[:, 0], alpha=noisy[:, 1])
-    fit_in(folder, RELEASE)
-    return folder
-
-
-@pytest.fixture
-def sent(fitted, tmp_path, monkeypatch):
-    """The run in a folder that one stands in, free to be spoilt."""
-    shutil.copytree(fitted, tmp_path / "sent")
-    monkeypatch.chdir(tmp_path / "sent")
-    return Path("run")
-
+from program import run
 
 # --- schemas ----------------------------------------------------------------------------------------
 
@@ -171,6 +149,7 @@ DAMAGED = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("fault", DAMAGED)
 def test_a_damaged_run_is_refused_in_a_sentence(capsys, sent, fault):
     change, words = DAMAGED[fault]
@@ -214,6 +193,7 @@ def test_options_that_nobody_could_have_typed_are_refused(capsys, sent, option, 
 # --- what lies beside ----------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", ["profiles.json", "compare.json", "environment.json"])
 @pytest.mark.parametrize("content", ["{", "[]", '{"profiles": {}}', '{"command": [1]}'])
 def test_a_report_leaves_out_what_is_damaged_beside_it_and_says_so(sent, name, content):
@@ -289,11 +269,12 @@ def test_a_folder_of_files_has_no_links(tmp_path):
 # --- any ------------------------------------------------------------------------------------------------
 
 
-def test_an_input_of_the_fuzzing_is_found_again_by_its_number(fitted, tmp_path):
+def test_an_input_of_the_fuzzing_is_found_again_by_its_number(sent, tmp_path):
+    good = Path.cwd()
     for name in ("compared", "noisy"):
-        shutil.copytree(fitted / "run", fitted / name, dirs_exist_ok=True)
+        shutil.copytree(sent, good / name)
     for number in range(12):
-        said = [fuzz_runs.spoilt(number, fitted, tmp_path / f"{number} {k}")[1] for k in range(2)]
+        said = [fuzz_runs.spoilt(number, good, tmp_path / f"{number} {k}")[1] for k in range(2)]
         assert said[0] == said[1]
 
 

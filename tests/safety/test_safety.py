@@ -12,7 +12,6 @@ from importlib.metadata import distribution, requires
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -23,6 +22,7 @@ from fracid.cli.resume import ASKED
 from fracid.errors import InputError
 from fracid.safety.text import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
 from program import run
+from twins import angles, write
 
 PACKAGE = Path(fracid.__file__).parent
 ROOT = Path(__file__).parents[2]
@@ -200,12 +200,8 @@ def hostile(tmp_path_factory):
     outer = tmp_path_factory.mktemp("outer")
     (outer / "a" / "b").mkdir(parents=True)
     folder = outer / "a" / "b"
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    found = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.35}, step=1e-2, end=2.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
-    rows = np.column_stack([found.time, found.states[:, [0, 2]] + noise])
-    np.savetxt(folder / FILE, rows, delimiter=",", header="time,theta [x](y),\x1b[31malpha\u202e<b>", comments="",
-               encoding="utf-8")  # fmt: skip
+    y = angles(alpha=0.35, step=1e-2, end=2.0, noise=1e-3)
+    write(folder / FILE, y, 1e-2, ("theta [x](y)", "\x1b[31malpha\u202e<b>"))
     (folder / "rig.toml").write_text(project_of(HOSTILE, OUTSIDE), encoding="utf-8")
     return outer
 
@@ -242,6 +238,7 @@ def called(words):
         return out.getvalue()
 
 
+@pytest.mark.broad
 def test_all_that_is_written_lies_in_the_run_folder(hostile, fitted):
     before, _ = fitted
     now = {path for path in hostile.rglob("*") if path.is_file()}
@@ -252,6 +249,7 @@ def test_all_that_is_written_lies_in_the_run_folder(hostile, fitted):
     assert all(re.fullmatch(r"[\w.-]+", path.name) for path in written)
 
 
+@pytest.mark.broad
 def test_a_hostile_name_is_printed_as_it_is(fitted):
     for text in fitted[1]:
         assert "\x1b" not in text
@@ -260,6 +258,7 @@ def test_a_hostile_name_is_printed_as_it_is(fitted):
     assert FOLDER in fitted[1][0]
 
 
+@pytest.mark.broad
 def test_a_figure_is_a_picture_and_nothing_else(hostile, fitted):
     pictures = sorted((hostile / "a" / "b" / FOLDER).rglob("*.svg"))
     assert len(pictures) > 3
@@ -269,6 +268,7 @@ def test_a_figure_is_a_picture_and_nothing_else(hostile, fitted):
         assert not any(name.startswith("on") for e in elements for name in e.attrib)
 
 
+@pytest.mark.broad
 def test_programs_for_other_languages_are_not_written_to_by_names(hostile, fitted, tmp_path):
     folder = hostile / "a" / "b" / FOLDER / "export"
     for line in (folder / "model.m").read_text(encoding="utf-8").splitlines():
@@ -281,6 +281,7 @@ def test_programs_for_other_languages_are_not_written_to_by_names(hostile, fitte
         assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.broad
 def test_tables_hold_what_they_should(hostile, fitted):
     tables = sorted((hostile / "a" / "b" / FOLDER / "export").glob("*.csv"))
     assert {path.stem for path in tables} == set(file_stems([HOSTILE, OUTSIDE]).values())
@@ -347,6 +348,7 @@ WRITERS = {"fit": ["fit", "rig.toml", "--out", "run"], "compare": ["compare", "r
            "resume": ["resume", "run"]}  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("words", "link"),
     [*(([command, "run"], "figures") for command in READERS), *((WRITERS["fit"], link) for link in LINKS),

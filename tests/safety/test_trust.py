@@ -115,6 +115,7 @@ def test_a_run_runs_no_code_of_its_projects_either(capsys, fitted, monkeypatch, 
     assert message.endswith(f"Type: fracid {command} run --trust")
 
 
+@pytest.mark.broad
 def test_trusted_it_runs_and_the_run_says_with_which_code(capsys, fitted, monkeypatch):
     monkeypatch.chdir(fitted)
     code, out, err = run(capsys, "resid", "run", "--out", "resid", "--trust", "--json")

@@ -15,6 +15,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import Cost
 from fracid.selection.amplitude import AmplitudeTest, Drift, amplitude_test, trend
 from fracid.signals.swing import envelope
+from twins import release
 
 RIG = fracid.rotary_pendulum("stepper-freeswing")  # one degree of freedom
 C1, STIFFNESS = RIG.parameter("C1").value, RIG.parameter("C4").value
@@ -23,10 +24,9 @@ VISCOUS = 1e-5
 
 def swing(angle=0.4, mu=1.0, *, dry=0.0, drag=0.0, noise=3e-4, seed=1, end=10.0, name=None):
     """A free swing of that order and friction, with white noise [rad]."""
-    run = fracid.simulate(RIG, orders={"lambda": 1.0, "mu": mu}, initial={"alpha": angle}, step=1e-2, end=end,
-                          parameters={"b_alpha": VISCOUS, "coulomb_alpha": dry, "drag_alpha": drag})  # fmt: skip
-    y = run.states[:, [2]] + noise * np.random.default_rng(seed).standard_normal((len(run.time), 1))
-    return Experiment(name or f"{angle} rad", 1e-2, y, np.zeros((1, 1)), initial={"alpha": angle})
+    return release(name or f"{angle} rad", RIG, orders={"lambda": 1.0, "mu": mu}, alpha=angle, step=1e-2, end=end,
+                   parameters={"b_alpha": VISCOUS, "coulomb_alpha": dry, "drag_alpha": drag}, outputs=("alpha",),
+                   noise=noise, seed=seed)  # fmt: skip
 
 
 def model(*swings, dry=None, order=1.0, **options):
@@ -94,6 +94,7 @@ def test_an_order_that_imitates_friction_drifts_and_is_flagged(case):
     assert list(drift.amplitudes) == sorted(drift.amplitudes, reverse=True)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", HONEST)
 def test_an_order_that_is_real_does_not_drift(case):
     test = fitted(**HONEST[case])
@@ -103,6 +104,7 @@ def test_an_order_that_is_real_does_not_drift(case):
     assert test.drifts[0].values[0] == pytest.approx(true, abs=1e-3)
 
 
+@pytest.mark.broad
 def test_the_flag_is_seldom_false():
     flagged = 0
     for seed in range(6):

@@ -19,6 +19,7 @@ from fracid.selection.ladder import held, ladder, unseen
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
+from twins import release
 
 RIG = fracid.rotary_pendulum("stepper-freeswing")  # its arm is clamped: one degree of freedom
 C1 = RIG.parameter("C1").value
@@ -29,10 +30,9 @@ INERTIA = {"C1": Free(C1, 0.3 * C1, 3 * C1)}
 def swing(angle=0.6, mu=1.0, *, dry=0.0, drag=0.0, rest=0.0, noise=1e-3, seed=1, end=3.0, name=None):
     """A free swing of that order and friction, with white noise [rad]."""
     parameters = {"b_alpha": 1e-5, "coulomb_alpha": dry, "drag_alpha": drag, "alpha_rest": rest}
-    run = fracid.simulate(RIG, orders={"lambda": 1.0, "mu": mu}, parameters=parameters,
-                          initial={"alpha": angle + rest}, step=1e-2, end=end)  # fmt: skip
-    y = run.states[:, [2]] + noise * np.random.default_rng(seed).standard_normal((len(run.time), 1))
-    return Experiment(name or f"{angle} rad", 1e-2, y, np.zeros((1, 1)))
+    return release(name or f"{angle} rad", RIG, orders={"lambda": 1.0, "mu": mu}, parameters=parameters,
+                   alpha=angle + rest, step=1e-2, end=end, outputs=("alpha",), noise=noise, seed=seed,
+                   known=False)  # fmt: skip
 
 
 def problem(*fitted, **options):
@@ -193,6 +193,7 @@ def test_what_is_held_and_what_is_unseen():
 # --- fits and scores ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_a_richer_structure_never_fits_worse(truth):
     found = compared(truth)
@@ -201,6 +202,7 @@ def test_a_richer_structure_never_fits_worse(truth):
             assert found[s.name].cost <= found[name].cost
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_the_true_structure_predicts_to_the_noise_and_what_lacks_it_does_not(truth):
     found = compared(truth)
@@ -241,6 +243,7 @@ def test_scores_are_those_of_the_residual():
     assert score.itae["alpha"] == pytest.approx(itae, rel=1e-3)
 
 
+@pytest.mark.broad
 def test_initial_state_and_rest_are_found_again_on_what_is_not_fitted():
     fitted = swing(dry=5e-5, rest=0.01)
     moved = swing(0.35, dry=5e-5, rest=-0.03, seed=9)
@@ -264,6 +267,7 @@ def test_a_structure_that_diverges_where_it_was_not_fitted_is_told_and_is_valid_
 # --- leave one out --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_left_out_in_turn_each_recording_is_judged_by_a_fit_that_never_saw_it():
     good, odd = swing(dry=5e-5, end=2.0), swing(0.5, dry=1.5e-4, seed=7, end=2.0, name="odd")  # as if of another rig
     found = judged(problem(good), validation=[odd], leave_one_out=True)
@@ -289,11 +293,13 @@ def plain():
     return judged(problem(swing(dry=5e-5, end=2.0)), validation=[swing(0.3, dry=5e-5, seed=3, end=2.0)])
 
 
+@pytest.mark.broad
 def test_numbers_are_the_same_for_any_number_of_threads():
     p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
     assert judged(p, validation=other, jobs=3).to_json() == plain().to_json()
 
 
+@pytest.mark.broad
 def test_cut_short_and_gone_on_with_it_ends_the_same_and_repeats_nothing(tmp_path):
     p, other = problem(swing(dry=5e-5, end=2.0)), [swing(0.3, dry=5e-5, seed=3, end=2.0)]
     told = []
@@ -324,6 +330,7 @@ def test_a_problem_in_memory_stays_in_its_process():
 # --- the verdict ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("truth", "begins"),
     [
@@ -471,6 +478,7 @@ def test_the_figure_has_a_panel_for_the_fit_and_for_each_recording_held_out():
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == ["viscous", "+ Coulomb"]
 
 
+@pytest.mark.broad
 def test_a_cost_of_ones_own_is_fitted_by_evolution_and_judged_held_out():
     e, other = (replace(swing(a, end=1.5, seed=i), initial={"alpha": a}) for i, a in enumerate((0.6, 0.3)))
     mean_square = Cost("mean_square", function=lambda t, r: float(np.mean(r**2)))

@@ -11,6 +11,7 @@ from fracid.identification import identify
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
 from fracid.selection.integer_rival import integer_alternative, integer_values
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 BOTH = {"lambda": Free(1.0, 0.3, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -18,23 +19,21 @@ COUNT = 2 * np.pi / 4096
 DRY = {"coulomb_theta": 2e-3, "coulomb_alpha": 3e-4}
 
 
-def release(orders=(1.0, 1.0), parameters=None, *, counts=True, alpha=0.5, end=8.0, outputs=(0, 2)):
+def swing(orders=(1.0, 1.0), parameters=None, *, counts=True, alpha=0.5, end=8.0, outputs=("theta", "alpha")):
     """A release of a rig of those orders and friction, read by an encoder."""
-    run = fracid.simulate(RIG, orders=dict(zip(BOTH, orders, strict=True)), parameters=parameters or {},
-                          initial={"alpha": alpha}, step=2e-3, end=end)  # fmt: skip
-    y = run.states[:, list(outputs)]
-    y = COUNT * np.round(y / COUNT) if counts else y
-    return Experiment("twin", 2e-3, y, np.zeros((1, 1)), initial={"theta": 0.0, "alpha": alpha})
+    return release(orders=dict(zip(BOTH, orders, strict=True)), parameters=parameters or {}, alpha=alpha, step=2e-3,
+                   end=end, outputs=outputs, counts=counts)  # fmt: skip
 
 
 def nominal(twin, **options):
     return Problem(RIG, (twin,), **{"orders": BOTH, "initial_state": "held"} | options)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("counts", [False, True])
 @pytest.mark.parametrize("friction", [DRY, {"coulomb_alpha": 1e-3}, DRY | {"b_theta": 0.02, "b_alpha": 1e-4}])
 def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_called_fractional(friction, counts):
-    fit = identify(nominal(release(parameters=friction, counts=counts)))
+    fit = identify(nominal(swing(parameters=friction, counts=counts)))
     assert any(abs(order.value - 1) > 2e-3 for order in fit.orders.values())  # what the nominal model finds
     assert fit.alternative.gain < -100
     assert any(
@@ -46,9 +45,10 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("orders", [(0.8623, 0.9146), (0.95, 0.97)])
 def test_fractional_data_keep_their_orders(orders):
-    fit = identify(nominal(release(orders)))
+    fit = identify(nominal(swing(orders)))
     assert fit.alternative.gain > 10  # tried, and beaten
     assert fit.alternative.warning == ""
     assert fit.warnings == ()
@@ -58,13 +58,13 @@ def test_fractional_data_keep_their_orders(orders):
 
 def test_fractional_data_with_dry_friction_in_the_model_are_called_fractional():
     free = {n: Free(0.5 * v, 0.0, 10 * v) for n, v in DRY.items()}
-    fit = identify(nominal(release((0.9, 0.95), DRY), parameters=free))
+    fit = identify(nominal(swing((0.9, 0.95), DRY), parameters=free))
     assert fit.alternative.gain > 10  # the rival frees the viscous friction as well
     assert fit.warnings == ()
 
 
 def test_a_cost_on_alpha_alone_is_compared_by_itself():
-    twin = release(parameters={"coulomb_alpha": 3e-4}, outputs=(2,), alpha=0.1745)
+    twin = swing(parameters={"coulomb_alpha": 3e-4}, outputs=("alpha",), alpha=0.1745)
     fit = identify(nominal(twin, outputs=("alpha",), cost_function=COSTS["itae"]))
     assert fit.alternative.cost < 0.2 * fit.cost
     assert any("no evidence of fractional dynamics" in w for w in fit.warnings)
@@ -81,7 +81,7 @@ ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", 
     ],
 )
 def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
-    problem = nominal(release(end=1.0), **options)
+    problem = nominal(swing(end=1.0), **options)
     x = np.concatenate([at, problem.start[2:]])
     assert integer_alternative(problem, problem.evaluate(x), widths) is None
 
@@ -92,7 +92,7 @@ def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
     ids=["all friction is free", "the arm's friction is not seen"],
 )
 def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_1(parameters):
-    problem = nominal(release(parameters=DRY, end=3.0), parameters=parameters)
+    problem = nominal(swing(parameters=DRY, end=3.0), parameters=parameters)
     off = problem.start - 0.02 * (np.arange(len(problem.start)) < 2)
     rival = integer_alternative(problem, problem.evaluate(off), {})
     assert rival.structure == "every order 1"
@@ -100,8 +100,9 @@ def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_
     assert "With every order 1 the same model explains the recordings as well" in rival.warning
 
 
+@pytest.mark.broad
 def test_an_order_off_1_by_chance_is_not_called_fractional():
-    twin = release(parameters=DRY, end=3.0, counts=False)
+    twin = swing(parameters=DRY, end=3.0, counts=False)
     noise = 3e-2 * np.random.default_rng(28).standard_normal(twin.measured.shape)
     fit = identify(nominal(replace(twin, measured=twin.measured + noise), parameters=ALL))
     missed = [n for n, e in fit.orders.items() if not e.interval95[0] <= 1 <= e.interval95[1]]
@@ -113,7 +114,7 @@ def test_an_order_off_1_by_chance_is_not_called_fractional():
 
 def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
     """The arm is all but clamped: its order stays where the search left it, 0.9, and no rival has to explain that."""
-    twin = release((1.0, 1.0), {"J_theta": 1e6}, end=3.0, outputs=(2,))
+    twin = swing((1.0, 1.0), {"J_theta": 1e6}, end=3.0, outputs=("alpha",))
     fit = identify(nominal(twin, parameters={"J_theta": 1e12}, outputs=("alpha",),
                            orders={"lambda": Free(0.9, 0.3, 1.2), "mu": BOTH["mu"]}))  # fmt: skip
     assert fit.orders["lambda"].interval95 is None
@@ -122,14 +123,14 @@ def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
 
 
 def test_orders_that_are_tied_have_their_rival_too():
-    problem = nominal(release(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    problem = nominal(swing(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
     fit = identify(problem)
     assert fit.orders["mu"] == fit.orders["lambda"]
     assert fit.alternative.gain < 0
 
 
 def test_the_rival_of_the_papers_scheme_is_solved_by_the_second_order_method():
-    problem = nominal(release(end=3.0), method="gl-paper")
+    problem = nominal(swing(end=3.0), method="gl-paper")
     rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
     exact = replace(
         problem, method="pi2", orders={"lambda": 1.0, "mu": 1.0}, parameters={"b_theta": Free(2.4e-3, 0, 1)}
@@ -138,7 +139,7 @@ def test_the_rival_of_the_papers_scheme_is_solved_by_the_second_order_method():
 
 
 def test_the_result_file_holds_the_rival():
-    fit = identify(nominal(release(parameters=DRY, end=3.0)))
+    fit = identify(nominal(swing(parameters=DRY, end=3.0)))
     content = json.loads(json.dumps(fit.to_json(), allow_nan=False))["alternative"]
     assert content["structure"] == "every order 1; b_theta, b_alpha, coulomb_theta, coulomb_alpha free"
     assert content["bic_gain_of_the_fractional_model"] < 0 < content["effective_samples"]
@@ -184,6 +185,7 @@ def sought(model, experiment):
                    initial_state="held")  # fmt: skip
 
 
+@pytest.mark.broad
 def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_the_spring():
     data = struck(mount(), r=0.4)
     fair, unfair = (identify(sought(mount(**declared), data)) for declared in (R_IS_0, {}))
@@ -212,7 +214,7 @@ def test_by_chance_off_0_is_said_of_0():
 
 
 def test_an_order_without_an_integer_value_stays_free_and_alone_has_no_rival():
-    data = release((0.9, 0.95), end=2.0)
+    data = swing((0.9, 0.95), end=2.0)
     arm_only, neither = (replace(RIG, integer_orders=dict.fromkeys(names)) for names in (["lambda"], [*BOTH]))
     problem = Problem(arm_only, (data,), BOTH, initial_state="held")
     rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
@@ -224,7 +226,7 @@ def test_an_order_without_an_integer_value_stays_free_and_alone_has_no_rival():
 
 def test_what_is_fixed_stays_and_what_is_tied_has_its_own_integer():
     model = replace(RIG, integer_orders={"mu": 0})
-    problem = Problem(model, (release(end=1.0),), {"lambda": BOTH["lambda"], "mu": Tied("lambda")})
+    problem = Problem(model, (swing(end=1.0),), {"lambda": BOTH["lambda"], "mu": Tied("lambda")})
     assert integer_values(problem) == {"lambda": 1.0, "mu": 1e-9}
     fixed = replace(problem, orders={"lambda": 0.9, "mu": Tied("lambda")})
     assert integer_values(fixed) == fixed.orders

@@ -57,6 +57,7 @@ def flipped(place):
     return flip
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "broken",
     [lambda c: b"", lambda c: b"garbage" * 99, lambda c: c[:31], lambda c: c[:40], lambda c: c[:-1], lambda c: c + b"x",

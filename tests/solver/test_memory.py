@@ -22,6 +22,7 @@ def lags_up_to(steps):
     return np.unique(np.concatenate([np.arange(1, 60), np.geomspace(60, steps, 200).astype(int)]))
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])
@@ -140,6 +141,7 @@ def test_certificates_of_memories_that_compress_nothing():
     assert compressed().certificate("pi", 0.9, 5).bound < 1e-14
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("order", "tolerance"), [(0.5, 1e-10), (0.9, 1e-10), (1.1, 1e-10), (1.9, 1e-9)])
 def test_three_million_steps_of_a_constant_force_add_no_rounding_beyond_the_tolerance(order, tolerance):
     run = solve_fde(constant_force, order, [0.0] if order < 1 else [[0.0, 0.0]], step=1e-3, end=3e3)
@@ -236,6 +238,7 @@ def test_a_wrong_memory_is_told(make, message):
         make()
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])
 def test_the_third_order_weights_follow_from_the_trapezoidal_ones_within_the_tolerance(order, steps):

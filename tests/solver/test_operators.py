@@ -128,6 +128,7 @@ def test_one_weight_is_one_and_its_slope_zero():
 # Exactness.
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("kind", SPLINE_KINDS)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("samples", [5, 6, 7, 100, 1001])
@@ -151,6 +152,7 @@ def test_caputo_and_rl_of_a_parabola_are_within_a_billionth_of_their_largest_val
     assert error < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("kind", SPLINE_KINDS)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("samples", [1, 2, 3, 4])
@@ -253,6 +255,7 @@ def error_at_half(kind, order, power, samples):
     return abs(derivative(signal, order, 1 / samples, kind=kind)[i] - exact[i - 1])
 
 
+@pytest.mark.few(36)
 @pytest.mark.parametrize("order", [-1.5, -0.5, 0.2, 0.5, 0.9146, 1.2, 1.5, 1.9, 2.4])
 @pytest.mark.parametrize("power", [0.3, 0.5, 1.5, 2.5, 3.5, 5.5])
 @pytest.mark.parametrize("kind", SPLINE_KINDS)
@@ -395,6 +398,7 @@ def test_integers_lists_and_single_precision_are_taken():
         assert derivative(signal, 1, 1.0).dtype == np.float64
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("order", [-0.5, 0.9146, 1.5])
 def test_a_million_samples_take_seconds_not_hours(kind, order):
@@ -496,6 +500,7 @@ def test_mittag_leffler_is_the_functions_it_generalises():
     np.testing.assert_allclose(mittag_leffler(0.5, x), erfcx, rtol=1e-11)
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("order", [0.3, 0.7, 0.9146, 1.0, 1.3, 1.9, 2.0, 2.5, 3.0, 4.0])
 @pytest.mark.parametrize("beta", [1.0, 0.5, 1.8, 3.0])
 def test_mittag_leffler_is_its_power_series(order, beta):

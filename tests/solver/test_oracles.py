@@ -53,6 +53,7 @@ def test_slopes_of_order_one_are_those_of_the_exponential():
 # --- the recursions ----------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("method", "problem"),
     [("gl", T1), ("gl", T8), ("gl", T20), ("gl-sequential", T8), ("gl-sequential", T20), ("pi2", T8),

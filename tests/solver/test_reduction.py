@@ -146,6 +146,7 @@ def test_there_are_no_more_states_than_composition_needs(orders, form, states):
 # --- known solutions -------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", MULTI_TERM, **by_name)
 def test_pi2_converges_to_the_known_solution_in_all_derivatives(problem, form):
@@ -207,6 +208,7 @@ def test_pi2_solves_stiff_problems_at_steps_far_above_their_time_constants(probl
 # --- equivalences ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     "problem", [p for p in MULTI_TERM if p.name.startswith(("plate", "order", "free B"))], **by_name
@@ -374,6 +376,7 @@ def test_a_wrong_call_is_told_in_our_words(call, message):
 # --- the example -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_example_prints_errors_that_fall_and_draws_its_figure(tmp_path, monkeypatch, capsys):
     script, figure = Path(__file__).parents[2] / "examples" / "bagley_torvik.py", tmp_path / "plate.png"
     monkeypatch.setattr(sys, "argv", [str(script), str(figure)])

@@ -51,6 +51,7 @@ def relaxation(q):
 # --- accuracy --------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("method", OF_F)
 @pytest.mark.parametrize("problem", PROBLEMS, **by_name)
 def test_pi2_reaches_the_known_solution(problem, method):
@@ -574,6 +575,7 @@ def test_a_run_ends_with_the_first_sample_outside_of_its_bounds(method):
 # --- history ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(30)
 @pytest.mark.parametrize("memory", ["full", "compressed", "short(100)"])
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize(

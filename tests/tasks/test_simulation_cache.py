@@ -147,6 +147,7 @@ def test_what_changes_no_simulation_is_read_from_the_memo(tmp_path, problem):
         assert memo.computed == 1
 
 
+@pytest.mark.broad
 def test_a_whole_identification_repeats_no_simulation_and_ends_the_same(tmp_path, problem):
     bare = fracid.identify(problem)
     with Memo(tmp_path / "memo") as memo:

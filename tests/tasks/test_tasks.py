@@ -107,6 +107,7 @@ def waits(folder):
 # --- the same result -------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("executor", "jobs"), [("threads", 1), ("threads", 3), ("processes", 2)])
 def test_every_executor_gives_the_same_to_the_bit_in_order_with_linear_algebra_on_one_thread(executor, jobs, tmp_path):
     sent, numbers = Sent(tmp_path), np.arange(4.0)
@@ -195,6 +196,7 @@ def test_a_mistake_is_a_sentence(work, tasks, options, message, monkeypatch):
         run_tasks(work, tasks, **options)
 
 
+@pytest.mark.broad
 def test_a_repetition_that_raises_is_named_and_what_was_done_is_kept(tmp_path):
     tasks = [Task(f"seed {seed}", (7, seed)) for seed in range(12)]
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
@@ -233,6 +235,7 @@ def test_a_killed_worker_process_costs_nothing_but_time(tmp_path):
     assert sorted(keys) == sorted(found)
 
 
+@pytest.mark.broad
 def test_a_repetition_that_kills_every_worker_is_named(tmp_path):
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
         with pytest.raises(Unfinished, match=r"'seed 3' was given up: a worker process died twice"):
@@ -241,6 +244,7 @@ def test_a_repetition_that_kills_every_worker_is_named(tmp_path):
         assert {"seed 0", "seed 1", "seed 2"} <= set(journal.done)
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_workers_go_with_a_parent_that_was_killed(tmp_path):
     code = (
@@ -303,6 +307,7 @@ def cluster(tmp_path):
         process.wait()
 
 
+@pytest.mark.broad
 def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worker_is_killed(
     cluster, tmp_path, monkeypatch
 ):

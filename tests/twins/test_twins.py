@@ -41,6 +41,7 @@ def test_the_default_finds_both_orders_of_the_reference_twin_within_its_interval
     assert fit.discretisation.warning == ""
 
 
+@pytest.mark.broad
 def test_the_papers_recipe_finds_the_orders_of_its_own_twin_within_noise():
     fit = fracid.identify(fracid.load_project(TWINS / "paper-twin.toml", preset="paper"), jobs=2)
     assert fit.evaluations == 520
@@ -49,6 +50,7 @@ def test_the_papers_recipe_finds_the_orders_of_its_own_twin_within_noise():
     assert abs(fit.orders["mu"].value - TRUE["mu"]) < 2e-4
 
 
+@pytest.mark.broad
 def test_the_papers_recipe_is_biased_on_the_reference_twin_and_says_why():
     fit = fracid.identify(fracid.load_project(TWINS / "reference-twin.toml", preset="paper"), jobs=2)
     assert not inside(fit, "mu")

@@ -22,9 +22,9 @@ from fracid.solver.memory import compressed, full, short
 from fracid.validation.after_search import after, noisy_start
 from fracid.validation.before_search import _most_moved, before
 from fracid.validation.sensor_faults import FORMS, misreadings
+from twins import COUNT, angles
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
-COUNT = 2 * np.pi / 4096
 ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
 FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
 C1 = FREE["C1"].start
@@ -35,11 +35,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "honesty.md"
 
 def release(alpha=0.6, end=8.0, model=RIG, step=STEP, inputs=None, orders=(0.95, 0.97), seed=1):
     """θ and α of a release, as encoders of 4096 counts a turn read them with a little noise [rad], shape (n, 2)."""
-    run = fracid.simulate(model, orders=dict(zip(("lambda", "mu"), orders, strict=True)), initial={"alpha": alpha},
-                          step=step, end=end, inputs=inputs)  # fmt: skip
-    assert run.completed
-    noise = 5e-4 * np.random.default_rng(seed).standard_normal((len(run.states), 2))
-    return COUNT * np.rint((run.states[:, [0, 2]] + noise) / COUNT)
+    return angles(model, orders=dict(zip(ORDERS, orders, strict=True)), alpha=alpha, step=step, end=end, inputs=inputs,
+                  noise=5e-4, seed=seed, counts=True)  # fmt: skip
 
 
 def problem(y, model=RIG, step=STEP, inputs=None, **options):
@@ -324,6 +321,7 @@ def held(seed, state="held", noise=1e-3, **options):
     return p, *minimum(p)
 
 
+@pytest.mark.broad
 def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it_is_said_and_nowhere_else():
     """Of intervals whose unknown its start's noise moves by less than half of them, all but 5 % hold the truth."""
     inside, beyond = [], []
@@ -455,6 +453,7 @@ MISREAD = {
 }  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("fault", MISREAD)
 def test_a_signal_that_was_misread_is_said_with_how_much(fault):
     code, signal, size, made = MISREAD[fault]
@@ -467,6 +466,7 @@ def test_a_signal_that_was_misread_is_said_with_how_much(fault):
     assert best.size == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.broad
 def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
     """The one step of Gauss and Newton is what another search finds with alpha_rest free."""
     p = problem(spoilt(1, lambda x: x + np.radians(0.5)), initial_state="rest")
@@ -490,6 +490,7 @@ STRUCTURES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("lacks", STRUCTURES)
 def test_a_structure_that_cannot_explain_the_recording_is_said_with_its_noise(lacks):
     y = release(model=STRUCTURES[lacks], orders=(1.0, 1.0))

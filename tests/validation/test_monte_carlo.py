@@ -44,6 +44,7 @@ def study(problem=None, truth=TRUTH, **options):
 # --- intervals keep their word -------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_orders_and_friction_lie_in_their_intervals_as_often_as_these_say():
     # the smallest part of `make coverage`: one rig, dry friction in truth and model, initial angles free
     dry = {"coulomb_theta": 2e-3, "coulomb_alpha": 2.5e-4}
@@ -64,6 +65,7 @@ def test_orders_and_friction_lie_in_their_intervals_as_often_as_these_say():
     assert 0.90 < held / intervals < 0.99
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("orders", "called"), [((1.0, 1.0), 0), ((0.9, 0.95), 6)])
 def test_integer_orders_are_not_called_fractional_and_fractional_ones_are(orders, called):
     (cell,) = study(truth=np.array(orders), seeds=6, rival=True).cells
@@ -119,6 +121,7 @@ def test_a_repetition_is_its_own_whatever_else_the_study_holds():
     assert study(seeds=2, seed=2).repetitions != small.repetitions
 
 
+@pytest.mark.broad
 def test_processes_and_threads_find_the_same_to_the_bit():
     threads, processes = (study(seeds=2, executor=name) for name in ("threads", "processes"))
     assert processes.repetitions == threads.repetitions
@@ -155,6 +158,7 @@ def test_binomial_limits_are_exact(held, trials):
     assert binomial95(held, trials) == pytest.approx(tuple(stats.binomtest(held, trials).proportion_ci(method="exact")))
 
 
+@pytest.mark.broad
 def test_noise_and_coarse_encoders_widen_what_is_claimed():
     found = study(levels=[0.0, NOISE, 4 * NOISE], resolutions=[2 * np.pi / 20_000, 2 * np.pi / 500], seeds=3)
     claimed = np.array([c.unknowns["mu"].claimed for c in found.cells]).reshape(3, 2)
@@ -174,6 +178,7 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     assert 'initial_state = "rest"' in found.sentences()[-1]
 
 
+@pytest.mark.broad
 def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
     found = study(release(method="gl", cost_function=COSTS["itae"]), seeds=12)
     assert found.cells[0].unknowns["mu"].coverage < 0.2
@@ -181,6 +186,7 @@ def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
     assert "the cost itae, which rounding biases" in found.sentences()[-1]
 
 
+@pytest.mark.broad
 def test_a_start_that_is_taken_as_measured_claims_too_little():
     problem = release()
     held = replace(problem, experiments=(replace(problem.experiments[0], initial={}),))
@@ -210,6 +216,7 @@ def test_a_noisy_start_is_said_before_the_study_with_its_number_and_no_other_is(
     assert planned(held, np.array(truth), levels=[0.0], seeds=1).findings == ()
 
 
+@pytest.mark.broad
 def test_intervals_that_keep_their_word_are_said_to():
     sentences = study(seeds=25).sentences()
     assert len(sentences) == 2
@@ -285,6 +292,7 @@ def test_several_plans_run_together_and_each_gathers_its_own():
 # --- the figure ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_figure_has_a_row_for_each_unknown_and_a_mark_for_each_cell():
     found = study(levels=[NOISE, 2 * NOISE], resolutions=[0.0, COUNT], seeds=2)
     figure = noise_levels(found)

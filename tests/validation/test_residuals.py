@@ -17,11 +17,11 @@ from scipy.signal import lfilter
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.records import RecordingFit
 from fracid.plots import residual_diagnostics, save
 from fracid.signals.correlation import autocorrelation, correlation_time, power_spectrum
 from fracid.validation.residual_sentences import NORMAL
 from fracid.validation.residuals import residual_analysis
+from twins import fit_of
 
 N, STEP = 20_000, 1e-3
 TIME = STEP * np.arange(N)
@@ -41,9 +41,7 @@ def twin(residual, fitted=None, **changes):
     """A recording with that residual [rad]."""
     n = residual.size
     fitted = FITTED[:n] if fitted is None else fitted
-    recording = RecordingFit("twin", "fit", STEP * np.arange(n), {"alpha": fitted + residual}, {"alpha": fitted},
-                             1e-3, {}, {})  # fmt: skip
-    return replace(recording, **changes)
+    return replace(fit_of({"alpha": fitted}, {"alpha": residual}, STEP * np.arange(n)), **changes)
 
 
 def analysed(residual, fitted=None, resolution=NOWHERE):
@@ -177,6 +175,7 @@ def test_a_damped_swing_is_a_band_and_its_own_frequency_is_found_in_it():
     assert analysed(late + 0.01 * white(), fitted).spectrum.swing == pytest.approx(SWING, abs=0.1)
 
 
+@pytest.mark.broad
 def test_fading_noise_is_not_taken_for_a_swing():
     lines = [analysed(ar1(0.99, seed)).spectrum.line for seed in range(40)]
     assert sum(line is not None for line in lines) <= 2
@@ -396,6 +395,7 @@ def test_a_constant_part_is_told():
 SEEDS = 60
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("correlation", [0.0, 0.9], ids=["white", "AR(1)"])
 def test_p_values_are_uniform_where_nothing_is_wrong(correlation):
     found = [analysed(ar1(correlation, seed, n=6000)) for seed in range(SEEDS)]
@@ -526,6 +526,7 @@ def test_the_encoders_step_is_drawn_over_time_and_its_rounding_in_the_spectrum()
     assert floor * 0.5 / STEP == pytest.approx(np.degrees(ENCODER) ** 2 / 12, rel=1e-3)
 
 
+@pytest.mark.broad
 def test_a_histograms_bins_are_no_narrower_than_the_encoders_steps_that_it_shows():
     rest = measured_by_an_encoder(np.zeros(N), 3 * ENCODER * rng().standard_normal(N))  # a residual on a lattice
     panel = residual_diagnostics(twin(rest, np.zeros(N)), "alpha", resolution={"alpha": ENCODER}).axes[3]
@@ -535,6 +536,7 @@ def test_a_histograms_bins_are_no_narrower_than_the_encoders_steps_that_it_shows
     assert np.count_nonzero(np.diff(np.sign(np.diff(values)))) <= 3  # it rises and falls: no comb
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("residual", [residual for name, (residual, _) in ODD.items() if name != "empty"],
                          ids=[name for name in ODD if name != "empty"])  # fmt: skip
 def test_odd_residuals_are_drawn_and_named(residual):
@@ -545,6 +547,7 @@ def test_odd_residuals_are_drawn_and_named(residual):
     figure.savefig(io.BytesIO(), dpi=20)
 
 
+@pytest.mark.broad
 def test_the_file_is_small(tmp_path):
     (svg,) = save(residual_diagnostics(twin(ar1(0.9), DECAY), "alpha"), tmp_path, "page", ("svg",))
     assert svg.stat().st_size < 700_000

@@ -9,9 +9,10 @@ import pytest
 import fracid
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, refined
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Free, Problem
 from fracid.problem.costs import cost_from_name
 from fracid.validation.unknown_past import CutCheck, Treatment, cut_check, whole_records
+from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", b_theta=1e-2, b_alpha=3e-4)
 STEP, PLATEAU = 5e-3, 0.5
@@ -19,13 +20,10 @@ TRUE = {"lambda": 0.9, "mu": 0.95}
 FREE = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
 
 
-def twin(orders=TRUE, noise=1e-4, end=5.0, degrees=60, rig=RIG, plateau=PLATEAU):
+def twin(orders=TRUE, noise=1e-4, end=5.0, plateau=PLATEAU):
     """A release after a held plateau, from the record's first sample on."""
-    run = fracid.simulate(rig, orders=orders, initial={"alpha": np.radians(degrees)}, step=STEP / 4, end=end)
-    swing = run.states[::4, [0, 2]]
-    swing = np.vstack([np.tile(swing[0], (round(plateau / STEP), 1)), swing])
-    noise = noise * np.random.default_rng(1).standard_normal(swing.shape)
-    return Experiment("twin", STEP, swing + noise, np.zeros((1, 1)))
+    return release("twin", RIG, orders=orders, alpha=np.radians(60), step=STEP, end=end, finer=4, plateau=plateau,
+                   noise=noise, known=False)  # fmt: skip
 
 
 def cut(whole, at, past=False):
@@ -59,6 +57,7 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
 
+@pytest.mark.broad
 def test_a_treatment_that_fits_worse_is_no_rival():
     whole = twin()
     found = checked(Problem(RIG, (cut(whole, PLATEAU + 1.3, past=True),), FREE))
@@ -69,6 +68,7 @@ def test_a_treatment_that_fits_worse_is_no_rival():
     assert found.verdict.startswith("No order moves by more than its interval")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("start", ["from the plateau", "with its past"])
 def test_orders_of_a_right_start_stay_within_their_intervals_wherever_the_record_is_cut(start):
     whole = twin(noise=1e-3)
@@ -83,6 +83,7 @@ def test_orders_of_a_right_start_stay_within_their_intervals_wherever_the_record
     assert abs(later[0].orders["mu"] - 0.95) < 1e-3
 
 
+@pytest.mark.broad
 def test_integer_orders_have_no_memory_so_the_past_changes_nothing():
     whole = twin({"lambda": 1.0, "mu": 1.0}, noise=1e-3)
     near_one = {n: Free(1.0, 0.5, 1.2) for n in TRUE}
