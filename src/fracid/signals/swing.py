@@ -2,8 +2,8 @@
 
 A swing goes from side to side about where the signal comes to rest, or about the median of its motion where it does
 not.  The *half-swings* are the samples at which it is first a tenth of its largest deviation beyond on the other side:
-neither noise nor an encoder's step makes one.  The *period* is twice the median time between them.  A median over swings
-holds where a spectrum does not: with a plateau before the release, with a cable that drags the rest away, and with noise,
+neither noise nor an encoder's step makes one.  The *period* is twice the median time between them.  It holds where the
+peak of a spectrum does not: with a plateau before the release, with a cable that drags the rest away, and with noise,
 which dominates the spectrum of a speed.
 
 ==========================  =====================================================================
