@@ -185,7 +185,7 @@ def project(tmp_path_factory):
 
 
 def drawn_so(monkeypatch, draw):
-    monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(draw))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ import pytest
 
 import fracid
 import fuzz_runs
-from fracid.cli.figures import _of_profiles
 from fracid.errors import InputError
 from fracid.runs.schemas import fitted_structure, repetition
 from fracid.safety.schema import Names, Pair, Word, fault_of, json_of, lines_of, text_of
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines
+from fracid.workflows.redrawing import _of_profiles
 from program import RELEASE, fit_in, run
 
 
