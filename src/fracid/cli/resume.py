@@ -54,16 +54,16 @@ def resume(
     Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
     the command itself; 0 too if the run is finished already.
     """
-    from fracid.workflows.resumption import finished_result, place_of, resume_run, state_of
+    from fracid.workflows.resumption import finished_result, resume_run, state_of
 
     state = state_of(run)
     if state is None:
         _typed_again(run, jobs, executor, scheduler, json_, trust)
         return
-    place = place_of(run, state, executor or scheduler)
     if not state.finished:
-        observer = on_terminal(events=json_)
-        tell_fit(resume_run(run, executor=place, jobs=jobs, trust=trust, observer=observer), json_=json_)
+        finished = resume_run(run, executor=executor or scheduler, jobs=jobs, trust=trust,
+                              observer=on_terminal(events=json_))  # fmt: skip
+        tell_fit(finished, json_=json_)
         return
     result = finished_result(run)
     if json_:

@@ -95,6 +95,8 @@ def run_comparison(
         For a project or an option that cannot be, and for a folder that holds a fit or cannot be written.
     NotTrusted
         If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
 
     Examples
     --------

@@ -6,10 +6,10 @@ as it ends, and the same call goes on from there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from math import degrees, isfinite, pi, radians
+from math import degrees, inf, isfinite, nextafter, pi, radians
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +118,8 @@ def run_noise_study(
         If no run of the model reaches the end of the recording.
     NotTrusted
         If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
 
     Examples
     --------
@@ -151,10 +153,22 @@ def _command(
     options: Mapping[str, Any],
 ) -> list[str]:  # fmt: skip
     grid = {
-        "levels": ",".join(f"{degrees(level):.15g}" for level in levels),
-        "counts": ",".join(f"{2 * pi / step if step else 0:.15g}" for step in resolutions),
+        "levels": ",".join(_decimal(level, degrees, radians) for level in levels),
+        "counts": ",".join(_decimal(step, _counts, _counts) for step in resolutions),
     }
     return command_of("noise", source, {"out": out, **grid, **options})
+
+
+def _counts(step: float) -> float:
+    """Counts a turn from the step [rad], and the step from the counts; 0 is no rounding."""
+    return 2 * pi / step if step else 0.0
+
+
+def _decimal(value: float, there: Callable[[float], float], back: Callable[[float], float]) -> str:
+    """The number in the unit of the command; one that is read back to the last bit, where there is one."""
+    near = there(value)
+    candidates = (float(f"{near:.15g}"), near, nextafter(near, 0), nextafter(near, inf))
+    return repr(next((c for c in candidates if back(c) == value), near)).removesuffix(".0")
 
 
 # ------------------------------------------------------------------ the truth

@@ -34,7 +34,6 @@ __all__ = [
     "ASKED",
     "command_of_study",
     "finished_result",
-    "place_of",
     "resume_run",
     "safe_words",
     "state_of",
@@ -95,7 +94,7 @@ def resume_run(
         raise InputError(f"{folder} holds a study, which goes on by the call that began it, or by fracid resume.")
     if state.finished:
         raise InputError(f"{folder} is finished; fracid.load_run reads its result.")
-    place = place_of(folder, state, executor)
+    place = _place_of(folder, state, executor)
     options: Any = state.options if place is None else {**state.options, "executor": place}
     if fault := fault_of(options, FIT_OPTIONS):
         raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
@@ -128,19 +127,8 @@ def state_of(folder: Path) -> RunState | None:
     return state
 
 
-def place_of(folder: Path, state: RunState, executor: str | None) -> Any:
-    """Where a fit goes on: where it was; on a scheduler only if its address is said again.
-
-    Raises
-    ------
-    InputError
-        If it is not, or if another place is asked for.
-
-    Examples
-    --------
-    >>> place_of(Path("runs/rig"), RunState("fit", {"executor": "processes"}, {}), None)
-    'processes'
-    """
+def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
+    """Where a fit goes on: where it was; on a scheduler only if the caller says its address again."""
     there = state.options.get("executor")
     if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
         return _said_by_hand(folder, str(there), executor)
