@@ -6,7 +6,6 @@ import json
 import math
 import re
 import shutil
-import sys
 import tomllib
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -22,6 +21,7 @@ import fracid
 from browser import CHROMIUM, Browser
 from fracid.cli.app import main
 from fracid.errors import InputError
+from fracid.estimation.cost_plane import cost_plane
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material, first_part
@@ -72,9 +72,7 @@ def fitted(tmp_path_factory):
     write_twin(folder / "two.csv", 0.3, 2)
     (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
     project = fracid.load_project(folder / "rig.toml")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", str(folder / "rig.toml"), "--out", "<run>"])
-        open_folder(folder / "run")
+    open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
     fit = fracid.identify(project, jobs=2)
     write_result(folder / "run", fit, project, {"search": 1.0})
     profiles = fracid.profile(fit, parameters=["mu"], joint=("lambda", "mu"), points=5, jobs=2)
@@ -97,9 +95,7 @@ def comparison():
 
 @pytest.fixture(scope="module")
 def material(fitted):
-    return Material.of_run(
-        load_run(fitted[0]), fracid.estimation.cost_plane.cost_plane(fitted[1].problem, fitted[1].x, points=5)
-    )
+    return Material.of_run(load_run(fitted[0]), cost_plane(fitted[1].problem, fitted[1].x, points=5))
 
 
 @pytest.fixture(scope="module")
