@@ -106,9 +106,7 @@ def test_levels_of_noise_are_in_the_unit_of_the_output():
 
 
 def test_the_command_line_refuses_levels_in_degrees_for_volts():
-    from types import SimpleNamespace
-
-    from fracid.cli.noise import _refuse_other_units
+    from fracid.workflows.monte_carlo import _refuse_other_units
 
     with pytest.raises(fracid.InputError, match=r"voltage is in V.*In Python fracid\.noise_study"):
-        _refuse_other_units(SimpleNamespace(problem=voltages()))
+        _refuse_other_units(voltages())

@@ -52,6 +52,13 @@ if TYPE_CHECKING:
     from fracid.validation.residual_records import ResidualAnalysis
     from fracid.validation.residuals import residual_analysis
     from fracid.validation.unknown_past import CutCheck, cut_check
+    from fracid.workflows.comparison import FinishedComparison, run_comparison
+    from fracid.workflows.fit import FinishedRun, run
+    from fracid.workflows.monte_carlo import FinishedNoiseStudy, run_noise_study
+    from fracid.workflows.observer import Observer
+    from fracid.workflows.profiles import FinishedProfiles, run_profiles
+    from fracid.workflows.residuals import FinishedResiduals, run_residuals
+    from fracid.workflows.resumption import resume_run
 
 _HOME = {
     "AmplitudeTest": "selection.amplitude",
@@ -60,6 +67,11 @@ _HOME = {
     "CutCheck": "validation.unknown_past",
     "DataError": "errors",
     "Experiment": "problem",
+    "FinishedComparison": "workflows.comparison",
+    "FinishedNoiseStudy": "workflows.monte_carlo",
+    "FinishedProfiles": "workflows.profiles",
+    "FinishedResiduals": "workflows.residuals",
+    "FinishedRun": "workflows.fit",
     "Fit": "fit",
     "FracidError": "errors",
     "Free": "problem",
@@ -68,6 +80,7 @@ _HOME = {
     "Model": "models",
     "NoiseStudy": "validation.monte_carlo",
     "NotTrusted": "errors",
+    "Observer": "workflows.observer",
     "Outcome": "solver.trajectory",
     "Parameter": "models",
     "Problem": "problem",
@@ -108,7 +121,13 @@ _HOME = {
     "regress": "regression",
     "reproduce": "runs.reproduction",
     "residual_analysis": "validation.residuals",
+    "resume_run": "workflows.resumption",
     "rotary_pendulum": "models",
+    "run": "workflows.fit",
+    "run_comparison": "workflows.comparison",
+    "run_noise_study": "workflows.monte_carlo",
+    "run_profiles": "workflows.profiles",
+    "run_residuals": "workflows.residuals",
     "run_tasks": "tasks.tasks",
     "save_recording": "recording.writing",
     "sensitivities": "solver.batch",
@@ -120,16 +139,18 @@ _HOME = {
 }
 """Which module each public name lives in."""
 
-__all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "Fit",
-           "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted", "Outcome",
-           "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording", "Regression",
-           "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System", "Task",
-           "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test", "bootstrap",
-           "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
-           "identify", "integer_model", "linear_multi_term", "linear_system", "load_project", "load_recording",
-           "load_run", "multi_term", "noise_study", "profile", "regress", "reproduce", "residual_analysis",
-           "rotary_pendulum", "run_tasks", "save_recording", "sensitivities", "simulate", "solve_fde",
-           "solve_fde_batch", "spread", "write_report"]  # fmt: skip
+__all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment",
+           "FinishedComparison", "FinishedNoiseStudy", "FinishedProfiles", "FinishedResiduals", "FinishedRun",
+           "Fit", "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted",
+           "Observer", "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
+           "Regression", "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System",
+           "Task", "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test",
+           "bootstrap", "compare", "cut_check", "derivative", "draft_project", "export_run",
+           "identifiability", "identify", "integer_model", "linear_multi_term", "linear_system",
+           "load_project", "load_recording", "load_run", "multi_term", "noise_study", "profile", "regress",
+           "reproduce", "residual_analysis", "resume_run", "rotary_pendulum", "run", "run_comparison",
+           "run_noise_study", "run_profiles", "run_residuals", "run_tasks", "save_recording", "sensitivities",
+           "simulate", "solve_fde", "solve_fde_batch", "spread", "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

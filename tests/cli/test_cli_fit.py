@@ -53,7 +53,7 @@ def project(folder):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave out the figures, which take longer than all the rest."""
-    monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
 
 
 def program(*arguments, **options):

@@ -215,7 +215,7 @@ def test_what_the_page_says_of_a_real_rig_is_what_is_found(capsys, tmp_path, mon
         r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(RECORDINGS.rglob(m[2])).as_posix()}"', text, flags=re.M
     )
     (tmp_path / "srv02.toml").write_text(text, encoding="utf-8")
-    monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     monkeypatch.setattr("fracid.plots.save", lambda *_: ())
     monkeypatch.setattr(sys, "argv", ["fracid", "fit", "srv02.toml"])
     run(capsys, "fit", tmp_path / "srv02.toml", "--out", tmp_path / "run", "--json")

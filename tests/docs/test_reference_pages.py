@@ -213,7 +213,7 @@ def folder(tmp_path_factory):
         save_recording(Recording.of(name, run.time, {"alpha": alpha}), made / f"{name}.csv")
     (made / "rig.toml").write_text(PROJECT, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:  # without figures: they are the same whatever the model
-        patch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(lambda fit: ()))
+        patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda fit: ()))
         with pytest.raises(SystemExit) as stop:
             main(["fit", str(made / "rig.toml"), "--out", str(made / "run"), "--trust", "--cut", "--json"])
     assert not stop.value.code

@@ -37,6 +37,6 @@ def fit_in(folder, text, drawn=lambda fit: ()):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
         patch.chdir(folder)
-        patch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(drawn))
+        patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(drawn))
         with pytest.raises(SystemExit):
             main(words)

@@ -6,7 +6,6 @@ import json
 import math
 import re
 import shutil
-import sys
 import tomllib
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -70,9 +69,7 @@ def fitted(tmp_path_factory):
     write_twin(folder / "two.csv", 0.3, 2)
     (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
     project = fracid.load_project(folder / "rig.toml")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["fracid", "fit", str(folder / "rig.toml"), "--out", "<run>"])
-        open_folder(folder / "run")
+    open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
     fit = fracid.identify(project, jobs=2)
     write_result(folder / "run", fit, project, {"search": 1.0})
     profiles = fracid.profile(fit, parameters=["mu"], joint=("lambda", "mu"), points=5, jobs=2)

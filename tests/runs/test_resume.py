@@ -5,17 +5,16 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
-from fracid.cli import fit as fit_command
+import fracid
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, run_state
 from fracid.tasks.simulation_cache import Memo
-from twins import write_release
 
 PROJECT = """
 [model]
@@ -36,9 +35,9 @@ DRIVER = """
 import os, signal, sys
 from contextlib import nullcontext
 from pathlib import Path
-import fracid.cli.fit as command
+import fracid.workflows.fit as workflow
 import fracid.tasks.simulation_cache as memo
-command.drawing = lambda *a: nullcontext(lambda found: ())
+workflow.drawing = lambda *a: nullcontext(lambda found: ())
 calls, last = 0, int(sys.argv[3])
 pwritev = os.pwritev
 def killed_in_writing(file, parts, at):
@@ -49,7 +48,7 @@ def killed_in_writing(file, parts, at):
         os.kill(os.getpid(), signal.SIGKILL)
     return pwritev(file, parts, at)
 memo.os.pwritev = killed_in_writing
-command.run_fit(Path(sys.argv[1]), Path(sys.argv[2]), preset=None, optimiser=None, seed=None, jobs=2, quiet=False)
+workflow.run(sys.argv[1], out=sys.argv[2], jobs=2)
 """
 
 
@@ -57,14 +56,18 @@ command.run_fit(Path(sys.argv[1]), Path(sys.argv[2]), preset=None, optimiser=Non
 def project(tmp_path_factory):
     """A short swing and a project file beside it."""
     folder = tmp_path_factory.mktemp("project")
-    write_release(folder / "swing.npz", alpha=0.3, step=0.01, end=3.0, noise=1e-3)
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=3.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((301, 2))
+    theta, alpha = (run.states[:, [0, 2]] + noise).T
+    np.savez(folder / "swing.npz", time=0.01 * np.arange(301), theta=theta, alpha=alpha)
     (folder / "rig.toml").write_text(PROJECT)
     return folder / "rig.toml"
 
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
-    monkeypatch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
 
 
 @pytest.fixture(autouse=True)
@@ -77,14 +80,13 @@ def memos(monkeypatch):
             super().__init__(path)
             opened.append(self)
 
-    monkeypatch.setattr("fracid.tasks.simulation_cache.Memo", Kept)
+    monkeypatch.setattr("fracid.workflows.fit.Memo", Kept)
     monkeypatch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"the same program")
     return opened
 
 
 def fitted(project, folder, **options):
-    how = dict(preset=None, optimiser=None, seed=None, jobs=1, quiet=False) | options
-    return fit_command.run_fit(project, folder, **how)
+    return fracid.run(project, out=folder, **options)
 
 
 def result(folder):
@@ -104,7 +106,7 @@ def whole(project, tmp_path_factory):
     def copy(run):
         kept.update({name: (run.folder / name).read_bytes() for name in (MEMO, EVALUATIONS)})
 
-    patch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
+    patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     patch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"the same program")
     patch.setattr("fracid.runs.folder.Run.finish", copy)
     fitted(project, folder)
@@ -125,7 +127,6 @@ def test_a_finished_run_leaves_no_memo_and_says_that_there_is_nothing_to_do(proj
     assert "is finished; its result is" in capsys.readouterr().out
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_fit_cut_off_anywhere_ends_the_same_and_simulates_nothing_twice(project, whole, memos, tmp_path, seed):
     rng, (uncut, files) = np.random.default_rng(seed), whole
@@ -149,23 +150,13 @@ def simulations(content, folder):
 def fitted_until(evaluations, project, folder):
     """Ctrl-C after so many."""
 
-    @contextmanager
-    def progress(*_):
-        def callback(_, count):
-            if count >= evaluations:
-                raise KeyboardInterrupt
+    def tell(progress):
+        if progress.done >= evaluations:
+            raise KeyboardInterrupt
 
-        yield callback
-
-    patch = pytest.MonkeyPatch()
-    patch.setattr(fit_command, "_progress", progress)
-    try:
-        return fitted(project, folder)
-    finally:
-        patch.undo()
+    return fitted(project, folder, observer=fracid.Observer(progress=lambda _: nullcontext(tell)))
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("evaluations", [1, 20])
 def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, evaluations):
     ran = fitted_until(evaluations, project, tmp_path / "run")
@@ -176,7 +167,6 @@ def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, eva
     assert run_state(tmp_path / "run").finished
 
 
-@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tmp_path, monkeypatch):
     rng = np.random.default_rng(5)
@@ -187,26 +177,25 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         started.append(subprocess.Popen([sys.executable, "-c", DRIVER, *map(str, words)]))
     assert [process.wait() for process in started] == [-signal.SIGKILL] * 3
     monkeypatch.undo()
-    monkeypatch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     for folder in folders:
         fitted(project, folder, resume=True)
         assert result(folder) == whole[0]
 
 
-@pytest.mark.broad
-def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, capsys, monkeypatch):
+def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, monkeypatch):
     fitted_until(20, project, tmp_path / "run")
     log = tmp_path / "run" / EVALUATIONS
     log.write_bytes(log.read_bytes()[:-7])
-    fitted(project, tmp_path / "run", resume=True, jobs=2)
-    said = capsys.readouterr().err
-    assert "was cut off in writing; it is written again" in said
-    assert "begins again" not in said
+    said = []
+    fitted(project, tmp_path / "run", resume=True, jobs=2, observer=fracid.Observer(said.append))
+    assert len(said) == 1
+    assert "was cut off in writing; it is written again" in said[0]
     assert result(tmp_path / "run") == whole[0]
     fitted_until(20, project, tmp_path / "run")
     monkeypatch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"another program!")
-    fitted(project, tmp_path / "run", resume=True)
-    assert "cannot be used: the program has changed, or the machine was restarted" in capsys.readouterr().err
+    fitted(project, tmp_path / "run", resume=True, observer=fracid.Observer(said.append))
+    assert "cannot be used: the program has changed, or the machine was restarted" in said[-1]
     assert result(tmp_path / "run") == whole[0]
 
 
@@ -248,7 +237,6 @@ def state(folder, kind):
 # --- studies -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.broad
 def test_a_studys_command_is_typed_again_where_it_was_typed(project, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "study"

@@ -183,7 +183,7 @@ def project(tmp_path_factory):
 
 
 def drawn_so(monkeypatch, draw):
-    monkeypatch.setattr("fracid.cli.fit.drawing", lambda *_: nullcontext(draw))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
 
 
 @pytest.mark.few(1)

@@ -12,7 +12,6 @@ from pydantic import create_model
 
 import fracid
 import fuzz_runs
-from fracid.cli.figures import _of_profiles
 from fracid.errors import InputError
 from fracid.safety.json_files import json_of, text_of
 from fracid.safety.schema import Block, Interval, Number, fault_of, lines_of
@@ -21,6 +20,7 @@ from fracid.schemas.run import EvaluationLine
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines
+from fracid.workflows.redrawing import _of_profiles
 from program import run
 
 # --- schemas ----------------------------------------------------------------------------------------

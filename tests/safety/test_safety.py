@@ -18,9 +18,9 @@ from packaging.utils import canonicalize_name
 
 import fracid
 from fracid.cli import main
-from fracid.cli.resume import ASKED
 from fracid.errors import InputError
 from fracid.safety.text import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
+from fracid.workflows.resumption import ASKED
 from program import run
 from twins import angles, write
 

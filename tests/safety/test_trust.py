@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.cli import fit as fit_command
 from fracid.cli import main
-from fracid.cli.resume import safe_words
 from fracid.safety.user_code import run_file
 from fracid.selection.comparison import _origin
+from fracid.workflows.resumption import safe_words
 from program import run
 
 RIG = """
@@ -79,7 +78,7 @@ def fitted(tmp_path_factory):
     folder = strangers(tmp_path_factory.mktemp("fitted"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
+        patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
         words = ["fit", "rig.toml", "--out", "run", "--trust"]
         patch.setattr(sys, "argv", ["fracid", *words])
         with pytest.raises(SystemExit) as stop:
@@ -213,7 +212,7 @@ def unfinished(fitted, tmp_path, monkeypatch):
 
 
 def test_a_run_is_gone_on_with_only_if_its_code_is_trusted_again(capsys, unfinished, monkeypatch):
-    monkeypatch.setattr(fit_command, "drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     assert refused(capsys, "resume", "run").endswith("Type: fracid resume run --trust")
     code, _, _ = run(capsys, "resume", "run", "--trust")
     assert (code, Path("run/result.json").exists()) == (0, True)

@@ -66,6 +66,7 @@ def check(
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
     from fracid.recording import inspect_recording
+    from fracid.workflows.overview import write_overview
 
     recording = inspect_recording(
         file,
@@ -75,7 +76,7 @@ def check(
         stop=stop,
         variable=variable,
     )
-    figure = _write_overview(recording, out) if out is not None else None
+    figure = write_overview(recording, out) if out is not None else None
     if json_:
         _print_json(recording, figure)
     else:
@@ -151,12 +152,6 @@ def start_from_text(text: str | None) -> float | str | None:
 
 
 # ------------------------------------------------------------------ from results to text
-
-
-def _write_overview(recording: Recording, out: Path) -> Path:
-    from fracid.plots import recording_overview, save
-
-    return save(recording_overview(recording), out, recording.name, formats=("png",))[0]
 
 
 def _print_json(recording: Recording, figure: Path | None) -> None:

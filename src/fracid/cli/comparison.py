@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from math import degrees, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
-from fracid.errors import DataError, InputError
-from fracid.safety.text import csv_cell, file_stems, printable
+from fracid.cli.progress import on_terminal
+from fracid.errors import DataError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.problem.project import Project
     from fracid.selection.comparison import Comparison, Row, Score
+    from fracid.workflows.comparison import FinishedComparison
 
 __all__ = ["compare"]
-
-RESULT, TABLE = "compare.json", "compare.csv"
 
 MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
@@ -81,137 +76,32 @@ def compare(
     Cut short, the same command goes on where it was.  Exit code 0 if it is done, 3 if no run of any structure reaches
     the end of the recordings.
     """
-    from fracid.problem.project import load_project
+    from fracid.workflows.comparison import run_comparison
 
-    loaded = load_project(project, preset=preset, trust=trust)
-    folder = out or Path("runs") / f"{project.stem}-compare"
-    options = {
-        "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep or []),
-        "seed": loaded.seed if seed is None else seed, "starts": multi_start or loaded.starts,
-    }  # fmt: skip
     place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
-    found = _compared(loaded, folder, options, place, jobs, json_)
-    figures = _write(found, loaded, folder)
+    finished = run_comparison(
+        project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, starts=multi_start, keep=keep or (),
+        preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs, observer=on_terminal(events=json_),
+        command=sys.argv[1:],
+    )  # fmt: skip
     if json_:
-        typer.echo((folder / RESULT).read_text(encoding="utf-8").rstrip("\n"))
+        typer.echo(finished.path.read_text(encoding="utf-8").rstrip("\n"))
     else:
         console = new_console()
-        _show(found, folder, figures, console)
+        _show(finished, console)
         why = "with the structure that won in its file: residuals, intervals, a page"
         say_next(console, (typed("fit", project, *["--trust"] * trust), why))
-    if not any(isfinite(row.cost) for row in found.rows):
+    if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)
-
-
-def _compared(
-    project: Project, folder: Path, options: dict[str, Any], executor: str, jobs: int, json_: bool
-) -> Comparison:
-    """Run it, going on with what the journal in the folder has."""
-    from fracid.cli.progress import progress_shown
-    from fracid.runs.folder import JOURNAL
-    from fracid.selection.comparison import compare as library_compare
-    from fracid.selection.ladder import ladder
-    from fracid.tasks.journal import Journal
-    from fracid.tasks.tasks import executor_from_name
-
-    executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
-    ladder(project.problem, keep=options["keep"], others=project.validation)
-    study = _study(project, options)
-    _begin(folder, study)
-    with (
-        Journal(folder / JOURNAL, study, _fault(project, options)) as journal,
-        progress_shown("fits", events=json_) as tell,
-    ):
-        for note in journal.notes:
-            sys.stderr.write(printable(f"{note}\n"))
-        return library_compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
-
-
-def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
-    """All that a fit depends on."""
-    from fracid.runs.folder import inputs_of
-
-    same = {name: value for name, value in options.items() if name != "amplitude"}  # it adds to what there is
-    return {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
-
-
-def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
-    """What is wrong with a result that the journal has."""
-    from fracid.safety.schema import fault_of
-    from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
-
-    problem = project.problem
-    fitted, held = ({e.name for e in those} for those in (problem.experiments, project.validation))
-
-    def fault(key: str, said: Any) -> str:
-        if key.startswith("amplitude |"):
-            return fault_of(said, AmplitudeBlock)
-        there = fault_of_fitted(said, problem.outputs)
-        if there or options["leave_one_out"]:
-            return there
-        return "" if set(said["in_sample"]) == fitted and set(said["held_out"]) == held else "of other recordings"
-
-    return fault
-
-
-def _begin(folder: Path, study: Mapping[str, Any]) -> None:
-    """Make the folder, or go on in it; a comparison that is finished gives way to another one."""
-    from fracid.runs.folder import JOURNAL, open_folder
-    from fracid.tasks.folder_lock import FolderLock
-
-    journal = folder / JOURNAL
-    if (folder / "result.json").exists():
-        raise InputError(f"{folder} holds a fit; give the comparison a folder of its own: --out DIR.")
-    if (folder / RESULT).exists() and journal.exists() and _header(journal) != study:
-        with FolderLock(folder):
-            (folder / RESULT).unlink()
-            journal.unlink()
-    if not journal.exists():  # else environment.json keeps the command that is gone on with
-        open_folder(folder)
-
-
-def _header(journal: Path) -> Any:
-    from fracid.safety.schema import lines_of
-    from fracid.schemas.run import StudyLine
-
-    return next((line["study"] for line in lines_of(journal, StudyLine)), None)
-
-
-# ------------------------------------------------------------------ from results to files
-
-
-def _write(found: Comparison, project: Project, folder: Path) -> list[Path]:
-    from fracid.files import write_text
-    from fracid.plots import save
-    from fracid.runs.folder import FIGURES
-
-    record = found.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
-    try:
-        write_text(folder / "project.toml", project.text)
-        write_text(folder / TABLE, _csv(found.table()))
-        write_text(folder / RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
-    paths = save(found.plot(), folder / FIGURES, "ladder")
-    for name, stem in file_stems(found.amplitude).items():
-        if found.amplitude[name].drifts:
-            paths += save(found.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
-    return [path for path in paths if path.suffix == ".png"]
-
-
-def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]))
-    writer.writeheader()
-    writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
-    return text.getvalue()
 
 
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(found: Comparison, folder: Path, figures: Sequence[Path], console: Console) -> None:
+def _show(finished: FinishedComparison, console: Console) -> None:
     from rich.markup import escape
+
+    found = finished.comparison
 
     fitted = [*found.rows[0].in_sample]
     console.print(f"[bold]fitted[/bold]: {escape(', '.join(fitted))}", soft_wrap=True)
@@ -228,7 +118,8 @@ def _show(found: Comparison, folder: Path, figures: Sequence[Path], console: Con
         for sentence in test.sentences:
             console.print(f"  {escape(sentence)}", soft_wrap=True)
     console.print(f"[bold]{escape(found.verdict)}[/bold]", soft_wrap=True)
-    for what, path in (("result", folder / RESULT), ("table", folder / TABLE), *(("figure", p) for p in figures)):
+    figures = [path for path in finished.figures if path.suffix == ".png"]
+    for what, path in (("result", finished.path), ("table", finished.table), *(("figure", p) for p in figures)):
         console.print(f"{what:8} {escape(str(path))}", soft_wrap=True)
 
 

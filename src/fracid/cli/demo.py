@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
-from fracid.cli.fit import run_fit, say_undrawn, show_fit
+from fracid.cli.fit import say_undrawn, show_fit
+from fracid.cli.progress import on_terminal
 
 if TYPE_CHECKING:
-    from fracid.cli.fit import Ran
+    from fracid.workflows.fit import FinishedRun
 
 __all__ = ["TRUE_ORDERS", "demo"]
 
@@ -50,6 +51,8 @@ def demo(
     Release from 10°, hanging, 20 s at 1000 Hz, 4096 counts a turn with noise; nothing here was measured.
     Ctrl-C ends it (exit code 1).
     """
+    from fracid.workflows.fit import run
+
     folder = out or Path("runs") / "demo"
     console = new_console(file=sys.stderr if json_ else sys.stdout)
     results = {}
@@ -58,7 +61,8 @@ def demo(
         twin = "paper" if name == "paper-on-paper" else "reference"
         project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
-        ran = run_fit(project, folder / name, preset=preset, optimiser=None, seed=seed, jobs=jobs, quiet=json_)
+        ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs,
+                  observer=on_terminal(events=json_), command=sys.argv[1:])  # fmt: skip
         results[name] = ran.result
         show_fit(ran, console)
         for sentence in _truth(ran):
@@ -76,7 +80,7 @@ def demo(
         echo_json(results)
 
 
-def _truth(ran: Ran) -> list[str]:
+def _truth(ran: FinishedRun) -> list[str]:
     """Say how far each order is from the one that the twin was made with."""
     sentences = []
     for name, true in TRUE_ORDERS.items():

@@ -50,9 +50,7 @@ def init(
     Asks what the columns are, with what it guesses as the answer; with --column, --yes or without a terminal it takes
     the guess and says so.
     """
-    from fracid.files import write_text
-    from fracid.problem.draft import draft_project
-    from fracid.problem.project import load_project
+    from fracid.workflows.draft import write_draft
 
     target = out or Path(f"{file.stem}.toml")
     if target.exists() and not force:
@@ -61,13 +59,7 @@ def init(
     columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
     if columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
-    draft = draft_project(file, columns, time=clock, variable=variable, rig=rig, folder=target.parent)
-    try:
-        write_text(target, draft.text)
-    except OSError as error:
-        raise InputError(f"{target} cannot be written: {error.strerror}. Give another: --out FILE.") from None
-    load_project(target)  # it runs as it is, or says what stands against it
-    for note in draft.notes:
+    for note in write_draft(file, target, columns, time=clock, variable=variable, rig=rig).notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))
     say_next(new_console(), (typed("fit", target), "after a look at every line of it"))

@@ -3,41 +3,29 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, replace
 from math import floor, isfinite, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
+from fracid.cli.progress import on_terminal
 from fracid.errors import DataError, InputError
-from fracid.files import json_number
 from fracid.safety.text import printable
 from fracid.units import with_unit
-from fracid.workflows.figures import drawing
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from fracid.estimation.records import Estimate
     from fracid.fit import Fit
-    from fracid.optimise import Evaluation, EvaluationLog
-    from fracid.problem.project import Project
-    from fracid.runs.folder import Run
     from fracid.selection.integer_rival import Alternative
-    from fracid.tasks.journal import Journal
-    from fracid.tasks.simulation_cache import Memo
+    from fracid.workflows.fit import FinishedRun
 
-__all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
-
-LARGEST_SEED = 2**63
-"""What JSON can hold everywhere."""
+__all__ = ["fit", "say_undrawn", "show_fit", "tell_fit"]
 
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -94,169 +82,18 @@ def fit(
     Ctrl-C keeps the best so far; the same command, or fracid resume, goes on.  Exit code 0 if the search ended, 1 if it
     was interrupted, 3 if no run of the model reached the end of the recording.
     """
-    folder = out or Path("runs") / project.stem
-    ran = run_fit(project, folder, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, quiet=json_,
-                  starts=multi_start, cut=cut, executor=one_place(executor, scheduler), trust=trust)  # fmt: skip
-    tell_fit(ran, json_=json_)
+    from fracid.workflows.fit import run
 
-
-@dataclass(frozen=True)
-class Ran:
-    """A fit with its folder."""
-
-    project: Project
-    fit: Fit
-    folder: Path
-    figures: tuple[Path, ...]
-    result: dict[str, Any]
-    """The content of result.json."""
-    interrupted: bool
-    seconds: float
-    undrawn: str = ""
-    """Why there are no figures and no report, in a sentence; empty where they are there."""
-
-
-def run_fit(
-    path: Path, folder: Path, *, preset: str | None, optimiser: str | None, seed: int | None, jobs: int, quiet: bool,
-    starts: int | None = None, cut: bool = False, executor: str | None = None, resume: bool = False,
-    trust: bool = False,
-) -> Ran:  # fmt: skip
-    """Load, identify and write everything; or go on with what is in the folder."""
-    began = time.perf_counter()
-    from fracid.optimise import Outcome, optimiser_from_name
-    from fracid.problem.project import load_project
-    from fracid.runs.folder import cut_short, inputs_of, open_run, refuse_anothers, write_result
-    from fracid.tasks.tasks import executor_from_name
-
-    project = load_project(path, preset=preset, trust=trust)
-    name = _optimiser(optimiser, project.optimiser, starts)
-    optimiser_from_name(name)  # refused before an earlier run is cleared from the folder
-    asked = {"project": str(path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed, "starts": starts,
-             "cut": cut, "executor": executor}  # fmt: skip
-    executor_from_name(executor or "threads")
-    if executor and (starts or project.starts) < 2:
-        raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
-    if seed is not None and seed >= LARGEST_SEED:
-        raise InputError(f"--seed {seed} is not possible; expected less than 2^63.")
-    refuse_anothers(folder, path)
-    inputs = inputs_of(project)
-    if not resume and cut_short(folder, "fit", asked, inputs):
-        sys.stderr.write(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.\n")
-        resume = True
-    with (
-        open_run(folder, "fit", asked, inputs=inputs, resume=resume) as run,
-        drawing(project, folder, jobs) as draw,
-    ):
-        laps = {"load": time.perf_counter() - began}
-        found = _identified(project, run, jobs, quiet, optimiser=name, seed=seed, starts=starts, cut=cut,
-                            executor=executor or "threads")  # fmt: skip
-        laps |= found.timing
-        result = write_result(folder, found, project, laps)  # what the figures may not find room for
-        interrupted = Outcome.INTERRUPTED.value in found.outcome
-        figures: tuple[Path, ...] = ()
-        undrawn = ""
-        try:
-            written = time.perf_counter()
-            figures = draw(found)
-            laps["figures"] = time.perf_counter() - written
-            laps["total"] = time.perf_counter() - began
-            result = write_result(folder, found, project, laps)
-            if not interrupted:
-                run.finish()
-        except KeyboardInterrupt:
-            interrupted, undrawn = True, "Interrupted while the figures were drawn."
-        except (InputError, OSError, MemoryError) as error:
-            undrawn = str(error) or "There is not enough memory for the figures."
-    return Ran(project, found, folder, figures, result, interrupted, laps.get("total", time.perf_counter() - began),
-               undrawn)  # fmt: skip
-
-
-def _identified(project: Project, run: Run, jobs: int, quiet: bool, *, optimiser: str, **options: Any) -> Fit:
-    """Identify; what was simulated before a resumption is read from the folder."""
-    from fracid.identification import identify
-    from fracid.optimise import EvaluationLog
-    from fracid.runs.folder import EVALUATIONS, MEMO
-    from fracid.tasks.simulation_cache import Memo
-    from fracid.validation.before_search import before
-
-    reports = {r.name: r.report for r in project.recordings}
-    seen = before(project.problem, reports, validation=project.validation, jobs=jobs)
-    for finding in seen:  # now, for a search may take its time to find nothing
-        sys.stderr.write(f"{finding}\n")
-    with (
-        EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
-        _progress(optimiser, quiet) as callback,
-        Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
-        _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
-    ):
-        for note in _notes(run, log, memo) if run.resumed else ():
-            sys.stderr.write(printable(f"{note}\n"))
-        remembering = replace(project, problem=replace(project.problem, memo=memo))
-        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
-                         journal=journal, seen=seen, **options)  # fmt: skip
-    return replace(found, problem=project.problem)
-
-
-def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
-    """Of starts that run elsewhere, a journal in a folder of its own."""
-    from fracid.optimise import Outcome
-    from fracid.runs.folder import STARTS
-    from fracid.schemas.run import fault_of_end
-    from fracid.tasks.journal import Journal
-
-    if executor == "threads":
-        return nullcontext()
-    (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    outcomes = [o.value for o in Outcome]
-    study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
-    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, outcomes))
-
-
-def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
-    """What a resumption found in the folder."""
-    from fracid.runs.folder import EVALUATIONS
-
-    if log.torn:
-        yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
-    if memo is None or memo.emptied:
-        yield (
-            f"What {run.folder} had simulated cannot be used: the program has changed, or the machine was restarted, "
-            "since. It begins again."
-        )
-
-
-def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
-    """The optimiser: as asked, else as written; many starts belong to one alone."""
-    if starts is None:
-        return asked or written
-    if asked not in (None, "multistart"):
-        raise InputError(f"--multi-start is for the optimiser multistart, not {asked}: leave out one of the two.")
-    return "multistart"
-
-
-@contextmanager
-def _progress(optimiser: str, events: bool) -> Iterator[Any]:
-    """Evaluations, time and the best cost so far."""
-    from fracid.cli.progress import progress_shown
-    from fracid.optimise import optimiser_from_name
-    from fracid.tasks.job import Progress
-
-    began = time.perf_counter()
-    total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
-    with progress_shown("evaluations", events=events) as tell:
-
-        def callback(best: Evaluation, evaluations: int) -> None:
-            if tell is not None:
-                cost = json_number(best.cost)
-                tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
-
-        yield callback
+    finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
+                   cut=cut, executor=one_place(executor, scheduler), trust=trust,
+                   observer=on_terminal(events=json_), command=sys.argv[1:])  # fmt: skip
+    tell_fit(finished, json_=json_)
 
 
 # ------------------------------------------------------------------ from results to text
 
 
-def tell_fit(ran: Ran, *, json_: bool) -> None:
+def tell_fit(ran: FinishedRun, *, json_: bool) -> None:
     """Print the result, and end with the command's exit code."""
     if json_:
         echo_json(ran.result)
@@ -274,7 +111,7 @@ def tell_fit(ran: Ran, *, json_: bool) -> None:
         raise typer.Exit(1)
 
 
-def say_undrawn(ran: Ran) -> None:
+def say_undrawn(ran: FinishedRun) -> None:
     """Say what is there and what is not, and end with 1 after Ctrl-C, else with 2."""
     sys.stderr.write(
         f"{printable(ran.undrawn)} The result is whole, in {ran.folder / 'result.json'}; its figures or the report are "
@@ -283,7 +120,7 @@ def say_undrawn(ran: Ran) -> None:
     raise typer.Exit(1 if ran.interrupted else InputError.exit_code)
 
 
-def _say_next(ran: Ran, console: Console) -> None:
+def _say_next(ran: FinishedRun, console: Console) -> None:
     from fracid.selection.ladder import has_friction
 
     trust = ["--trust"] * bool(ran.project.own_code)
@@ -296,7 +133,7 @@ def _say_next(ran: Ran, console: Console) -> None:
     )
 
 
-def show_fit(ran: Ran, console: Console) -> None:
+def show_fit(ran: FinishedRun, console: Console) -> None:
     """Print the tables, the warnings and where everything is."""
     from rich.markup import escape
 

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import sys
-from dataclasses import dataclass
-from hashlib import sha256
 from math import degrees, isfinite, pi, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
-from fracid.errors import DataError, InputError
-from fracid.safety.paths import refuse_mistaken
-from fracid.safety.text import csv_cell, printable
+from fracid.cli.progress import on_terminal
+from fracid.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.arrays import FloatArray
-    from fracid.problem import Problem
-    from fracid.problem.project import Project
-    from fracid.validation.monte_carlo import NoiseStudy, Plan, Statistics
+    from fracid.validation.monte_carlo import Statistics
+    from fracid.workflows.monte_carlo import FinishedNoiseStudy
 
 __all__ = ["noise"]
-
-RESULT, TABLE = "noise.json", "noise.csv"
 
 HEADINGS = ("noise", "counts", "", "truth", "bias", "spread", "claimed", "coverage")
 
@@ -93,19 +83,18 @@ def noise(
     if no run of the model reaches the end of the recording.
     """
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
-    if source.suffix != ".toml":
-        refuse_mistaken(source, "run")
-    fitted = _of_run(source, trust) if source.is_dir() else _of_project(source, jobs, trust)
-    _refuse_other_units(fitted)
-    folder = out or (source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise")
-    study = _studied(fitted, folder, grid, seeds, seed, cost, optimiser, one_place(executor, scheduler), jobs, json_)
-    record = study.to_json() | {"source": str(source)}
-    figure = _write(study, record, folder)
+    from fracid.workflows.monte_carlo import run_noise_study
+
+    finished = run_noise_study(
+        source, levels=grid[0], resolutions=grid[1], seeds=seeds, cost=cost, optimiser=optimiser,
+        executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
+        observer=on_terminal(events=json_), command=sys.argv[1:],
+    )  # fmt: skip
     if json_:
-        echo_json(record)
+        echo_json(finished.result)
     else:
         console = new_console()
-        _show(study, folder, figure, console)
+        _show(finished, console)
         command = "profile" if source.is_dir() else "fit"
         say_next(console, (typed(command, source, *["--trust"] * trust), "what the measured data say of it"))
 
@@ -130,140 +119,14 @@ def _step(counts: float) -> float:
     return 2 * pi / counts if counts else 0.0
 
 
-# ------------------------------------------------------------------ the truth
+# ------------------------------------------------------------------ from results to text
 
 
-@dataclass(frozen=True)
-class _Fitted:
-    """A model with the values that are the truth."""
-
-    problem: Problem
-    x: FloatArray
-    optimiser: str
-    starts: int
-    digest: str
-    """Of the project file, with its own code."""
-
-
-def _of_run(folder: Path, trust: bool) -> _Fitted:
-    from fracid.runs.saved import load_run
-
-    run = load_run(folder, trust=trust)
-    return _fitted(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
-
-
-def _of_project(path: Path, jobs: int, trust: bool) -> _Fitted:
-    """Fit a project, without what comes after the search."""
-    import numpy as np
-
-    from fracid.estimation.search import search
-    from fracid.problem.project import load_project
-
-    project = load_project(path, trust=trust)
-    rng = np.random.default_rng(project.seed)
-    found, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
-    if found.interrupted:
-        raise KeyboardInterrupt
-    if not isfinite(found.best.cost):
-        raise DataError(f"{path}: no run reached its end: {found.best.reason}. There is no model to simulate.")
-    return _fitted(project, project.problem, found.best.point, project.optimiser)
-
-
-def _fitted(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Fitted:
-    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
-    return _Fitted(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
-
-
-def _refuse_other_units(fitted: _Fitted) -> None:
-    """Degrees and counts a turn mean nothing to a voltage."""
-    for e in fitted.problem.experiments:
-        for output in fitted.problem.outputs:
-            if (unit := e.units.get(output, "rad")) != "rad":
-                raise InputError(
-                    f"{e.name}: {output} is in {unit}, and --levels and --counts are of angles. In Python "
-                    "fracid.noise_study takes levels and resolutions in the output's own unit."
-                )
-
-
-# ------------------------------------------------------------------ the study
-
-
-def _studied(
-    fitted: _Fitted, folder: Path, grid: tuple[list[float], list[float]], seeds: int, seed: int, cost: str | None,
-    optimiser: str | None, executor: str | None, jobs: int, json_: bool,
-) -> NoiseStudy:  # fmt: skip
-    """Run it, going on with what the journal in the folder has."""
-    from fracid.cli.progress import progress_shown
-    from fracid.runs.folder import JOURNAL, open_folder
-    from fracid.schemas.study import fault_of_repetition
-    from fracid.tasks.journal import Journal
-    from fracid.validation.monte_carlo import planned
-
-    plan = planned(
-        fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
-        optimiser=optimiser or fitted.optimiser, starts=fitted.starts,
-    )  # fmt: skip
-
-    def fault(_key: str, said: Any) -> str:
-        return fault_of_repetition(said, plan.problem.names)
-
-    if (folder / "result.json").exists():
-        raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
-    with (
-        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), fault) as journal,
-        progress_shown("repetitions", events=json_) as progress,
-    ):
-        for note in (*journal.notes, *plan.findings):
-            sys.stderr.write(printable(f"{note}\n"))
-        where = executor or ("threads" if plan.own else "processes")
-        return plan.run(executor=where, jobs=jobs, journal=journal, progress=progress)
-
-
-def _header(plan: Plan, fitted: _Fitted) -> dict[str, Any]:
-    """All that a repetition depends on beside its key, so that more levels or seeds go on from what there is."""
-    from fracid.runs.environment import versions
-
-    return {
-        "kind": "noise",
-        "project": fitted.digest,
-        "truth": dict(zip(plan.problem.names, plan.truth.tolist(), strict=True)),
-        "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
-        "cost": plan.problem.cost_function.name,
-        "seed": plan.seed,
-        **{name: plan.how[name] for name in ("optimiser", "starts")},
-        "versions": versions(),
-    }
-
-
-# ------------------------------------------------------------------ from results to files and text
-
-
-def _write(study: NoiseStudy, record: dict[str, Any], folder: Path) -> Path:
-    from fracid.files import write_text
-    from fracid.plots import noise_levels, save
-    from fracid.runs.folder import FIGURES
-
-    try:
-        write_text(folder / RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-        write_text(folder / TABLE, _csv(study))
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
-    drawn = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
-    paths = save(noise_levels(study), folder / FIGURES, "noise") if drawn else ()
-    return next((path for path in paths if path.suffix == ".png"), folder / RESULT)
-
-
-def _csv(study: NoiseStudy) -> str:
-    rows, text = study.table(), io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]))
-    writer.writeheader()
-    writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
-    return text.getvalue()
-
-
-def _show(study: NoiseStudy, folder: Path, figure: Path, console: Console) -> None:
+def _show(finished: FinishedNoiseStudy, console: Console) -> None:
     from rich.markup import escape
 
+    study = finished.study
+    figure = next((path for path in finished.figures if path.suffix == ".png"), finished.path)
     console.print(
         f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
         f"{study.problem.method}; angles in degrees. Coverage is the share of 95 % intervals that hold the truth.",
@@ -278,8 +141,8 @@ def _show(study: NoiseStudy, folder: Path, figure: Path, console: Console) -> No
     for sentence in study.sentences():
         mark = "" if sentence.endswith("can be believed.") else "[yellow]![/yellow] "
         console.print(f"{mark}{escape(sentence)}", soft_wrap=True)
-    console.print(f"result   {escape(str(folder / RESULT))}", soft_wrap=True)
-    console.print(f"table    {escape(str(folder / TABLE))}", soft_wrap=True)
+    console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
+    console.print(f"table    {escape(str(finished.table))}", soft_wrap=True)
     console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
 
 

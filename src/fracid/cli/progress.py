@@ -18,16 +18,28 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from typing import TextIO
 
+from fracid.safety.text import printable
 from fracid.tasks.job import Progress
+from fracid.workflows.observer import Observer
 
-__all__ = ["progress_shown"]
+__all__ = ["on_terminal", "progress_shown"]
 
 EVERY = 1.0
 """Between two events [s]."""
 
 Tell = Callable[[Progress], None]
+
+
+def on_terminal(*, events: bool) -> Observer:
+    """Give what writes notices and progress to standard error; `events` as of :func:`progress_shown`."""
+    return Observer(_write_line, partial(progress_shown, events=events))
+
+
+def _write_line(notice: str) -> None:
+    sys.stderr.write(printable(f"{notice}\n"))
 
 
 @contextmanager

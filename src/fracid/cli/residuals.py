@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,19 +11,16 @@ import typer
 from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
-from fracid.errors import DataError, InputError
-from fracid.safety.text import file_stems
+from fracid.errors import DataError
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.runs.saved import SavedRun
     from fracid.validation.residual_records import ResidualAnalysis
+    from fracid.workflows.residuals import FinishedResiduals
 
 __all__ = ["resid"]
-
-RESIDUALS = "residuals.json"
 
 RESID_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -59,79 +53,22 @@ def resid(
     it is beside the encoder's step.  Writes residuals.json and a page of figures for each.  Exit code 0 if it is done,
     3 if no run of the model reached the end of a recording.
     """
-    found = _analysed(run, recording, output, trust)
-    folder = out or run
-    figures = _write(found, folder)
+    from fracid.workflows.residuals import run_residuals
+
+    finished = run_residuals(run, recordings=recording, outputs=output, trust=trust, out=out)
     if json_:
-        echo_json(found.record)
+        echo_json(finished.result)
     else:
-        _show(found, folder, figures, new_console())
-    if not any(isfinite(a.level.rms) for a in found.all):
-        raise DataError(f"No run of the model reached the end of {' or '.join(found.analyses)}: there is no residual.")
-
-
-@dataclass(frozen=True)
-class _Analysed:
-    """A run with the analyses of its residuals."""
-
-    run: SavedRun
-    analyses: Mapping[str, Mapping[str, ResidualAnalysis]]
-    """Recording → output → what its residual says."""
-
-    @property
-    def all(self) -> tuple[ResidualAnalysis, ...]:
-        """One after the other."""
-        return tuple(a for outputs in self.analyses.values() for a in outputs.values())
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """The content of residuals.json."""
-        recordings = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in self.analyses.items()}
-        return {"notes": list(self.run.notes), "recordings": recordings}
-
-
-def _analysed(folder: Path, recordings: list[str] | None, outputs: list[str] | None, trust: bool) -> _Analysed:
-    from fracid.errors import unknown_name
-    from fracid.runs.saved import load_run
-    from fracid.validation.residuals import residual_analysis
-
-    run = load_run(folder, trust=trust)
-    for what, asked, there in (("recording", recordings, run.recordings), ("output", outputs, run.problem.outputs)):
-        for name in asked or ():
-            if name not in there:
-                raise unknown_name(f"{what} of {folder}", name, there)
-    return _Analysed(run, {
-        name: {n: residual_analysis(run.recordings[name], n, run.resolutions[name])
-               for n in run.problem.outputs if not outputs or n in outputs}
-        for name in run.recordings if not recordings or name in recordings
-    })  # fmt: skip
-
-
-def _write(found: _Analysed, folder: Path) -> list[Path]:
-    """residuals.json, and a figure each; gives those to look at."""
-    from fracid.files import write_text
-    from fracid.plots import residual_diagnostics, save
-    from fracid.runs.folder import FIGURES
-
-    text = json.dumps(found.record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / RESIDUALS, text)
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
-    paths: list[Path] = []
-    stems = file_stems(found.run.recordings)
-    for a in found.all:
-        figure = residual_diagnostics(found.run.recordings[a.recording], a.output, analysis=a,
-                                      resolution=found.run.resolutions[a.recording])  # fmt: skip
-        paths += save(figure, folder / FIGURES, f"residuals-{stems[a.recording]}-{a.output}")
-    return [path for path in paths if path.suffix == ".png"]
+        _show(finished, new_console())
+    if not any(isfinite(a.level.rms) for a in finished.all):
+        names = " or ".join(finished.analyses)
+        raise DataError(f"No run of the model reached the end of {names}: there is no residual.")
 
 
 # ------------------------------------------------------------------ as text
 
 
-def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console) -> None:
+def _show(found: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
 
     console.print(_figures(found))
@@ -140,8 +77,8 @@ def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console)
     for a in found.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
         console.print(_sentences(a))
-    console.print(f"\nresult   {escape(str(folder / RESIDUALS))}", soft_wrap=True)
-    for path in figures:
+    console.print(f"\nresult   {escape(str(found.path))}", soft_wrap=True)
+    for path in (path for path in found.figures if path.suffix == ".png"):
         console.print(f"figure   {escape(str(path))}", soft_wrap=True)
     from fracid.selection.ladder import has_friction
 
@@ -152,7 +89,7 @@ def _show(found: _Analysed, folder: Path, figures: list[Path], console: Console)
         say_next(console, (typed("profile", found.run.folder, *trust), "which values do the data exclude?"))
 
 
-def _figures(found: _Analysed) -> Any:
+def _figures(found: FinishedResiduals) -> Any:
     """The sizes of all effects in one table."""
     from rich.markup import escape
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import re
-import shlex
-import sys
-import warnings
 from collections.abc import Mapping
 from math import degrees, pi
 from pathlib import Path
@@ -16,20 +12,18 @@ import typer
 
 from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
+from fracid.cli.check import column_from_text
 from fracid.cli.completion import ZEROS, from_run, key_of, one_of
-from fracid.errors import DataError, InputError
+from fracid.cli.progress import on_terminal
+from fracid.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.recording import Recording
-    from fracid.solver.trajectory import Trajectory
     from fracid.twins.twin import Twin
+    from fracid.workflows.simulation import SimulatedRecording
 
 __all__ = ["quantity", "simulate"]
-
-RELEASE = {"alpha": pi / 18}
-"""Where a rig's pendulum is let go, if nothing else is said [rad]: the paper's 10°."""
 
 SIMULATE_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -124,26 +118,18 @@ def simulate(
     Exit code 0 if the simulation reached its end, 3 if not.
     """
     del jobs  # one run is not parallel; every command takes the same options
-    twin = _twin(source, recording, zero, friction, input_ is None and not initial, trust)
+    from fracid.workflows.simulation import simulate_twin, twin_of
+
+    twin = twin_of(source, recording=recording, zero=zero, friction=friction, trust=trust,
+                   released=input_ is None and not initial)  # fmt: skip
     twin = _changed(twin, order, set_, initial, end=end, step=step, hold=hold, method=method, substeps=substeps)
-    twin = _driven(twin, input_, end)
-    levels = _noise(noise, twin)
-    folder = None if to is not None and out is None else out or Path("runs") / f"{_stem(source)}-simulated"
-    file = to or folder / f"{_stem(source)}.csv"  # type: ignore[operator]
-    _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))
-    run, said = _run(twin)
-    for sentence in said:
-        sys.stderr.write(f"{sentence}\n")
-    if not run.completed:
-        raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
-                        "Give a smaller --step, other values, or an earlier --end.")  # fmt: skip
-    made = twin.record(run, noise=levels, counts=counts, seed=seed, states=states)
-    record = _record(source, twin, run, levels, counts, seed)
-    files = _write(made, record, file, folder)
+    twin = twin if input_ is None else _driven(twin, input_, end)
+    simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states, to=to,
+                              out=out, force=force, observer=on_terminal(events=json_))  # fmt: skip
     if json_:
-        echo_json(record | {"files": [str(path) for path in files]})
+        echo_json({**simulated.result, "files": [str(path) for path in simulated.files]})
     else:
-        _show(source, twin, run, made, files, new_console())
+        _show(source, simulated, new_console())
 
 
 # ------------------------------------------------------------------ from text to a twin
@@ -194,81 +180,6 @@ def _is_number(text: str) -> bool:
     return re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", text) is not None
 
 
-def _twin(source: str, recording: str | None, zero: str | None, friction: bool, released: bool, trust: bool) -> Twin:
-    """What the source says, before anything is changed."""
-    path = Path(source)
-    if path.is_dir() or path.suffix == ".toml":
-        for option, given in (("--zero", zero), ("--friction", friction)):
-            if given:
-                raise InputError(f"{option} is for a rig; {source} says its own. Change a value: --set NAME=VALUE.")
-        return _of_run(path, recording, trust) if path.is_dir() else _of_project(path, recording, trust)
-    if recording is not None:
-        raise InputError(f"--recording is for a project or a run, and {source} is a model: leave it out.")
-    return _of_model(source, zero, friction, RELEASE if released else {})
-
-
-def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[str, float]) -> Twin:
-    from fracid.models import RIGS, model_from_name, rotary_pendulum
-    from fracid.twins.twin import Twin
-
-    if source in RIGS:
-        more = RIGS[source].fitted_friction if friction else {}
-        model = rotary_pendulum(source, zero or "hanging", **more)  # type: ignore[arg-type]
-    elif ".py:" in source:
-        model, release = model_from_name(source, zero=zero), {}
-    else:
-        raise _no_source(source, RIGS)
-    return Twin.of_model(model, name=_stem(source), initial=release, step=1e-3, end=20.0)
-
-
-def _no_source(source: str, rigs: Mapping[str, Any]) -> InputError:
-    from fracid.errors import unknown_name
-    from fracid.safety.paths import kind_of, refuse_mistaken
-
-    if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
-        refuse_mistaken(Path(source), "run")
-    if kind_of(Path(source)) == "recording":
-        return InputError(f"{source} is a recording: fracid check {source} looks at it, fracid init {source} writes a "
-                          "project of it, which can be simulated.")  # fmt: skip
-    hint = unknown_name("rig", source, tuple(rigs))
-    return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
-
-
-def _of_project(path: Path, recording: str | None, trust: bool) -> Twin:
-    from fracid.problem.project import load_project
-    from fracid.twins.twin import Twin
-
-    project = load_project(path, trust=trust)
-    chosen = _chosen({e.name: e for e in (*project.problem.experiments, *project.validation)}, recording, path)
-    problem = project.problem
-    if chosen in project.validation:
-        problem = problem.with_shared(problem.start, (chosen,))
-    return Twin.of_problem(problem, problem.start, chosen)
-
-
-def _of_run(folder: Path, recording: str | None, trust: bool) -> Twin:
-    import numpy as np
-
-    from fracid.runs.saved import load_run
-    from fracid.twins.twin import Twin
-
-    run = load_run(folder, trust=trust)
-    problem, validation = run.problem, run.project.validation
-    chosen = _chosen({e.name: e for e in (*problem.experiments, *validation)}, recording, folder)
-    if chosen in validation:
-        problem = problem.with_shared(run.x, (chosen,))
-    found = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
-    return Twin.of_problem(problem, np.array(found), chosen)
-
-
-def _chosen(there: Mapping[str, Any], asked: str | None, where: Path) -> Any:
-    from fracid.errors import unknown_name
-
-    if asked is not None and asked not in there:
-        raise unknown_name(f"recording of {where}", asked, tuple(there))
-    return there[asked] if asked is not None else next(iter(there.values()))
-
-
 def _changed(
     twin: Twin, order: list[str] | None, parameter: list[str] | None, initial: list[str] | None, **more: Any
 ) -> Twin:
@@ -301,27 +212,13 @@ def _method(name: str) -> str:
     return name
 
 
-def _driven(twin: Twin, said: str | None, end: str | None) -> Twin:
+def _driven(twin: Twin, said: str, end: str | None) -> Twin:
     """With the input of a file, ``pulse.csv,column=2``; to its end, where no other is said."""
-    if said is None:
-        return twin
-    from fracid.cli.check import column_from_text
-    from fracid.recording import inspect_recording, load_recording
+    from fracid.workflows.simulation import driven
 
-    inputs = twin.model.inputs
-    if not inputs:
-        raise InputError(f"{twin.model.name} has no input; leave out --input.")
     file, _, fields = said.partition(",")
-    found = inspect_recording(file)
-    here = [n for n in found.signals if n in inputs] or list(found.signals)
-    if not fields and len(here) > 1:
-        raise InputError(f"{file} has {len(here)} columns besides its time: {', '.join(here)}. "
-                         f"Say which drives it: --input {shlex.quote(f'{file},column={here[-1]}')}.")  # fmt: skip
-    channel = column_from_text(f"{inputs[0]}={here[0]}" if not fields else f"{inputs[0]}=0,{fields}")[1]
-    read = load_recording(file, {inputs[0]: {"unit": "V" if inputs[0] == "voltage" else "1"} | channel})
-    times = read.time - read.time[0]
-    last = {"end": float(times[-1])} if end is None else {}
-    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, **last)
+    channel = column_from_text(f"input=0,{fields}")[1] if fields else {}
+    return driven(twin, Path(file), channel, to_its_end=end is None)
 
 
 def _noise(given: list[str] | None, twin: Twin) -> dict[str, float]:
@@ -337,92 +234,15 @@ def _noise(given: list[str] | None, twin: Twin) -> dict[str, float]:
     return of_all | said
 
 
-def _stem(source: str) -> str:
-    return re.sub(r"\W+", "-", Path(source.split(".py:")[0]).name.removesuffix(".toml")).strip("-") or "model"
-
-
-# ------------------------------------------------------------------ from a twin to files
-
-
-def _refuse_over(file: Path, force: bool) -> None:
-    """A simulation must not take the place of a measurement."""
-    from fracid.recording.writing import WRITERS
-
-    if file.suffix.lower() not in WRITERS:
-        raise InputError(f"--to {file} is not possible: expected a file that ends in {', '.join(WRITERS)}.")
-    if file.exists() and not force:
-        raise InputError(f"{file} is there already; give another name, or write over it: --force.")
-
-
-def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
-    """Simulate; gives what the solver warns of, too."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        run = twin.simulate()
-    return run, [str(w.message) for w in caught]
-
-
-def _record(
-    source: str, twin: Twin, run: Trajectory, noise: Mapping[str, float], counts: int, seed: int
-) -> dict[str, Any]:
-    """The truth."""
-    model, values = twin.model, twin.model.parameter_vector(twin.parameters)
-    parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
-    initial = dict(zip(model.states, model.state_vector(twin.initial).tolist(), strict=True))
-    return {
-        "simulated": True, "source": source, "model": model.name, "zero": model.zero, "orders": dict(twin.orders),
-        "parameters": parameters, "initial": initial, "step": twin.step, "substeps": twin.substeps, "end": twin.end,
-        "hold": twin.hold, "method": run.method, "memory": run.memory, "driven": bool(twin.inputs),
-        "noise": dict(noise), "counts": counts, "seed": seed, "outcome": run.outcome.value,
-    }  # fmt: skip
-
-
-def _write(made: Recording, record: Mapping[str, Any], file: Path, folder: Path | None) -> list[Path]:
-    from fracid.recording.writing import save_recording
-
-    files = [save_recording(made, file, note=_note(record))]
-    if folder is None:
-        return files
-    from fracid.files import write_text
-    from fracid.plots import recording_overview, save
-
-    truth = folder / f"{file.stem}.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(truth, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-    except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
-    return [*files, truth, *save(recording_overview(made), folder, file.stem)]
-
-
-def _note(record: Mapping[str, Any]) -> str:
-    """What the file says of itself."""
-    from fracid._version import __version__
-
-    orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items())
-    initial = ", ".join(f"{n} = {v:.6g}" for n, v in record["initial"].items() if v)
-    levels = ", ".join(f"{n} {v:.3g}" for n, v in record["noise"].items() if v)
-    read = [
-        f"noise {levels}" if levels else "no noise",
-        f"{record['counts']} counts a turn" if record["counts"] else "",
-    ]
-    return "\n".join((
-        f"SIMULATED, not measured: {record['model']} of {record['source']}"
-        + (f", zero = {record['zero']}" if record["zero"] else ""),
-        f"{orders}; at the start {initial or 'at rest'}; {record['method']}, step {record['step']:g} s / "
-        f"{record['substeps']}; {', '.join(filter(None, read))}; seed {record['seed']}",
-        f"made by fracid {__version__}",
-    ))  # fmt: skip
-
-
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(source: str, twin: Twin, run: Trajectory, made: Recording, files: list[Path], console: Console) -> None:
+def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     from rich.markup import escape
 
     from fracid.cli.check import print_sketches
 
+    twin, run, made, files = simulated.twin, simulated.run, simulated.recording, simulated.files
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
     console.print(
         f"[bold]{escape(source)}[/bold]: {escape(twin.model.name)}, {twin.model.zero or 'no zero'}; {escape(orders)}; "

@@ -26,8 +26,7 @@ from __future__ import annotations
 import json
 import os
 import re
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -52,6 +51,7 @@ __all__ = [
     "JOURNAL",
     "MEMO",
     "RUN",
+    "STARTS",
     "Run",
     "RunState",
     "cut_short",
@@ -131,6 +131,7 @@ def open_run(
     *,
     inputs: Mapping[str, str] | None = None,
     resume: bool = False,
+    command: Sequence[str] = (),
 ) -> Iterator[Run]:
     """Take a run folder for this process alone, begin or go on there, and let go of it.
 
@@ -146,6 +147,8 @@ def open_run(
         All that it reads from outside; see :func:`inputs_of`.
     resume : bool
         Go on with the run there, which must be the same.
+    command : sequence of str
+        What environment.json says was typed; of a run that is gone on with it stays.
 
     Raises
     ------
@@ -169,7 +172,7 @@ def open_run(
             _refuse_another(folder, run_state(folder), now)
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
-            open_folder(folder)
+            open_folder(folder, command)
             _write_state(folder, now)
         yield Run(folder, now, resume)
 
@@ -299,8 +302,14 @@ def _write_state(folder: Path, state: RunState) -> None:
         raise _unwritable(folder, error) from None
 
 
-def open_folder(folder: Path) -> Path:
+def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
     """Make a run folder, and clear it of an earlier run's own files.
+
+    Parameters
+    ----------
+    folder : Path
+    command : sequence of str
+        What environment.json says was typed, or what one would type for the same.
 
     Raises
     ------
@@ -320,7 +329,7 @@ def open_folder(folder: Path) -> Path:
                 (folder / old).unlink(missing_ok=True)
             for path in (*_figures(folder), *_halves(folder)):
                 path.unlink(missing_ok=True)
-            typed = {"command": sys.argv[1:], "directory": str(Path.cwd())}
+            typed = {"command": list(command), "directory": str(Path.cwd())}
             environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), **typed})
             write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
         except OSError as error:

@@ -1,0 +1,187 @@
+"""A comparison of structures with its folder: ``fracid compare``, to be called from Python too.
+
+Every fit goes into the folder's journal as it ends, and the same call goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
+from fracid.safety.schema import fault_of, lines_of
+from fracid.safety.text import file_stems
+from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
+from fracid.schemas.run import StudyLine
+from fracid.selection.comparison import Comparison, compare
+from fracid.selection.ladder import ladder
+from fracid.tasks.folder_lock import FolderLock
+from fracid.tasks.job import one_blas_thread
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import executor_from_name
+from fracid.workflows.fit import loaded
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import command_of, csv_text, json_document, write_files
+
+if TYPE_CHECKING:
+    from fracid.problem.project import Project
+
+__all__ = ["FinishedComparison", "run_comparison"]
+
+RESULT, TABLE = "compare.json", "compare.csv"
+
+
+@dataclass(frozen=True)
+class FinishedComparison:
+    """A comparison with its folder."""
+
+    project: Project
+    comparison: Comparison
+    folder: Path
+    figures: tuple[Path, ...]
+    result: Mapping[str, Any]
+    """The content of compare.json."""
+
+    @property
+    def path(self) -> Path:
+        """Of compare.json."""
+        return self.folder / RESULT
+
+    @property
+    def table(self) -> Path:
+        """Of compare.csv."""
+        return self.folder / TABLE
+
+
+def run_comparison(
+    project: str | Path | Project,
+    *,
+    out: str | Path | None = None,
+    leave_one_out: bool = False,
+    amplitude: bool = False,
+    starts: int | None = None,
+    keep: Sequence[str] = (),
+    preset: str | None = None,
+    seed: int | None = None,
+    jobs: int = 1,
+    executor: str = "threads",
+    trust: bool = False,
+    observer: Observer = SILENT,
+    command: Sequence[str] | None = None,
+) -> FinishedComparison:
+    """Fit every structure to a project's recordings, and write the folder: what ``fracid compare`` does.
+
+    Cut short, the same call goes on where it was.
+
+    Parameters
+    ----------
+    project : str, Path or Project
+    out : str or Path, optional
+        The folder; ``runs/rig-compare`` of ``rig.toml`` if left out.
+    leave_one_out, amplitude, keep
+        As of :func:`fracid.compare`.
+    starts, seed
+        In place of the project's.
+    preset, jobs, trust, observer, command
+        As of :func:`fracid.run`.
+    executor : str
+        ``threads``, ``processes`` or a scheduler's address.
+
+    Raises
+    ------
+    InputError
+        For a project or an option that cannot be, and for a folder that holds a fit or cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
+
+    Examples
+    --------
+    >>> run_comparison("nowhere/rig.toml")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig.toml. ...
+    """
+    project = loaded(project, preset, trust)
+    folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
+    options: dict[str, Any] = {
+        "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep),
+        "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
+    }  # fmt: skip
+    executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
+    ladder(project.problem, keep=options["keep"], others=project.validation)
+    study = _study(project, options)
+    words = _command(project, out, options, executor) if command is None else command
+    _begin(folder, study, words)
+    with (
+        one_blas_thread(),
+        Journal(folder / JOURNAL, study, _fault(project, options)) as journal,
+        observer.progress("fits") as tell,
+    ):
+        for note in journal.notes:
+            observer.notice(note)
+        found = compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
+    record = found.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
+    return FinishedComparison(project, found, folder, _written(found, project, record, folder), record)
+
+
+def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
+    """All that a fit depends on."""
+    same = {name: value for name, value in options.items() if name != "amplitude"}  # it adds to what there is
+    return {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
+
+
+def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
+    said = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "seed")}
+    place = None if executor == "threads" else executor
+    more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
+    return command_of("compare", project.path, {"out": out, **said, **more, "trust": bool(project.own_code)})
+
+
+def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
+    """What is wrong with a result that the journal has."""
+    problem = project.problem
+    fitted, held = ({e.name for e in those} for those in (problem.experiments, project.validation))
+
+    def fault(key: str, said: Any) -> str:
+        if key.startswith("amplitude |"):
+            return fault_of(said, AmplitudeBlock)
+        there = fault_of_fitted(said, problem.outputs)
+        if there or options["leave_one_out"]:
+            return there
+        return "" if set(said["in_sample"]) == fitted and set(said["held_out"]) == held else "of other recordings"
+
+    return fault
+
+
+def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> None:
+    """Make the folder, or go on in it; a comparison that is finished gives way to another one."""
+    journal = folder / JOURNAL
+    if (folder / "result.json").exists():
+        raise InputError(f"{folder} holds a fit; give the comparison a folder of its own: --out DIR.")
+    if (folder / RESULT).exists() and journal.exists() and _header(journal) != study:
+        with FolderLock(folder):
+            (folder / RESULT).unlink()
+            journal.unlink()
+    if not journal.exists():  # else environment.json keeps the command that is gone on with
+        open_folder(folder, command)
+
+
+def _header(journal: Path) -> Any:
+    return next((line["study"] for line in lines_of(journal, StudyLine)), None)
+
+
+def _written(found: Comparison, project: Project, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Write all that was found; gives the figures."""
+    from fracid.plots import save
+
+    texts = {"project.toml": project.text, TABLE: csv_text(found.table()), RESULT: json_document(record)}
+    write_files(folder, texts)
+    paths = [*save(found.plot(), folder / FIGURES, "ladder")]
+    for name, stem in file_stems(found.amplitude).items():
+        if found.amplitude[name].drifts:
+            paths += save(found.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
+    return tuple(paths)

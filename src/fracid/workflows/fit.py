@@ -1,0 +1,306 @@
+"""A fit with its folder: load, identify, write result, figures and report; or go on with what is in the folder.
+
+::
+
+    project ── load ── open the folder ── identify ── result.json ── figures, report.html ── finished
+                            │                │
+                       run.json         evaluations.jsonl, .memo: from which a run that was cut short goes on
+
+``fracid fit`` and ``fracid demo`` are this call and what they print.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.optimise import Evaluation, EvaluationLog, Outcome, optimiser_from_name
+from fracid.problem.project import Project, load_project
+from fracid.runs.folder import (
+    EVALUATIONS,
+    MEMO,
+    STARTS,
+    Run,
+    cut_short,
+    inputs_of,
+    open_run,
+    refuse_anothers,
+    write_result,
+)
+from fracid.schemas.run import fault_of_end
+from fracid.tasks.job import Progress, one_blas_thread
+from fracid.tasks.journal import Journal
+from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.tasks import executor_from_name
+from fracid.workflows.figures import drawing
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import command_of
+
+if TYPE_CHECKING:
+    from fracid.fit import Fit
+
+__all__ = ["FinishedRun", "loaded", "run"]
+
+LARGEST_SEED = 2**63
+"""What JSON can hold everywhere."""
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """A fit with its folder."""
+
+    project: Project
+    fit: Fit
+    folder: Path
+    figures: tuple[Path, ...]
+    """What was drawn, and the report."""
+    result: Mapping[str, Any]
+    """The content of result.json."""
+    interrupted: bool
+    """Whether Ctrl-C ended it: the best so far is written, and the same call goes on."""
+    seconds: float
+    """All of it [s]."""
+    undrawn: str = ""
+    """Why there are no figures and no report, in a sentence; empty where they are there."""
+    resumed: bool = False
+    """Whether it went on with what an earlier run, cut short, had left in the folder."""
+
+
+def run(
+    project: str | Path | Project,
+    *,
+    out: str | Path | None = None,
+    preset: str | None = None,
+    optimiser: str | None = None,
+    seed: int | None = None,
+    jobs: int = 1,
+    starts: int | None = None,
+    cut: bool = False,
+    executor: str | None = None,
+    resume: bool = False,
+    trust: bool = False,
+    figures: bool = True,
+    observer: Observer = SILENT,
+    command: Sequence[str] | None = None,
+) -> FinishedRun:
+    """Identify what a project leaves free, and write the run folder: what ``fracid fit`` does.
+
+    A folder that holds this very fit, cut short, is gone on with.  Ctrl-C keeps the best so far.
+
+    Parameters
+    ----------
+    project : str, Path or Project
+        The project file; or what :func:`fracid.load_project` made of it, unchanged: the folder keeps the file's text.
+    out : str or Path, optional
+        The run folder; ``runs/rig`` of ``rig.toml`` if left out.
+    preset : str, optional
+        ``paper``: the paper to the letter.  Of a loaded project it is said to :func:`fracid.load_project`.
+    optimiser, seed
+        In place of the project's; see :func:`fracid.identify`.
+    jobs : int
+        Threads; the result is the same for any number.  From 2 on a process beside this one draws.
+    starts : int, optional
+        Starts of ``multistart``.
+    cut : bool
+        Check how far the orders move with where the record begins: more searches.
+    executor : str, optional
+        Where many starts run, each for itself: ``processes`` or a scheduler's address.
+    resume : bool
+        Go on with what is in the folder, or raise why that cannot be.
+    trust : bool
+        Let the project run code of its own.  Read that first.
+    figures : bool
+        Draw the figures and write the report, as the command does; ``fracid draw`` and ``fracid report`` do it later.
+    observer : Observer, optional
+        Hears notices, and how far the search is.
+    command : sequence of str, optional
+        What environment.json says was typed; if left out, the command that does the same.
+
+    Returns
+    -------
+    FinishedRun
+        Also where no run of the model reached the end of the recording: then ``fit.cost`` is infinite.
+
+    Raises
+    ------
+    InputError
+        For a project or an option that cannot be, and for a folder that cannot be written, holds files of somebody
+        else, or is at work in another process.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    DataError
+        If a recording fails its checks.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np
+    >>> folder, time = Path(tempfile.mkdtemp()), np.arange(0, 1, 0.02)
+    >>> np.savez(folder / "swing.npz", time=time, alpha=0.3 * np.exp(-0.1 * time) * np.cos(6 * time))
+    >>> file = '''
+    ... [model.orders]
+    ... lambda = 1.0
+    ... mu = { start = 1.0, lower = 0.9, upper = 1.1 }
+    ... [fit]
+    ... initial_state = "held"
+    ... [[recording]]
+    ... file = "swing.npz"
+    ... alpha = { column = "alpha", unit = "rad" }
+    ... initial = { alpha = 0.3 }
+    ... '''
+    >>> _ = (folder / "rig.toml").write_text(file)
+    >>> finished = run(folder / "rig.toml", out=folder / "run", optimiser="least-squares", figures=False)
+    >>> finished.result["optimiser"], sorted(path.name for path in finished.folder.glob("*.json"))
+    ('least-squares', ['environment.json', 'result.json', 'run.json'])
+    """
+    began = time.perf_counter()
+    if isinstance(project, Project):
+        preset = preset or project.preset
+    project = loaded(project, preset, trust)
+    folder = Path("runs") / project.path.stem if out is None else Path(out)
+    name = _optimiser(optimiser, project.optimiser, starts)
+    asked = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
+             "starts": starts, "cut": cut, "executor": executor}  # fmt: skip
+    _refuse_impossible(project, name, asked)
+    refuse_anothers(folder, project.path)
+    inputs = inputs_of(project)
+    if not resume and cut_short(folder, "fit", asked, inputs):
+        observer.notice(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.")
+        resume = True
+    words = _command(project, out, asked) if command is None else command
+    with (
+        one_blas_thread(),
+        open_run(folder, "fit", asked, inputs=inputs, resume=resume, command=words) as opened,
+        drawing(project, folder, jobs) if figures else nullcontext(_undrawn) as draw,
+    ):
+        laps = {"load": time.perf_counter() - began}
+        found = _identified(project, opened, jobs, observer, optimiser=name, seed=seed, starts=starts, cut=cut,
+                            executor=executor or "threads")  # fmt: skip
+        laps |= found.timing
+        result = write_result(folder, found, project, laps)  # what the figures may not find room for
+        interrupted = Outcome.INTERRUPTED.value in found.outcome
+        drawn: tuple[Path, ...] = ()
+        undrawn = ""
+        try:
+            written = time.perf_counter()
+            drawn = draw(found)
+            laps["figures"] = time.perf_counter() - written
+            laps["total"] = time.perf_counter() - began
+            result = write_result(folder, found, project, laps)
+            if not interrupted:
+                opened.finish()
+        except KeyboardInterrupt:
+            interrupted, undrawn = True, "Interrupted while the figures were drawn."
+        except (InputError, OSError, MemoryError) as error:
+            undrawn = str(error) or "There is not enough memory for the figures."
+    seconds = laps.get("total", time.perf_counter() - began)
+    return FinishedRun(project, found, folder, drawn, result, interrupted, seconds, undrawn, resume)
+
+
+def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Project:
+    """Load a project file; what is loaded already is taken as it is.
+
+    Raises
+    ------
+    InputError
+        As :func:`fracid.load_project`, and if a loaded project was loaded with another preset.
+    """
+    if not isinstance(project, Project):
+        return load_project(project, preset=preset, trust=trust)
+    if preset not in (None, project.preset):
+        raise InputError(f"The project {project.path} is loaded with preset = {project.preset!r}, not {preset!r}. Type "
+                         f"fracid.load_project({str(project.path)!r}, preset={preset!r}).")  # fmt: skip
+    return project
+
+
+def _refuse_impossible(project: Project, optimiser: str, asked: Mapping[str, Any]) -> None:
+    """Before an earlier run is cleared from the folder."""
+    optimiser_from_name(optimiser)
+    executor_from_name(asked["executor"] or "threads")
+    if asked["executor"] and (asked["starts"] or project.starts) < 2:
+        raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
+    if asked["seed"] is not None and asked["seed"] >= LARGEST_SEED:
+        raise InputError(f"--seed {asked['seed']} is not possible; expected less than 2^63.")
+
+
+def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
+    """The optimiser: as asked, else as written; many starts belong to one alone."""
+    if starts is None:
+        return asked or written
+    if asked not in (None, "multistart"):
+        raise InputError(f"--multi-start is for the optimiser multistart, not {asked}: leave out one of the two.")
+    return "multistart"
+
+
+def _command(project: Project, out: str | Path | None, asked: Mapping[str, Any]) -> list[str]:
+    options = {name: asked[name] for name in ("preset", "optimiser", "seed", "cut", "executor")}
+    more = {"multi_start": asked["starts"], "trust": bool(project.own_code)}
+    return command_of("fit", project.path, {"out": out, **options, **more})
+
+
+def _undrawn(_fit: Fit) -> tuple[Path, ...]:
+    return ()
+
+
+def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, optimiser: str, **options: Any) -> Fit:
+    """Identify; what was simulated before a resumption is read from the folder."""
+    from fracid.identification import identify  # not above: the process that draws starts while this is imported
+    from fracid.validation.before_search import before
+
+    reports = {r.name: r.report for r in project.recordings}
+    seen = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    for finding in seen:  # now, for a search may take its time to find nothing
+        observer.notice(str(finding))
+    with (
+        EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
+        _counted(optimiser, observer) as callback,
+        Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
+        _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
+    ):
+        for note in _notes(run, log, memo) if run.resumed else ():
+            observer.notice(note)
+        remembering = replace(project, problem=replace(project.problem, memo=memo))
+        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
+                         journal=journal, seen=seen, **options)  # fmt: skip
+    return replace(found, problem=project.problem)
+
+
+def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
+    """Of starts that run elsewhere, a journal in a folder of its own."""
+    if executor == "threads":
+        return nullcontext()
+    (run.folder / STARTS).parent.mkdir(exist_ok=True)
+    outcomes = [o.value for o in Outcome]
+    study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, outcomes))
+
+
+def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
+    """What a resumption found in the folder."""
+    if log.torn:
+        yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
+    if memo is None or memo.emptied:
+        yield (
+            f"What {run.folder} had simulated cannot be used: the program has changed, or the machine was restarted, "
+            "since. It begins again."
+        )
+
+
+@contextmanager
+def _counted(optimiser: str, observer: Observer) -> Iterator[Callable[[Evaluation, int], None]]:
+    """Evaluations, time and the best cost so far."""
+    began = time.perf_counter()
+    total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
+    with observer.progress("evaluations") as tell:
+
+        def callback(best: Evaluation, evaluations: int) -> None:
+            if tell is not None:
+                cost = best.cost if isfinite(best.cost) else None
+                tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
+
+        yield callback

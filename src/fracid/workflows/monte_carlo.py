@@ -1,0 +1,268 @@
+"""A Monte Carlo study of noise with its folder: ``fracid noise``, to be called from Python too.
+
+The truth is what a run found, or what a project's search finds now.  Every repetition goes into the folder's journal
+as it ends, and the same call goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from math import degrees, inf, isfinite, nextafter, pi, radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import DataError, InputError
+from fracid.estimation.search import search
+from fracid.problem import Problem
+from fracid.problem.project import Project, load_project
+from fracid.runs.environment import versions
+from fracid.runs.folder import FIGURES, JOURNAL, open_folder
+from fracid.runs.saved import load_run
+from fracid.safety.paths import refuse_mistaken
+from fracid.schemas.study import fault_of_repetition
+from fracid.tasks.job import one_blas_thread
+from fracid.tasks.journal import Journal
+from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import command_of, csv_text, json_document, write_files
+
+__all__ = ["FinishedNoiseStudy", "run_noise_study"]
+
+RESULT, TABLE = "noise.json", "noise.csv"
+
+LEVELS = tuple(map(radians, (0.05, 0.1, 0.2)))
+"""Of noise [rad], if none are given."""
+
+RESOLUTIONS = (2 * pi / 4096, 2 * pi / 20000)
+"""Of encoders [rad], if none are given."""
+
+
+@dataclass(frozen=True)
+class FinishedNoiseStudy:
+    """A study of noise with its folder."""
+
+    study: NoiseStudy
+    folder: Path
+    figures: tuple[Path, ...]
+    """Empty where no repetition gave an estimate."""
+    result: Mapping[str, Any]
+    """The content of noise.json."""
+
+    @property
+    def path(self) -> Path:
+        """Of noise.json."""
+        return self.folder / RESULT
+
+    @property
+    def table(self) -> Path:
+        """Of noise.csv."""
+        return self.folder / TABLE
+
+
+def run_noise_study(
+    source: str | Path,
+    *,
+    levels: Sequence[float] = LEVELS,
+    resolutions: Sequence[float] = RESOLUTIONS,
+    seeds: int = 50,
+    cost: str | None = None,
+    optimiser: str | None = None,
+    executor: str | None = None,
+    trust: bool = False,
+    out: str | Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    angles: bool = False,
+    observer: Observer = SILENT,
+    command: Sequence[str] | None = None,
+) -> FinishedNoiseStudy:
+    """Identify a model's own noisy simulations many times, and write the folder: what ``fracid noise`` does.
+
+    Cut short, the same call goes on where it was.
+
+    Parameters
+    ----------
+    source : str or Path
+        A run folder, whose values are the truth; or a project file, which is fitted first.
+    levels, resolutions : sequence of float
+        Standard deviations of the noise, and steps of the encoders, 0 for none; in the outputs' own unit, as of
+        :func:`fracid.noise_study`.
+    seeds : int
+        Repetitions at each level with each encoder.
+    cost, optimiser : str, optional
+        In place of the run's.
+    executor : str, optional
+        ``processes`` if left out; ``threads``, of a model of your own the only way; or a scheduler's address.
+    out : str or Path, optional
+        The folder; ``noise`` in that of the run, ``runs/rig-noise`` of ``rig.toml`` if left out.
+    seed : int
+        Of all randomness.
+    jobs : int
+        Processes or threads.
+    angles : bool
+        Refuse outputs that are no angles, for which degrees and counts a turn mean nothing.
+    trust, observer, command
+        As of :func:`fracid.run`.
+
+    Raises
+    ------
+    InputError
+        For a run, a project or an option that cannot be, and for a folder that holds a fit or cannot be written.
+    DataError
+        If no run of the model reaches the end of the recording.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
+
+    Examples
+    --------
+    >>> run_noise_study("nowhere/rig.toml")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig.toml. ...
+    """
+    source = Path(source)
+    options = {"seeds": seeds, "cost": cost, "optimiser": optimiser, "executor": executor, "seed": seed}
+    words = _command(source, out, levels, resolutions, options | {"trust": trust}) if command is None else command
+    with one_blas_thread():
+        truth = _truth_of(source, jobs, trust)
+        if angles:
+            _refuse_other_units(truth.problem)
+        folder = _folder(source) if out is None else Path(out)
+        plan = planned(
+            truth.problem, truth.x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, cost=cost,
+            optimiser=optimiser or truth.optimiser, starts=truth.starts,
+        )  # fmt: skip
+        study = _studied(plan, truth, folder, executor, jobs, observer, words)
+    record = study.to_json() | {"source": str(source)}
+    return FinishedNoiseStudy(study, folder, _written(study, record, folder), record)
+
+
+def _folder(source: Path) -> Path:
+    return source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise"
+
+
+def _command(
+    source: Path, out: str | Path | None, levels: Sequence[float], resolutions: Sequence[float],
+    options: Mapping[str, Any],
+) -> list[str]:  # fmt: skip
+    grid = {
+        "levels": ",".join(_decimal(level, degrees, radians) for level in levels),
+        "counts": ",".join(_decimal(step, _counts, _counts) for step in resolutions),
+    }
+    return command_of("noise", source, {"out": out, **grid, **options})
+
+
+def _counts(step: float) -> float:
+    """Counts a turn from the step [rad], and the step from the counts; 0 is no rounding."""
+    return 2 * pi / step if step else 0.0
+
+
+def _decimal(value: float, there: Callable[[float], float], back: Callable[[float], float]) -> str:
+    """The number in the unit of the command; one that is read back to the last bit, where there is one."""
+    near = there(value)
+    candidates = (float(f"{near:.15g}"), near, nextafter(near, 0), nextafter(near, inf))
+    return repr(next((c for c in candidates if back(c) == value), near)).removesuffix(".0")
+
+
+# ------------------------------------------------------------------ the truth
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """A model with the values that are the truth."""
+
+    problem: Problem
+    x: FloatArray
+    optimiser: str
+    starts: int
+    digest: str
+    """Of the project file, with its own code."""
+
+
+def _truth_of(source: Path, jobs: int, trust: bool) -> _Truth:
+    if source.suffix != ".toml":
+        refuse_mistaken(source, "run")
+    if not source.is_dir():
+        return _of_project(source, jobs, trust)
+    run = load_run(source, trust=trust)
+    return _truth(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
+
+
+def _of_project(path: Path, jobs: int, trust: bool) -> _Truth:
+    """Fit a project, without what comes after the search."""
+    project = load_project(path, trust=trust)
+    rng = np.random.default_rng(project.seed)
+    found, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    if not isfinite(found.best.cost):
+        raise DataError(f"{path}: no run reached its end: {found.best.reason}. There is no model to simulate.")
+    return _truth(project, project.problem, found.best.point, project.optimiser)
+
+
+def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
+    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
+    return _Truth(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
+
+
+def _refuse_other_units(problem: Problem) -> None:
+    """Degrees and counts a turn mean nothing to a voltage."""
+    for e in problem.experiments:
+        for output in problem.outputs:
+            if (unit := e.units.get(output, "rad")) != "rad":
+                raise InputError(
+                    f"{e.name}: {output} is in {unit}, and --levels and --counts are of angles. In Python "
+                    "fracid.noise_study takes levels and resolutions in the output's own unit."
+                )
+
+
+# ------------------------------------------------------------------ the study
+
+
+def _studied(
+    plan: Plan, truth: _Truth, folder: Path, executor: str | None, jobs: int, observer: Observer,
+    command: Sequence[str],
+) -> NoiseStudy:  # fmt: skip
+    """Run it, going on with what the journal in the folder has."""
+    if (folder / "result.json").exists():
+        raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
+    journal_file = open_folder(folder, command) / JOURNAL
+    with (
+        Journal(
+            journal_file, _header(plan, truth), lambda _, said: fault_of_repetition(said, plan.problem.names)
+        ) as journal,
+        observer.progress("repetitions") as tell,
+    ):
+        for note in (*journal.notes, *plan.findings):
+            observer.notice(str(note))
+        where = executor or ("threads" if plan.own else "processes")
+        return plan.run(executor=where, jobs=jobs, journal=journal, progress=tell)
+
+
+def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
+    """All that a repetition depends on beside its key, so that more levels or seeds go on from what there is."""
+    return {
+        "kind": "noise",
+        "project": truth.digest,
+        "truth": dict(zip(plan.problem.names, plan.truth.tolist(), strict=True)),
+        "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
+        "cost": plan.problem.cost_function.name,
+        "seed": plan.seed,
+        **{name: plan.how[name] for name in ("optimiser", "starts")},
+        "versions": versions(),
+    }
+
+
+def _written(study: NoiseStudy, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Write all that was found; gives the figures."""
+    from fracid.plots import noise_levels, save
+
+    write_files(folder, {RESULT: json_document(record), TABLE: csv_text(study.table())})
+    drawn = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
+    return tuple(save(noise_levels(study), folder / FIGURES, "noise")) if drawn else ()

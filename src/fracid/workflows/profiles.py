@@ -1,0 +1,146 @@
+"""Profiles of unknowns with their folder: ``fracid profile``, to be called from Python too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from fracid.arrays import FloatArray
+from fracid.errors import DataError, Failure
+from fracid.estimation.agreement import spread
+from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
+from fracid.estimation.cost_profile import Profiles, profile
+from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
+from fracid.estimation.parameter_verdicts import Verdict, identifiability
+from fracid.files import json_number
+from fracid.identification import identify
+from fracid.problem import Problem
+from fracid.problem.project import load_project
+from fracid.runs.folder import FIGURES
+from fracid.runs.saved import load_run
+from fracid.safety.paths import refuse_mistaken
+from fracid.tasks.job import one_blas_thread
+from fracid.workflows.records import json_document, write_files
+
+__all__ = ["FinishedProfiles", "run_profiles"]
+
+RESULT = "profiles.json"
+
+
+@dataclass(frozen=True)
+class FinishedProfiles:
+    """Profiles with what stands beside them, and their folder."""
+
+    profiles: Profiles
+    bootstrap: Bootstrap | Failure
+    """Or why there is none, in words."""
+    verdicts: Mapping[str, Verdict]
+    folder: Path
+    figures: tuple[Path, ...]
+    result: Mapping[str, Any]
+    """The content of profiles.json."""
+
+    @property
+    def path(self) -> Path:
+        """Of profiles.json."""
+        return self.folder / RESULT
+
+
+def run_profiles(
+    source: str | Path,
+    *,
+    parameters: Sequence[str] | None = None,
+    joint: tuple[str, str] | None = None,
+    points: int = 12,
+    trust: bool = False,
+    out: str | Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+) -> FinishedProfiles:
+    """Profile unknowns, look at them in every other way, and write it down: what ``fracid profile`` does.
+
+    Parameters
+    ----------
+    source : str or Path
+        A run folder; or a project file, which is fitted first.
+    parameters, joint, points
+        As of :func:`fracid.profile`.
+    trust : bool
+        Let the project run code of its own.  Read that first.
+    out : str or Path, optional
+        The folder; that of the run, ``runs/rig-profile`` of ``rig.toml`` if left out.
+    seed : int
+        Of the bootstrap.
+    jobs : int
+        Threads; the result is the same for any number.
+
+    Raises
+    ------
+    InputError
+        For a run, a project or an option that cannot be, and for a folder that cannot be written.
+    DataError
+        If no run of the model reaches the end of the recording.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> run_profiles("nowhere/rig.toml")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig.toml. ...
+    """
+    source = Path(source)
+    if source.suffix != ".toml":
+        refuse_mistaken(source, "run")
+    with one_blas_thread():
+        problem, x = _fitted(source, seed, jobs, trust)
+        found = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
+        known = uncertainty(problem, found.x, jobs=jobs)
+        drawn = known if isinstance(known, Failure) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
+        verdicts = identifiability(problem, found.x, known, found.profiles, jobs=jobs)
+        several = len(problem.experiments) > 1 and not isinstance(known, Failure)
+        record = found.to_json() | {
+            "intervals": _intervals(found, known, drawn),
+            "identifiability": {n: {"verdict": v.kind, "sentence": v.sentence} for n, v in verdicts.items()},
+            "bootstrap": str(drawn) if isinstance(drawn, Failure) else drawn.to_json(),
+            "spread": spread(problem, found.x, jobs=jobs).to_json() if several else None,
+            "seed": seed,
+        }
+    folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
+    return FinishedProfiles(found, drawn, verdicts, folder, _written(found, record, folder), record)
+
+
+def _fitted(source: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem, FloatArray]:
+    """A run's problem and its values; a project's, fitted now."""
+    if source.is_dir():
+        saved = load_run(source, trust=trust)
+        return saved.problem, saved.x
+    fit = identify(load_project(source, trust=trust), seed=seed, jobs=jobs)
+    if not isfinite(fit.cost):
+        raise DataError(f"{source}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
+    return fit.problem, fit.x
+
+
+def _intervals(found: Profiles, known: Uncertainty | Failure, drawn: Bootstrap | Failure) -> dict[str, Any]:
+    """Every unknown's intervals by every method that gave one."""
+    rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
+    for i, name in enumerate(rows):
+        if not isinstance(known, Failure):
+            rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
+            rows[name]["effective_samples"] = json_number(known.effective_samples[i])
+        if not isinstance(drawn, Failure) and rows[name]["sandwich"] is not None:
+            rows[name]["bootstrap"] = drawn.interval(i)
+        if name in found.profiles:
+            rows[name]["profile"] = found.profiles[name].interval95
+    return {"methods": METHODS, "unknowns": rows}
+
+
+def _written(found: Profiles, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Write it; gives the figures."""
+    from fracid.plots import profiles, save
+
+    write_files(folder, {RESULT: json_document(record)})
+    return tuple(save(profiles(found), folder / FIGURES, "profiles"))

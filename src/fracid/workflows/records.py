@@ -1,0 +1,94 @@
+"""What every workflow writes alike: a record as JSON, a table as CSV, and the command that does the same."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.files import write_text
+from fracid.safety.text import csv_cell
+
+__all__ = ["command_of", "csv_text", "json_document", "write_files"]
+
+
+def json_document(record: Mapping[str, Any]) -> str:
+    """Give a record as the text of a file, without NaN or infinity.
+
+    Examples
+    --------
+    >>> print(json_document({"mu": 0.9}), end="")
+    {
+      "mu": 0.9
+    }
+    """
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    r"""Give rows as a table, of which no spreadsheet runs a cell.
+
+    Examples
+    --------
+    >>> csv_text([{"name": "mu", "value": 0.9}])
+    'name,value\r\nmu,0.9\r\n'
+    """
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def write_files(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write texts under their names, each whole or not at all, into a folder that is made if need be.
+
+    Raises
+    ------
+    InputError
+        If the disk will not take them.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "run"
+    >>> write_files(folder, {"note.txt": "done"})
+    >>> (folder / "note.txt").read_text()
+    'done'
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            write_text(folder / name, text)
+    except OSError as error:
+        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+
+
+def command_of(command: str, place: Path, options: Mapping[str, object]) -> list[str]:
+    """Give the words of the command that does the same: what ``environment.json`` says of a call from Python.
+
+    Parameters
+    ----------
+    command : str
+    place : Path
+        The project, or the folder of the run.
+    options : mapping
+        By the names of the command's options; None, False and an empty list are left out, True is a flag, and a list
+        is the option several times.
+
+    Examples
+    --------
+    >>> command_of("fit", Path("rig.toml"), {"out": "runs/a", "seed": None, "cut": True, "multi_start": 16})
+    ['fit', 'rig.toml', '--out', 'runs/a', '--cut', '--multi-start', '16']
+    """
+    words = [command, str(place)]
+    for name, value in options.items():
+        option = f"--{name.replace('_', '-')}"
+        values: Iterable[object] = value if isinstance(value, list | tuple) else [value]
+        for v in values:
+            words += [option] if v is True else [] if v is None or v is False else [option, str(v)]
+    return words

@@ -1,0 +1,181 @@
+"""Figures drawn again, of whatever a folder holds, or of a rig: ``fracid draw``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.estimation.cost_plane import cost_plane
+from fracid.estimation.cost_profile import Profiles
+from fracid.export.state_space import integer_model
+from fracid.figures import style_named
+from fracid.models import RIGS, rotary_pendulum
+from fracid.problem.project import load_project
+from fracid.runs.folder import FIGURES
+from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.schema import Block, read_as
+from fracid.safety.text import file_stems
+from fracid.schemas.comparison import ComparisonBlock
+from fracid.schemas.profiles import ProfilesBlock
+from fracid.schemas.study import StudyBlock
+from fracid.selection.comparison import Comparison
+from fracid.tasks.folder_lock import refuse_links
+from fracid.tasks.job import one_blas_thread
+from fracid.validation.monte_carlo import SavedStudy
+from fracid.workflows.figures import Figures, of_plane, of_recordings, of_rig, of_search, saved
+
+__all__ = ["redraw"]
+
+FORMATS = ("pdf", "svg", "png")
+
+
+def redraw(
+    source: str,
+    *,
+    style: str = "journal",
+    formats: Sequence[str] = ("pdf",),
+    zero: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    jobs: int = 1,
+) -> tuple[Path, ...]:
+    """Draw the figures of a run, a comparison or a study of noise again, or a rig; gives what was written.
+
+    Parameters
+    ----------
+    source : str
+        The folder; or a project file or the name of a rig, which is drawn itself.
+    style : str
+        ``journal`` or ``screen``.
+    formats : sequence of str
+        ``pdf``, ``svg``, ``png``.
+    zero : str, optional
+        Of a rig: ``hanging`` or ``upright``; hanging if left out.
+    trust : bool
+        Let the project run code of its own.  Read that first.
+    out : Path, optional
+        The folder; ``figures/journal`` in that of the run if left out.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    InputError
+        For what is none of these, and for a style or a format that there is not.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> redraw("srv03")
+    Traceback (most recent call last):
+    fracid.errors.InputError: 'srv03' is neither a run, nor a project, nor a rig. ...
+    """
+    style_named(style)
+    folder, wanted = Path(source), _known(formats)
+    if zero is not None and (folder.is_dir() or source.endswith(".toml")):
+        raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")
+    home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
+    where = out or (home if style == "screen" else home / style)
+    with one_blas_thread():
+        of_a_rig = _of_named_rig(source, zero or "hanging", style, trust)
+        figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else of_a_rig
+        return saved(figures, folder, wanted, where)
+
+
+def _known(formats: Sequence[str]) -> tuple[str, ...]:
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(f"Figures cannot be written as {name!r}; give --format {', '.join(FORMATS)}.")
+    return tuple(dict.fromkeys(formats))
+
+
+def _of_named_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
+    """A rig by its name, or with the constants of a project."""
+    if name in RIGS:
+        yield name, rotary_pendulum(name, zero=zero).plot(style=style)
+    elif name.endswith(".toml"):
+        yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot(style=style)
+    else:
+        raise InputError(
+            f"{name!r} is neither a run, nor a project, nor a rig. Give a folder that fracid fit, compare "
+            f"or noise wrote, a project file, or one of the rigs {', '.join(RIGS)}."
+        )
+
+
+def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
+    """All that can be drawn of what lies there."""
+    refuse_links(folder)
+    if (folder / "compare.json").exists():
+        return _of_comparison(folder / "compare.json", style)
+    if not (folder / "result.json").exists() and (folder / "noise.json").exists():
+        return _of_study(folder / "noise.json", style)
+    return _of_run(load_run(folder, trust=trust), style, jobs)
+
+
+def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
+    plane: Figures = iter(())
+    if len(run.problem.order_indices) >= 2:
+        plane = of_plane(run, cost_plane(run.problem, run.x, jobs=jobs), run.folder, style)
+    return chain(
+        of_rig(run.problem.model, style), of_recordings(run.recordings, run.resolutions, style),
+        _of_tests(run, style), plane, of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
+    )  # fmt: skip
+
+
+def _of_tests(run: SavedRun, style: str) -> Figures:
+    """What ``fracid resid`` looks at, of each output of each recording."""
+    from fracid.plots import residual_diagnostics
+
+    stems = file_stems(run.recordings)
+    for name, recording in run.recordings.items():
+        for output in recording.measured:
+            yield (
+                f"residuals-{stems[name]}-{output}",
+                residual_diagnostics(recording, output, resolution=run.resolutions[name], style=style),
+            )
+
+
+def _of_profiles(run: SavedRun, style: str) -> Figures:
+    path = run.folder / "profiles.json"
+    if path.exists():
+        said = _read(path, ProfilesBlock, "fracid profile RUN")
+        if not set(run.problem.names) <= set(said["minimum"]):
+            raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
+        yield "profiles", Profiles.of_json(said, run.problem).plot(style=style)
+
+
+def _of_comparison(path: Path, style: str) -> Figures:
+    found = Comparison.of_json(_read(path, ComparisonBlock, "fracid compare PROJECT"))
+    yield "ladder", found.plot(style=style)
+    for name, stem in file_stems(found.amplitude).items():
+        if found.amplitude[name].drifts:
+            yield f"amplitude-{stem}", found.amplitude[name].plot(style=style)
+
+
+def _of_study(path: Path, style: str) -> Figures:
+    found = SavedStudy.of_json(_read(path, StudyBlock, "fracid noise RUN"))
+    if any(s.estimates for cell in found.cells for s in cell.unknowns.values()):
+        yield "noise", found.plot(style=style)
+
+
+def _of_linear(run: SavedRun, style: str) -> Figures:
+    """The linear models about both postures, where something drives them."""
+    try:
+        found = integer_model(run)
+    except InputError:  # it says why where it is asked for: fracid export RUN --to state-space
+        return
+    for posture, linear in found.linear.items():
+        if linear.inputs and linear.G.any():
+            yield f"linear-{posture}", found.plot(posture, style=style)
+
+
+def _read(path: Path, block: type[Block], wrote: str) -> Any:
+    """A JSON file of the folder, which must be there."""
+    try:
+        return read_as(path, block, wrote)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or 'it is no plain file'}.") from None

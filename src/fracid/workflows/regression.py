@@ -1,0 +1,233 @@
+"""The pendulum's constants by linear regression, of a project or of a recording: ``fracid regress``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import InputError, unknown_name
+from fracid.models import Model, rotary_pendulum
+from fracid.problem import Free, Problem
+from fracid.problem.project import Project, load_project
+from fracid.recording import Recording, load_recording
+from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
+from fracid.regression.rows import swing_of
+from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.tasks.job import one_blas_thread
+from fracid.validation.unknown_past import whole_recordings
+from fracid.workflows.records import json_document, write_files
+
+__all__ = ["REGRESSION", "FinishedRegression", "run_regression"]
+
+REGRESSION = "regression.json"
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What to regress on what."""
+
+    recordings: tuple[Recording, ...]
+    model: Model
+    orders: Mapping[str, float | Free]
+    terms: tuple[str, ...]
+    known: Mapping[str, float]
+    problem: Problem | None = None
+    """The project's: its start is given too."""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FinishedRegression:
+    """Regressions by the names of their recordings."""
+
+    asked: _Asked
+    regressions: Mapping[str, Regression]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was taken for granted, in sentences."""
+        return self.asked.notes
+
+    @property
+    def of_project(self) -> bool:
+        """Whether there is a project, to whose fit it gives a start."""
+        return self.asked.problem is not None
+
+    def starts(self, regression: Regression) -> dict[str, tuple[float, float]]:
+        """Unknown of the project → its start there, and the one that a regression gives, where that is another."""
+        problem = self.asked.problem
+        if problem is None:
+            return {}
+        pairs = zip(problem.start.tolist(), start_of(problem, regression).tolist(), strict=True)
+        return {n: (old, new) for n, (old, new) in zip(problem.names, pairs, strict=True) if new != old}
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The content of regression.json: one regression as it is, several by name."""
+        head = {"notes": list(self.notes), "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
+        records = {
+            name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
+            for name, f in self.regressions.items()
+        }
+        (first, *others) = records.values()
+        return {**head, "recordings": records} if others else {**first, **head}
+
+
+def run_regression(
+    source: Path,
+    *,
+    known: Mapping[str, float],
+    orders: Mapping[str, float],
+    terms: Sequence[str],
+    estimator: str,
+    cutoff: float | None,
+    each: bool,
+    start: float | str | None,
+    stop: float | None,
+    trust: bool,
+    out: Path | None,
+    **recording: Any,
+) -> FinishedRegression:
+    """Regress the constants on a project's recordings, or on one, and write regression.json where `out` says.
+
+    Parameters
+    ----------
+    source : Path
+        A project file, or a recording.
+    known, orders : mapping
+        Constants [SI] and orders that are known.
+    terms : sequence of str
+        The constants to look for; what is free in the project, or all of a rig, if empty.
+    estimator, cutoff
+        As of :func:`fracid.regress`.
+    each : bool
+        Each recording by itself.
+    start, stop
+        First and last time [s].
+    trust : bool
+        Let the project run code of its own.
+    out : Path or None
+        The folder.
+    recording
+        Of a recording: ``columns``, ``time``, ``variable``, ``rig``, ``zero``.
+
+    Raises
+    ------
+    InputError
+        For what cannot be regressed, and for a folder that cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    """
+    if kind_of(source) not in ("project", None):
+        refuse_mistaken(source, "recording")
+    with one_blas_thread():
+        if source.suffix == ".toml":
+            asked = _of_project(source, start, stop, trust)
+        else:
+            asked = _of_recording(source, start, stop, **recording)
+        found = _regressed(_as_said(asked, known, orders, terms), estimator, cutoff, each)
+    if out is not None:
+        write_files(out, {REGRESSION: json_document(found.result)})
+    return found
+
+
+# ------------------------------------------------------------------ what is asked
+
+
+def _of_project(path: Path, start: float | str | None, stop: float | None, trust: bool) -> _Asked:
+    """What the project fits: its free constants and orders, its fixed ones, its recordings."""
+    project = load_project(path, trust=trust)
+    problem = project.problem
+    free = {u.target for u in problem.unknowns if u.kind == "parameter"}
+    tied = {n for n, root in problem.ties.items() if root in free or n in problem.orders}
+    orders = {n: problem.orders[problem.ties.get(n, n)] for n in problem.orders}
+    notes = [f"{', '.join(sorted(tied))}: tied in the project, found by itself here; the regression knows no ties."]
+    asked = _Asked(
+        _recordings(project, start, stop), problem.model.with_parameters(**problem.parameter_starts),
+        {n: v if isinstance(v, Free) else problem.order_starts[n] for n, v in orders.items()},
+        tuple(n for n in TERMS if n in free | tied), {}, problem, tuple(notes if tied else ()),
+    )  # fmt: skip
+    return _in_motion(asked)
+
+
+def _recordings(project: Project, start: float | str | None, stop: float | None) -> tuple[Recording, ...]:
+    """The recordings to be fitted, from another start if one is asked for."""
+    fitted = {e.name for e in project.problem.experiments}
+    given = project.recordings if start is None else whole_recordings(project)
+    seen = (*project.problem.outputs, *project.problem.model.inputs)  # an arm that is not scored may stand still
+    trimmed = (r.trim(start, stop) for r in given if r.name in fitted)
+    return tuple(replace(r, signals={n: x for n, x in r.signals.items() if n in seen}) for r in trimmed)
+
+
+def _in_motion(asked: _Asked) -> _Asked:
+    """Leave orders as they are where a recording starts in motion: what its memory misses would pass for an order."""
+    moving = [r.name for r in asked.recordings if swing_of(r, asked.model).in_motion]
+    searched = [n for n, v in asked.orders.items() if isinstance(v, Free)]
+    if not moving or not searched:
+        return asked
+    note = (
+        f"{', '.join(moving)}: starts in motion, so {' and '.join(searched)} are not searched. Type --from release if "
+        "the rig was held still before."
+    )
+    orders = {n: v.start if isinstance(v, Free) else v for n, v in asked.orders.items()}
+    return replace(asked, orders=orders, notes=(*asked.notes, note))
+
+
+def _of_recording(
+    path: Path, start: float | str | None, stop: float | None, *, columns: Mapping[str, Any] | None,
+    time: Mapping[str, Any] | None, variable: str | None, rig: str | None, zero: str | None,
+) -> _Asked:  # fmt: skip
+    """The nine lumped constants of a rig, from one recording."""
+    if columns is None or "alpha" not in columns:
+        raise InputError(
+            f"Which column of {path} is the pendulum's angle? Type --column alpha=2,unit=deg and --column theta=1; "
+            f"fracid check {path} shows the columns. Or give a project file, .toml."
+        )
+    recording = load_recording(
+        path, columns, time=time, start=start, stop=stop,
+        variable=variable, resample="needed",
+    )  # fmt: skip
+    words: dict[str, Any] = {n: v for n, v in (("rig", rig), ("zero", zero)) if v is not None}
+    model = rotary_pendulum(**words)
+    return _in_motion(_Asked((recording,), model, dict.fromkeys(("lambda", "mu"), Free(1.0, 0.5, 1.2)), LUMPED, {}))
+
+
+def _as_said(asked: _Asked, known: Mapping[str, float], orders: Mapping[str, float], terms: Sequence[str]) -> _Asked:
+    """With the constants and orders that the caller knows."""
+    for name in orders:
+        if name not in asked.orders:
+            raise unknown_name("order", name, asked.orders)
+    terms = tuple(terms) or asked.terms
+    return _with_gauge(replace(asked, orders={**asked.orders, **orders}, terms=terms, known=known))
+
+
+def _with_gauge(asked: _Asked) -> _Asked:
+    """Where all is looked for, C4 is taken as it is: a common factor of all constants changes no motion."""
+    terms = asked.terms or LUMPED
+    volts = any("voltage" in r.signals for r in asked.recordings) and "torque_per_volt" not in terms
+    torque = any("torque" in r.signals for r in asked.recordings)
+    held = [n for n in LUMPED if n not in terms and n in asked.model.parameter_names and asked.model.parameter(n).value]
+    if asked.known or volts or torque or held:
+        return replace(asked, terms=terms)
+    C4 = asked.model.parameter("C4")
+    note = (
+        f"C4 = {C4.value:.4g} {C4.unit} is taken from the {'project' if asked.problem else 'rig'}: one constant must "
+        "be known, for the motion tells only their ratios. Weigh and measure yours, and type --known C4=VALUE."
+    )
+    return replace(asked, terms=terms, known={"C4": C4.value}, notes=(*asked.notes, note))
+
+
+# ------------------------------------------------------------------ the regression
+
+
+def _regressed(asked: _Asked, estimator: str, cutoff: float | None, each: bool) -> FinishedRegression:
+    groups = [[r] for r in asked.recordings] if each else [list(asked.recordings)]
+    return FinishedRegression(asked, {
+        ", ".join(r.name for r in group): regress(
+            group, asked.model, orders=asked.orders, known=asked.known, terms=asked.terms,
+            estimator=estimator, cutoff=cutoff,  # type: ignore[arg-type]
+        )
+        for group in groups
+    })  # fmt: skip

@@ -1,0 +1,140 @@
+"""A run or a study done again into another folder, and held against the first: ``fracid reproduce``.
+
+A fit is done again from its ``run.json``, by :func:`fracid.reproduce`.  Of a study the words of its command are done
+again by whom the caller names, for only a command line reads them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from fracid.errors import InputError
+from fracid.runs.folder import JOURNAL, open_folder, refuse_used
+from fracid.runs.reproduction import Reproduction, compared, reproduce
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import Block, lines_of, read_as
+from fracid.schemas.run import StudyLine
+from fracid.tasks.folder_lock import refuse_links
+from fracid.tasks.job import Progress, one_blas_thread
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import command_of, json_document, write_files
+from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
+
+if TYPE_CHECKING:
+    from fracid.optimise import Evaluation
+
+__all__ = ["reproduce_run"]
+
+STUDIES = ("compare.json", "noise.json")
+"""What a study leaves, of which its command is done again."""
+
+Typed = Callable[[list[str], Path], None]
+"""Does what the words of a command say, in the folder where they were typed."""
+
+
+def reproduce_run(
+    run: Path,
+    *,
+    typed: Typed,
+    trust: bool = False,
+    out: Path | None = None,
+    jobs: int = 1,
+    observer: Observer = SILENT,
+) -> Reproduction:
+    """Do a run or a study again, and compare the results value by value.
+
+    Parameters
+    ----------
+    run : Path
+        The folder, in which nothing is written.
+    typed : function (words, folder) -> None
+        Does a study's command again.
+    trust, jobs, observer
+        As of :func:`fracid.run`.
+    out : Path, optional
+        A folder for the new result; none is kept if left out.
+
+    Raises
+    ------
+    InputError
+        If the run cannot be done again, or `out` is not empty.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> reproduce_run(Path("nowhere/rig"), typed=lambda words, where: None)
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig. ...
+    """
+    if not run.is_dir():
+        refuse_mistaken(run, "run")
+    refuse_links(run)
+    if out is not None:
+        refuse_used(out)  # before the time is spent
+    study = next((name for name in STUDIES if (run / name).exists()), None)
+    if study is not None and not (run / "result.json").exists():
+        return _study_again(run, study, typed, trust, out, jobs)
+    found = _fit_again(run, trust, jobs, observer)
+    if out is not None:
+        words = command_of("reproduce", run, {"out": out})
+        write_files(open_folder(out, words), {"result.json": json_document(found.result)})
+    return found
+
+
+def _fit_again(run: Path, trust: bool, jobs: int, observer: Observer) -> Reproduction:
+    began = time.perf_counter()
+    with one_blas_thread(), observer.progress("evaluations") as tell:
+
+        def callback(_best: Evaluation, evaluations: int) -> None:
+            if tell is not None:
+                tell(Progress(evaluations, None, 0, time.perf_counter() - began, None))
+
+        return reproduce(run, trust=trust, jobs=jobs, callback=callback)
+
+
+def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | None, jobs: int) -> Reproduction:
+    """Type a study's command again, into another folder."""
+    words, where = command_of_study(run)
+    elsewhere = any(ADDRESS in word for word in words)  # on processes here in its place, which changes no result
+    again = [*safe_words(run, words, "processes", trust), *(["--executor", "processes"] * elsewhere)]
+    with TemporaryDirectory() as place:
+        folder = Path(place) / "run" if out is None else out.resolve()
+        more = ["--out", str(folder), "--jobs", str(jobs), *(["--trust"] if trust else [])]
+        typed([*again, *more], where)
+        return compared(_read(run / name), _read(folder / name), _changed(run, folder))
+
+
+def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
+    """What is not as it was, by both journals' first lines and both environments; data must be the same."""
+    before, after = (_header(folder / JOURNAL) for folder in (run, again))
+    found = {
+        what: (str(before[what]), str(after[what])) for what in after if before.get(what, after[what]) != after[what]
+    }
+    for what in found:
+        if not what.startswith(("the version", "the code", "versions")):
+            raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
+    machines = [_read(folder / "environment.json") for folder in (run, again)]
+    return found | {
+        f"the {what}": (str(machines[0][what]), str(machines[1][what]))
+        for what in ("platform", "processor")
+        if what in machines[0] and machines[0][what] != machines[1][what]
+    }
+
+
+def _header(journal: Path) -> dict[str, Any]:
+    try:
+        return dict(next(lines_of(journal, StudyLine))["study"])
+    except StopIteration:
+        raise InputError(f"{journal.parent} has no journal that can be read: it cannot be done again.") from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return dict(read_as(path, Block, "the command itself"))
+    except OSError:
+        raise InputError(f"{path} cannot be read: there is nothing to compare.") from None

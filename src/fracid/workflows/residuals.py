@@ -1,0 +1,122 @@
+"""Residual analyses of a run with their files: ``fracid resid``, to be called from Python too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import unknown_name
+from fracid.runs.folder import FIGURES
+from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.text import file_stems
+from fracid.tasks.job import one_blas_thread
+from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residuals import residual_analysis
+from fracid.workflows.records import json_document, write_files
+
+__all__ = ["FinishedResiduals", "run_residuals"]
+
+RESULT = "residuals.json"
+
+Analyses = Mapping[str, Mapping[str, ResidualAnalysis]]
+
+
+@dataclass(frozen=True)
+class FinishedResiduals:
+    """A run with the analyses of its residuals, and where they were written."""
+
+    run: SavedRun
+    analyses: Analyses
+    """Recording → output → what its residual says."""
+    folder: Path
+    figures: tuple[Path, ...]
+
+    @property
+    def path(self) -> Path:
+        """Of residuals.json."""
+        return self.folder / RESULT
+
+    @property
+    def all(self) -> tuple[ResidualAnalysis, ...]:
+        """One after the other."""
+        return tuple(a for outputs in self.analyses.values() for a in outputs.values())
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The content of residuals.json."""
+        return _record(self.run, self.analyses)
+
+
+def run_residuals(
+    run: str | Path,
+    *,
+    recordings: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    trust: bool = False,
+    out: str | Path | None = None,
+) -> FinishedResiduals:
+    """Test what a fit leaves over, and write it down: what ``fracid resid`` does.
+
+    Parameters
+    ----------
+    run : str or Path
+        The run folder.
+    recordings, outputs : sequence of str, optional
+        Which; all if left out.
+    trust : bool
+        Let the project run code of its own.  Read that first.
+    out : str or Path, optional
+        The folder; that of the run if left out.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no run that can be read, a name is none of the run's, or the folder cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> run_residuals("nowhere/rig")
+    Traceback (most recent call last):
+    fracid.errors.InputError: ...
+    """
+    source = Path(run)
+    with one_blas_thread():
+        saved = load_run(source, trust=trust)
+        for what, asked, there in (
+            ("recording", recordings, saved.recordings),
+            ("output", outputs, saved.problem.outputs),
+        ):
+            for name in asked or ():
+                if name not in there:
+                    raise unknown_name(f"{what} of {source}", name, there)
+        analyses = {
+            name: {n: residual_analysis(saved.recordings[name], n, saved.resolutions[name])
+                   for n in saved.problem.outputs if not outputs or n in outputs}
+            for name in saved.recordings if not recordings or name in recordings
+        }  # fmt: skip
+    folder = source if out is None else Path(out)
+    return FinishedResiduals(saved, analyses, folder, _written(saved, analyses, folder))
+
+
+def _record(run: SavedRun, analyses: Analyses) -> dict[str, Any]:
+    recordings = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in analyses.items()}
+    return {"notes": list(run.notes), "recordings": recordings}
+
+
+def _written(run: SavedRun, analyses: Analyses, folder: Path) -> tuple[Path, ...]:
+    """residuals.json, and a figure each; gives the figures."""
+    from fracid.plots import residual_diagnostics, save
+
+    write_files(folder, {RESULT: json_document(_record(run, analyses))})
+    paths: list[Path] = []
+    stems = file_stems(run.recordings)
+    for name, outputs in analyses.items():
+        for output, analysis in outputs.items():
+            figure = residual_diagnostics(run.recordings[name], output, analysis=analysis,
+                                          resolution=run.resolutions[name])  # fmt: skip
+            paths += save(figure, folder / FIGURES, f"residuals-{stems[name]}-{output}")
+    return tuple(paths)

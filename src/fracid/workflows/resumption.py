@@ -1,0 +1,232 @@
+"""What a folder that was cut short holds, and how it is gone on with.
+
+Two kinds of run can be gone on with.
+
+*   What has a ``run.json``, a fit, names itself, with all its options.  It begins again, but reads what it simulated
+    before (:mod:`fracid.tasks.simulation_cache`), so it takes the same way and ends the same: :func:`resume_run`.
+*   What has a journal but no run.json is a study.  The same call, or the same command, does what the journal has not;
+    its words are in ``environment.json``: :func:`command_of_study`.
+
+A run folder may come from a stranger, and may say anything.  So neither the permission to run code of a project's own,
+nor the address of a scheduler, whose answers are unpickled, is taken from there: the caller says them.
+
+To make a new study resumable name its command in :data:`STUDIES` and give it a journal in the folder that
+:func:`fracid.runs.folder.open_folder` made: that is all.
+"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from fracid.errors import InputError, NotTrusted
+from fracid.runs.folder import JOURNAL, RUN, RunState, run_state
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import fault_of, read_as
+from fracid.schemas.result import ResultBlock
+from fracid.schemas.run import EnvironmentBlock, FitOptions
+from fracid.tasks.folder_lock import refuse_links
+from fracid.workflows.fit import FinishedRun, run
+from fracid.workflows.observer import SILENT, Observer
+
+__all__ = [
+    "ADDRESS",
+    "ASKED",
+    "command_of_study",
+    "finished_result",
+    "resume_run",
+    "safe_words",
+    "state_of",
+]
+
+STUDIES = ("compare", "noise")
+"""The commands that are typed again."""
+
+ASKED = ("preset", "optimiser", "seed", "starts", "cut", "executor")
+"""The options of a fit that its run.json has."""
+
+ADDRESS = "://"
+"""In every address of a scheduler."""
+
+
+def resume_run(
+    folder: str | Path,
+    *,
+    executor: str | None = None,
+    jobs: int = 1,
+    trust: bool = False,
+    observer: Observer = SILENT,
+) -> FinishedRun:
+    """Go on with a fit that was cut short: nothing that was done is repeated, and the result is the same.
+
+    Cut short by Ctrl-C, a kill, a crash or a full disk.  A study goes on by the same call again.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The run folder.
+    executor : str, optional
+        The address of the scheduler that the fit was on: what a scheduler sends is run here, and the folder may come
+        from a stranger.
+    jobs : int
+        Threads; the result is the same for any number.
+    trust : bool
+        Let the project run code of its own.  Read that first.
+    observer : Observer, optional
+        Hears notices, and how far the search is.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no fit, one that is finished, or one whose project or recordings have changed since.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> resume_run("nowhere/rig")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig. ...
+    """
+    folder = Path(folder)
+    state = state_of(folder)
+    if state is None:
+        raise InputError(f"{folder} holds a study, which goes on by the call that began it, or by fracid resume.")
+    if state.finished:
+        raise InputError(f"{folder} is finished; fracid.load_run reads its result.")
+    place = _place_of(folder, state, executor)
+    options: Any = state.options if place is None else {**state.options, "executor": place}
+    if fault := fault_of(options, FitOptions):
+        raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
+    how = {name: options[name] for name in ASKED}
+    return run(options["project"], out=folder, jobs=jobs, resume=True, trust=trust, observer=observer, **how)
+
+
+def state_of(folder: Path) -> RunState | None:
+    """Read what is done in a folder; None of a study, whose command is typed again.
+
+    Raises
+    ------
+    InputError
+        If it holds neither.
+
+    Examples
+    --------
+    >>> state_of(Path("nowhere/rig"))
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig. ...
+    """
+    if not folder.is_dir():
+        refuse_mistaken(folder, "run")
+    refuse_links(folder)
+    if (folder / JOURNAL).exists() and not (folder / RUN).exists():
+        return None
+    state = run_state(folder)
+    if state.kind != "fit":
+        raise InputError(f"{folder} was written by another version of fracid: it knows no kind {state.kind!r}.")
+    return state
+
+
+def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
+    """Where a fit goes on: where it was; on a scheduler only if the caller says its address again."""
+    there = state.options.get("executor")
+    if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
+        return _said_by_hand(folder, str(there), executor)
+    if executor:
+        raise InputError(f"{folder} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
+    return there
+
+
+def _said_by_hand(folder: Path, there: str, executor: str | None) -> str:
+    if executor is None:
+        raise InputError(
+            f"{folder} was on the scheduler {there}, and what a scheduler sends is run here: type its address "
+            f"yourself, if it is yours: fracid resume {folder} --scheduler {there}."
+        )
+    return executor
+
+
+def finished_result(folder: Path) -> Any:
+    """Read the result of a fit that is finished.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+
+    Examples
+    --------
+    >>> finished_result(Path("nowhere/rig"))
+    Traceback (most recent call last):
+    fracid.errors.InputError: The fit in nowhere/rig was finished, but ...
+    """
+    path = folder / "result.json"
+    try:
+        return read_as(path, ResultBlock, "fracid fit PROJECT")
+    except OSError:
+        raise InputError(f"The fit in {folder} was finished, but {path} cannot be read; fit it again.") from None
+
+
+# ------------------------------------------------------------------ studies
+
+
+def command_of_study(folder: Path) -> tuple[list[str], Path]:
+    """What was typed for a study, and where, by its environment.json.
+
+    Raises
+    ------
+    InputError
+        If it does not say that.
+
+    Examples
+    --------
+    >>> command_of_study(Path("nowhere/rig"))
+    Traceback (most recent call last):
+    fracid.errors.InputError: nowhere/rig does not say what its command was: ...
+    """
+    try:
+        said = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
+        if "\0" in "".join([*said["command"], said["directory"]]):
+            raise KeyError("command")
+        return said["command"], Path(said["directory"])
+    except (OSError, InputError, KeyError):
+        raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
+
+
+def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:
+    """Give a study's command without what only the caller may say: the folder may come from a stranger.
+
+    Raises
+    ------
+    InputError
+        If it is no study's, or names a scheduler and `elsewhere` names none.
+    NotTrusted
+        If it runs code, and `trust` is not given.
+
+    Examples
+    --------
+    >>> safe_words(Path("runs/a"), ["compare", "rig.toml", "--trust"], None, False)
+    ['compare', 'rig.toml']
+    """
+    if words[:1] not in ([name] for name in STUDIES):
+        raise InputError(f"{folder} holds no study that can be typed again; those are {' and '.join(STUDIES)}.")
+    if any(".py:" in word for word in words) and not trust:
+        raise NotTrusted(
+            f"{folder} wants to run code: {shlex.join(['fracid', *words])}. Read the file; if you trust it say so: "
+            "--trust."
+        )
+    if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
+        _said_by_hand(folder, address.removeprefix("--scheduler="), None)
+    return [word for word in _without_address(words) if word != "--trust"]
+
+
+def _without_address(words: list[str]) -> list[str]:
+    """Without a scheduler's address and the option before it."""
+    kept: list[str] = []
+    for word in words:
+        if ADDRESS not in word:
+            kept.append(word)
+        elif kept[-1] in ("--scheduler", "--executor"):
+            kept.pop()
+    return kept

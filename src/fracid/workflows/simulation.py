@@ -1,0 +1,276 @@
+"""A simulated recording with its files, of a rig, a project or a run: ``fracid simulate``."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid._version import __version__
+from fracid.errors import DataError, InputError, unknown_name
+from fracid.models import RIGS, model_from_name, rotary_pendulum
+from fracid.problem.project import load_project
+from fracid.recording import Recording, inspect_recording, load_recording
+from fracid.recording.writing import WRITERS, save_recording
+from fracid.runs.saved import load_run
+from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.solver.trajectory import Trajectory
+from fracid.twins.twin import Twin
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import json_document, write_files
+
+__all__ = ["SimulatedRecording", "driven", "simulate_twin", "twin_of"]
+
+RELEASE = {"alpha": pi / 18}
+"""Where a rig's pendulum is let go, if nothing else is said [rad]: the paper's 10°."""
+
+
+@dataclass(frozen=True)
+class SimulatedRecording:
+    """What was simulated, and what its encoders would have recorded."""
+
+    twin: Twin
+    run: Trajectory
+    recording: Recording
+    result: Mapping[str, Any]
+    """The truth."""
+    files: tuple[Path, ...]
+
+
+def twin_of(
+    source: str, *, recording: str | None, zero: str | None, friction: bool, released: bool, trust: bool
+) -> Twin:
+    """Make what is to be simulated, before anything is changed.
+
+    Parameters
+    ----------
+    source : str
+        The name of a rig, ``my_rig.py:model``, a project file or the folder of a run.
+    recording : str or None
+        Which, of a project or run.
+    zero, friction
+        Of a rig: where alpha = 0, and whether it has the friction of the real one.
+    released : bool
+        Whether a rig's pendulum is let go at 10°.
+    trust : bool
+        Let the project run code of its own.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or what is asked of it is not its own.
+
+    Examples
+    --------
+    >>> twin = twin_of("qube-servo2", recording=None, zero="upright", friction=False, released=True, trust=False)
+    >>> twin.model.zero, round(twin.initial["alpha"], 3)
+    ('upright', 0.175)
+    """
+    path = Path(source)
+    if path.is_dir() or path.suffix == ".toml":
+        for option, given in (("--zero", zero), ("--friction", friction)):
+            if given:
+                raise InputError(f"{option} is for a rig; {source} says its own. Change a value: --set NAME=VALUE.")
+        return _of_run(path, recording, trust) if path.is_dir() else _of_project(path, recording, trust)
+    if recording is not None:
+        raise InputError(f"--recording is for a project or a run, and {source} is a model: leave it out.")
+    return _of_model(source, zero, friction, RELEASE if released else {})
+
+
+def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[str, float]) -> Twin:
+    if source in RIGS:
+        more = RIGS[source].fitted_friction if friction else {}
+        model = rotary_pendulum(source, zero or "hanging", **more)  # type: ignore[arg-type]
+    elif ".py:" in source:
+        model, release = model_from_name(source, zero=zero), {}
+    else:
+        raise _no_source(source, RIGS)
+    return Twin.of_model(model, name=_stem(source), initial=release, step=1e-3, end=20.0)
+
+
+def _no_source(source: str, rigs: Mapping[str, Any]) -> InputError:
+    if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
+        refuse_mistaken(Path(source), "run")
+    if kind_of(Path(source)) == "recording":
+        return InputError(f"{source} is a recording: fracid check {source} looks at it, fracid init {source} writes a "
+                          "project of it, which can be simulated.")  # fmt: skip
+    hint = unknown_name("rig", source, tuple(rigs))
+    return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
+
+
+def _of_project(path: Path, recording: str | None, trust: bool) -> Twin:
+    project = load_project(path, trust=trust)
+    chosen = _chosen({e.name: e for e in (*project.problem.experiments, *project.validation)}, recording, path)
+    problem = project.problem
+    if chosen in project.validation:
+        problem = problem.with_shared(problem.start, (chosen,))
+    return Twin.of_problem(problem, problem.start, chosen)
+
+
+def _of_run(folder: Path, recording: str | None, trust: bool) -> Twin:
+    run = load_run(folder, trust=trust)
+    problem, validation = run.problem, run.project.validation
+    chosen = _chosen({e.name: e for e in (*problem.experiments, *validation)}, recording, folder)
+    if chosen in validation:
+        problem = problem.with_shared(run.x, (chosen,))
+    found = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
+    return Twin.of_problem(problem, np.array(found), chosen)
+
+
+def _chosen(there: Mapping[str, Any], asked: str | None, where: Path) -> Any:
+    if asked is not None and asked not in there:
+        raise unknown_name(f"recording of {where}", asked, tuple(there))
+    return there[asked] if asked is not None else next(iter(there.values()))
+
+
+def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:
+    """Give a twin the input of a file.
+
+    Parameters
+    ----------
+    twin : Twin
+    file : Path
+        A recording of the input.
+    channel : mapping
+        Its column there, and its unit; the only one, if empty.
+    to_its_end : bool
+        Whether to simulate as long as the file lasts.
+
+    Raises
+    ------
+    InputError
+        If the model has no input, or the file does not say which column it is.
+    """
+    inputs = twin.model.inputs
+    if not inputs:
+        raise InputError(f"{twin.model.name} has no input; leave out --input.")
+    there = inspect_recording(file)
+    here = [n for n in there.signals if n in inputs] or list(there.signals)
+    if not channel and len(here) > 1:
+        raise InputError(f"{file} has {len(here)} columns besides its time: {', '.join(here)}. "
+                         f"Say which drives it: --input {shlex.quote(f'{file},column={here[-1]}')}.")  # fmt: skip
+    only = {"column": int(here[0]) if here[0].isdigit() else here[0]}
+    unit = {"unit": "V" if inputs[0] == "voltage" else "1"}
+    read = load_recording(file, {inputs[0]: unit | (dict(channel) or only)})
+    times = read.time - read.time[0]
+    last = {"end": float(times[-1])} if to_its_end else {}
+    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, **last)
+
+
+def simulate_twin(
+    twin: Twin, source: str, *, noise: Mapping[str, float], counts: int, seed: int, states: bool, to: Path | None,
+    out: Path | None, force: bool, observer: Observer = SILENT,
+) -> SimulatedRecording:  # fmt: skip
+    """Simulate a twin and write what its encoders would have recorded, a figure, and the truth.
+
+    Parameters
+    ----------
+    twin : Twin
+    source : str
+        What it was made of, for the names of the files.
+    noise, counts, seed, states
+        As of :meth:`fracid.Twin.record`.
+    to : Path or None
+        One file, and nothing else unless `out` is given too.
+    out : Path or None
+        The folder; ``runs/RIG-simulated`` if left out.
+    force : bool
+        Write over a file that is there.
+    observer : Observer
+        Hears what the solver warns of.
+
+    Raises
+    ------
+    InputError
+        If a file is there already, or cannot be written.
+    DataError
+        If the simulation does not reach its end.
+    """
+    folder = None if to is not None and out is None else out or Path("runs") / f"{_stem(source)}-simulated"
+    file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
+    assert file is not None
+    _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))
+    run, warned = _run(twin)
+    for sentence in warned:
+        observer.notice(sentence)
+    if not run.completed:
+        raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
+                        "Give a smaller --step, other values, or an earlier --end.")  # fmt: skip
+    made = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
+    record = _record(source, twin, run, noise, counts, seed)
+    return SimulatedRecording(twin, run, made, record, _written(made, record, file, folder))
+
+
+def _stem(source: str) -> str:
+    return re.sub(r"\W+", "-", Path(source.split(".py:")[0]).name.removesuffix(".toml")).strip("-") or "model"
+
+
+# ------------------------------------------------------------------ from a twin to files
+
+
+def _refuse_over(file: Path, force: bool) -> None:
+    """A simulation must not take the place of a measurement."""
+    if file.suffix.lower() not in WRITERS:
+        raise InputError(f"--to {file} is not possible: expected a file that ends in {', '.join(WRITERS)}.")
+    if file.exists() and not force:
+        raise InputError(f"{file} is there already; give another name, or write over it: --force.")
+
+
+def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
+    """Simulate; gives what the solver warns of, too."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = twin.simulate()
+    return run, [str(w.message) for w in caught]
+
+
+def _record(
+    source: str, twin: Twin, run: Trajectory, noise: Mapping[str, float], counts: int, seed: int
+) -> dict[str, Any]:
+    """The truth."""
+    model, values = twin.model, twin.model.parameter_vector(twin.parameters)
+    parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
+    initial = dict(zip(model.states, model.state_vector(twin.initial).tolist(), strict=True))
+    return {
+        "simulated": True, "source": source, "model": model.name, "zero": model.zero, "orders": dict(twin.orders),
+        "parameters": parameters, "initial": initial, "step": twin.step, "substeps": twin.substeps, "end": twin.end,
+        "hold": twin.hold, "method": run.method, "memory": run.memory, "driven": bool(twin.inputs),
+        "noise": dict(noise), "counts": counts, "seed": seed, "outcome": run.outcome.value,
+    }  # fmt: skip
+
+
+def _written(made: Recording, record: Mapping[str, Any], file: Path, folder: Path | None) -> tuple[Path, ...]:
+    """Write the recording, the truth and the figure; gives the files."""
+    recording = save_recording(made, file, note=_note(record))
+    if folder is None:
+        return (recording,)
+    from fracid.plots import recording_overview, save
+
+    truth = folder / f"{file.stem}.json"
+    write_files(folder, {truth.name: json_document(record)})
+    return recording, truth, *save(recording_overview(made), folder, file.stem)
+
+
+def _note(record: Mapping[str, Any]) -> str:
+    """What the file says of itself."""
+    orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items())
+    initial = ", ".join(f"{n} = {v:.6g}" for n, v in record["initial"].items() if v)
+    levels = ", ".join(f"{n} {v:.3g}" for n, v in record["noise"].items() if v)
+    read = [
+        f"noise {levels}" if levels else "no noise",
+        f"{record['counts']} counts a turn" if record["counts"] else "",
+    ]
+    return "\n".join((
+        f"SIMULATED, not measured: {record['model']} of {record['source']}"
+        + (f", zero = {record['zero']}" if record["zero"] else ""),
+        f"{orders}; at the start {initial or 'at rest'}; {record['method']}, step {record['step']:g} s / "
+        f"{record['substeps']}; {', '.join(filter(None, read))}; seed {record['seed']}",
+        f"made by fracid {__version__}",
+    ))  # fmt: skip

@@ -1,0 +1,107 @@
+"""From Python the folders are those of the commands; what is written of a call makes sense in a shell."""
+
+import json
+import shutil
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+import fracid
+import program
+from fracid.errors import InputError
+from program import RELEASE
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory):
+    """A short swing with a project file beside it."""
+    folder = tmp_path_factory.mktemp("swing")
+    rig = fracid.rotary_pendulum()
+    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.35}, step=0.01, end=2.0)
+    theta, alpha = (run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))).T
+    np.savez(folder / "swing.npz", time=0.01 * np.arange(201), theta=theta, alpha=alpha)
+    (folder / "rig.toml").write_text(RELEASE, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def here(swing, tmp_path, monkeypatch):
+    """A copy of it, where one stands."""
+    shutil.copytree(swing, tmp_path / "swing")
+    monkeypatch.chdir(tmp_path / "swing")
+    return tmp_path / "swing"
+
+
+def read(path):
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def result(folder):
+    """All but what it took."""
+    return {name: value for name, value in read(folder / "result.json").items() if name != "timing"}
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+
+
+def test_a_run_from_python_is_the_folder_of_the_command(here, capsys):
+    finished = fracid.run("rig.toml", out="python", seed=3)
+    assert capsys.readouterr() == ("", "")
+    assert program.run(capsys, "fit", "rig.toml", "--out", "typed", "--seed", 3)[0] == 0
+    assert files(here / "python") == files(here / "typed")
+    assert result(here / "python") == result(here / "typed")
+    assert finished.result == read(here / "python" / "result.json")
+    states = [read(here / name / "run.json") for name in ("python", "typed")]
+    assert states[0] == states[1]
+    for name in ("figures/figure2-swing.svg", "evaluations.jsonl"):
+        lines = [(here / folder / name).read_text().splitlines() for folder in ("python", "typed")]
+        assert len(lines[0]) == len(lines[1])
+
+
+def test_the_environment_of_a_call_names_the_command_that_does_the_same(here):
+    fracid.run(fracid.load_project("rig.toml"), out="run", starts=2, cut=True, figures=False)
+    environment = read(here / "run" / "environment.json")
+    assert environment["command"] == ["fit", "rig.toml", "--out", "run", "--cut", "--multi-start", "2"]
+    assert environment["directory"] == str(here)
+
+
+def after(count):
+    """An observer who presses Ctrl-C after so many."""
+
+    def tell(progress):
+        if progress.done >= count:
+            raise KeyboardInterrupt
+
+    return fracid.Observer(progress=lambda what: nullcontext(tell))
+
+
+def test_a_fit_that_python_began_ends_the_same_by_another_call_and_by_resume_run(here):
+    whole = fracid.run("rig.toml", out="whole", figures=False)
+    for again in (lambda: fracid.run("rig.toml", out="run", figures=False), lambda: fracid.resume_run("run")):
+        cut = fracid.run("rig.toml", out="run", figures=False, observer=after(2))
+        assert (cut.interrupted, whole.interrupted, whole.resumed) == (True, False, False)
+        ended = again()
+        assert ended.resumed
+        assert ended.fit.x.tolist() == whole.fit.x.tolist()
+        shutil.rmtree("run")
+
+
+def test_a_study_that_python_began_is_gone_on_with_from_a_shell(here, capsys):
+    options = dict(levels=[1e-3], resolutions=[0.0], seeds=3, executor="threads", out="study")
+    with pytest.raises(fracid.Unfinished):
+        fracid.run_noise_study("rig.toml", **options, observer=after(1))
+    code, out, err = program.run(capsys, "resume", "study", "--json")
+    assert code == 0, err
+    again = json.loads(out)
+    assert len((here / "study" / "journal.jsonl").read_text().splitlines()) == 4  # none was done twice
+    whole = fracid.run_noise_study("rig.toml", **options | {"out": "whole"})
+    assert read(whole.path) == again
+
+
+def test_a_loaded_project_has_the_preset_that_it_was_loaded_with(here):
+    project = fracid.load_project("rig.toml")
+    with pytest.raises(InputError, match=r"loaded with preset = None, not 'paper'\. Type fracid\.load_project"):
+        fracid.run(project, preset="paper")
+    assert not (here / "runs").exists()
