@@ -100,6 +100,7 @@ from fracid.problem.costs import ABSOLUTE, COSTS, Cost
 from fracid.problem.experiment import Experiment
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, Weights, root_of, start_of
 from fracid.signals.resolution import resolution
+from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.methods import METHODS
 from fracid.solver.operators import derivative
@@ -414,12 +415,15 @@ class Problem:
         orders, values, initial, (release,) = self._unpack(x, e)
         step = e.step / self.substeps
         steps = (len(e.measured) - 1) * self.substeps + self._more_steps(e)
+        inputs = self._inputs_from(release, steps, e)
+        past = None if e.past is None else self._past_states(e, orders, values)[:-1]
         return integrate(
-            compile_rhs(self.model.rhs), orders, initial, np.zeros_like(initial), self._inputs_from(release, steps, e),
-            values, step, steps, METHODS[self.method], self.memory, limit=self._limits[e.name],
-            time_scale=time_scale(self.model, values), name=self.method, start=float(release),
-            history=None if e.past is None else self._past_states(e, orders, values)[:-1],
-        )  # fmt: skip
+            Equation(compile_rhs(self.model.rhs), orders, inputs, values, time_scale(self.model, values)),
+            InitialCondition(initial, time=float(release), history=past),
+            step,
+            steps,
+            Options(self.method, self.memory, limit=self._limits[e.name]),
+        )
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
