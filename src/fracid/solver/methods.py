@@ -1,4 +1,19 @@
-"""The methods: a row for each stepping scheme."""
+"""The methods: a row of :data:`METHODS` for each stepping scheme.
+
+=================  ======  ===================  ======================================================
+method             order   history sum          loop of :mod:`fracid.solver.schemes`
+=================  ======  ===================  ======================================================
+``pi2``            2       of f, trapezoidal    ``step_pi2``: predictor, corrector sweeps, Newton
+``pi2-implicit``   2       of f, trapezoidal    ``step_pi2`` without sweeps: Newton at every step
+``pi3``            3       of f, third order    ``step_pi2`` with a parabola for predictor
+``gl``             1       of x − x(0)          ``step_gl``
+``gl-sequential``  1       of x − x(0)          ``step_gl_sequential``: each state uses those already new
+``gl-paper``       1       of x                 ``step_gl`` on raw x, right only for x(0) = 0
+=================  ======  ===================  ======================================================
+
+A loop takes f, the :class:`~fracid.solver.run.Run` and the array to fill, and returns the last good index and how the
+run ended.  A new method is a loop there and a row here; its convergence order is tested by its row.
+"""
 
 from __future__ import annotations
 
