@@ -223,7 +223,7 @@ def the_papers_search() -> None:
     results = []
 
     def search() -> None:
-        genetic = OPTIMISERS["genetic"](problem.space, np.random.default_rng(1))
+        genetic = OPTIMISERS["genetic"].function(problem.space, np.random.default_rng(1))
         results.append(minimise(problem.evaluate, genetic, jobs=2))
 
     (seconds,) = times_of(search, repeat=3)

@@ -15,9 +15,10 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
-    {"figures", "files", "findings", "qr"},
+    {"figures", "files", "qr"},
     {"safety"},
-    {"signals", "tasks"},
+    {"schemas"},
+    {"findings", "signals", "tasks"},
     {"models", "optimise", "recording"},
     {"solver"},
     {"problem"},

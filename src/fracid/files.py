@@ -1,12 +1,38 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and the numbers in them."""
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from pathlib import Path
+from typing import TypeVar
 
-__all__ = ["write_text", "write_whole"]
+__all__ = ["from_json", "json_number", "write_text", "write_whole"]
+
+_Value = TypeVar("_Value")
+
+
+def json_number(value: float | None) -> float | None:
+    """A number as JSON has it, which knows neither NaN nor infinity: null in their place.
+
+    Examples
+    --------
+    >>> json_number(0.5), json_number(float("inf")), json_number(None)
+    (0.5, None, None)
+    """
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def from_json(value: _Value | None, otherwise: _Value) -> _Value:
+    """A value of JSON, where null stands for what JSON cannot say.
+
+    Examples
+    --------
+    >>> from_json(0.5, math.inf), from_json(None, math.inf)
+    (0.5, inf)
+    """
+    return otherwise if value is None else value
 
 
 def write_text(path: Path, text: str) -> None:

@@ -15,9 +15,11 @@ made by                             looks at
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
+
+from fracid.safety.schema import as_json
+from fracid.schemas.result import FindingBlock
 
 __all__ = ["Finding"]
 
@@ -52,6 +54,4 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values; a number that is not finite becomes null."""
-        number, limit = (v if math.isfinite(v) else None for v in (float(self.number), float(self.limit)))
-        return {"code": self.code, "where": self.where, "number": number, "limit": limit, "unit": self.unit,
-                "sentence": self.sentence}  # fmt: skip
+        return as_json(FindingBlock, self)

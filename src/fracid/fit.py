@@ -1,12 +1,10 @@
-"""Fit: everything that :func:`fracid.identify` returns, and how it is written as JSON."""
+"""Fit: everything that :func:`fracid.identify` returns; :class:`fracid.schemas.result.FitBlock` is its JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.estimation.agreement import Spread
@@ -16,6 +14,8 @@ from fracid.estimation.records import Estimate, RecordingFit
 from fracid.estimation.starts import Start, won
 from fracid.findings import Finding
 from fracid.problem import Problem
+from fracid.safety.schema import as_json
+from fracid.schemas.result import EstimateBlock, FitBlock
 from fracid.selection.integer_rival import Alternative
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
@@ -62,100 +62,21 @@ class Fit(FitPictures):
         See :func:`fracid.runs.folder.write_result` for the file.
         """
         p = self.problem
-        return {
-            "model": {"name": p.model.name, "zero": p.model.zero, "source": p.model.source},
+        return as_json(FitBlock, vars(self) | {
+            "model": p.model,
             "method": p.method,
             "memory": p.memory.name,
             "step": p.experiments[0].step / p.substeps,
-            "orders": {n: {**_estimate_json(e), "integer": p.model.integer_order(n)} for n, e in self.orders.items()},
-            "parameters": {n: _estimate_json(e) for n, e in self.parameters.items()},
-            "recordings": {n: _recording_json(r) for n, r in self.recordings.items()},
-            "cost": {"name": p.cost_function.name, "value": _number(self.cost), "outputs": list(p.outputs)},
-            "discretisation": None if self.discretisation is None else _discretisation_json(self.discretisation),
-            "evaluations": self.evaluations,
-            "optimiser": self.optimiser,
-            "outcome": self.outcome,
-            "alternative": None if self.alternative is None else _alternative_json(self.alternative),
-            "starts": [_start_json(s, self.problem.names) for s in self.starts],
+            "orders": {n: as_json(EstimateBlock, e) | {"integer": p.model.integer_order(n)}
+                       for n, e in self.orders.items()},
+            "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
+            "starts": [vars(s) | {"point": self._named(s.point), "end": self._named(s.end)} for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),
             "cut": None if self.cut is None else self.cut.to_json(),
             "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
-            "warnings": list(self.warnings),
-            "findings": [f.to_json() for f in self.findings],
-            "seed": self.seed,
-        }
+        })  # fmt: skip
 
-
-# --- as JSON ---------------------------------------------------------------------------------------
-
-
-def _number(value: float | None) -> float | None:
-    """JSON knows neither NaN nor infinity."""
-    return float(value) if value is not None and np.isfinite(value) else None
-
-
-def _estimate_json(e: Estimate) -> dict[str, Any]:
-    return {
-        "value": _number(e.value),
-        "unit": e.unit,
-        "standard_error": _number(e.standard_error),
-        "interval95": None if e.interval95 is None else list(e.interval95),
-        "interval_method": None if e.interval95 is None else "sandwich",
-        "white95": None if e.white95 is None else list(e.white95),
-        "free": e.free,
-        "at_bound": e.at_bound,
-        "bound": _number(e.bound),
-        "identifiable": e.identifiable,
-        "reason": e.reason,
-    }
-
-
-def _recording_json(r: RecordingFit) -> dict[str, Any]:
-    return {
-        "use": r.use,
-        "samples": len(r.time),
-        "from": float(r.time[0]),
-        "to": float(r.time[-1]),
-        "cost": _number(r.cost),
-        "rmse": {n: _number(v) for n, v in r.rmse.items()},
-        "fit_percent": {n: _number(v) for n, v in r.fit_percent.items()},
-        "initial_state": {n: _estimate_json(e) for n, e in r.initial.items()},
-        "parameters": {n: _estimate_json(e) for n, e in r.parameters.items()},
-        "data_sha256": r.sha256,
-    }
-
-
-def _alternative_json(a: Alternative) -> dict[str, Any]:
-    return {
-        "structure": a.structure,
-        "cost": _number(a.cost),
-        "parameters": dict(a.parameters),
-        "bic_gain_of_the_fractional_model": _number(a.gain),
-        "effective_samples": _number(a.effective_samples),
-        "warning": a.warning,
-    }
-
-
-def _start_json(s: Start, names: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        "origin": s.origin,
-        "start": dict(zip(names, s.point.tolist(), strict=True)),
-        "cost_on_first_swing": _number(s.first_cost),
-        "end": dict(zip(names, s.end.tolist(), strict=True)),
-        "cost": _number(s.cost),
-        "ended": s.ended,
-        "joined": s.joined,
-        "evaluations": s.evaluations,
-    }
-
-
-def _discretisation_json(d: Discretisation) -> dict[str, Any]:
-    return {
-        "cost": _number(d.cost),
-        "cost_half_step": _number(d.cost_half_step),
-        "cost_second_order": _number(d.cost_second_order),
-        "orders": dict(d.orders),
-        "shift": dict(d.shift),
-        "warning": d.warning,
-    }
+    def _named(self, x: FloatArray) -> dict[str, float]:
+        """Name of each unknown → its value."""
+        return dict(zip(self.problem.names, x.tolist(), strict=True))

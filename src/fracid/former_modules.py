@@ -56,7 +56,7 @@ FORMER = {
     "fracid.same_code": "solver.same_function",
     "fracid.saved": "runs.saved",
     "fracid.search": "estimation.search estimation.horizons estimation.starts",
-    "fracid.shape": "safety.schema runs.schemas",
+    "fracid.shape": "safety.schema safety.json_files schemas.result",
     "fracid.simulate": "solver.solve solver.arguments solver.methods",
     "fracid.starting": "solver.starting",
     "fracid.stepping": "solver.schemes",

@@ -1,17 +1,9 @@
 """Find the free orders, constants and initial states of a problem: strategies, and their result, a Fit.
 
-====================== ==========================================================================
-optimiser              strategy
-====================== ==========================================================================
-multistart (default)   least squares from the start, on a horizon that grows to the whole record
-                       (against local minima that are a whole swing off); with ``starts`` > 1 from the
-                       regression's start and from Sobol points too (:mod:`fracid.estimation.search`)
-least-squares          the same with one start and no growing horizon
-genetic                the paper's GA: 20 points, crossover 0.5, mutation 0.01, 25 generations
-differential-evolution SciPy's, then least squares
-cma                    CMA-ES, then least squares
-nelder-mead            the simplex, then least squares
-====================== ==========================================================================
+By default it searches by ``multistart``: least squares from the start, on a horizon that grows to the whole record
+(against local minima that are a whole swing off); with ``starts`` > 1 from the regression's start and from Sobol points
+too (:mod:`fracid.estimation.search`).  :data:`fracid.optimise.OPTIMISERS` has the others; from the best point of most
+that take no derivatives least squares goes on.
 
 Before the search it looks for faults of the data and of the project that would make it find nothing that means
 anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, :func:`identify` then
@@ -22,8 +14,8 @@ anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, 
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
    far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
-5. goes on by least squares from the best of the genetic algorithm, and says so where that finds better (the result
-   of the others without derivatives is polished already),
+5. goes on by least squares from the best of an optimiser that keeps its own, as the genetic algorithm does, and says so
+   where that finds better (the result of the others without derivatives is polished already),
 6. fits the integer-order rival with free friction where orders were found off 1
    (:mod:`fracid.selection.integer_rival`),
 7. where it is asked to, finds how far the orders move with where the record begins
@@ -52,11 +44,12 @@ from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
 from fracid.fit import Fit
-from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead
+from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
 from fracid.recording import Report
 from fracid.selection.integer_rival import Alternative, integer_alternative
+from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.after_search import after, failed
@@ -198,12 +191,13 @@ def _examine(
 ) -> None:  # fmt: skip
     """The steps after the search; `whole` is None where the cut is not to be checked."""
     problem, x = found.problem, found.result.best.point
+    unpolished = optimiser_from_name(name).keeps_its_own
     try:
         found.known = uncertainty(problem, x, jobs=jobs)
         found.verdicts = identifiability(problem, x, found.known, jobs=jobs)
         clock.lap("uncertainty")
         found.seen += [
-            f for f in after(problem, x, found.known, jobs=jobs) if name != "genetic" or f.code != "stopped-short"
+            f for f in after(problem, x, found.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
         ]  # whose polishing says more, below
         clock.lap("honesty")
         for e in validation:
@@ -218,7 +212,7 @@ def _examine(
             found.spread = spread(problem, x, jobs=jobs)
             found.warnings += found.spread.sentences()
         clock.lap("spread")
-        if name == "genetic" and problem.cost_function.loss is not None:
+        if unpolished and problem.cost_function.loss is not None:
             polished = uninterrupted(refined(problem, x, jobs, Watch())).best
             found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
         clock.lap("polish")
@@ -374,13 +368,15 @@ SAID = {
 
 
 def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
-    if problem.method == "gl-paper":
+    if METHODS[problem.method].raw:
         yield (
-            "gl-paper sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is forward "
-            'Euler: its own growth biases the orders. Use method = "pi2" for a result.'
+            f"{problem.method} sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is "
+            'forward Euler: its own growth biases the orders. Use method = "pi2" for a result.'
         )
-    if "theta" in problem.model.outputs and problem.outputs == ("alpha",) and "lambda" in problem.names:
-        yield "Only alpha is scored, and lambda can hardly be seen in it: score theta too."
+    for order, output in problem.model.seen_in.items():
+        if order in problem.names and output not in problem.outputs:
+            scored = " and ".join(problem.outputs)
+            yield f"Only {scored} is scored, and {order} can hardly be seen in it: score {output} too."
     if isinstance(known, str):
         yield f"There are no intervals: {known}."
         return

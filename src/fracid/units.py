@@ -1,4 +1,4 @@
-"""How a value is shown to people: angles in degrees, all else in its own unit.
+"""How values and names are shown to people: angles in degrees, all else in its own unit; ``alpha`` as α.
 
 Inside, everything is SI, angles in radians.  A recording says the unit of each of its signals; where nothing says
 otherwise a signal is an angle.
@@ -11,7 +11,14 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["SHOWN_UNITS", "shown_unit", "with_unit"]
+__all__ = ["GREEK", "SHOWN_UNITS", "shown_unit", "with_unit"]
+
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
+    "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ",
+    "tau": "τ", "upsilon": "υ", "phi": "φ", "chi": "χ", "psi": "ψ", "omega": "ω",
+}  # fmt: skip
+"""The letter of an angle or an order that is called by its name."""
 
 SHOWN_UNITS = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 """Unit of a signal: how it is shown, and the factor to it; what is not here is shown as it is."""

@@ -8,6 +8,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import get_args
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -24,6 +25,7 @@ from fracid.problem.project import PRESETS
 from fracid.recording import UNITS, Channel
 from fracid.recording.clock import SECONDS
 from fracid.runs.folder import LATER
+from fracid.schemas.result import json_schema
 from fracid.solver.methods import METHODS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -265,6 +267,15 @@ def test_the_page_of_the_run_folder_names_every_file_of_a_run(folder):
     named = {row[0].strip("`/") for row in RUN_FOLDER["The run folder"] if row[0] != "file"}
     assert {path.name for path in folder.iterdir()} <= named
     assert set(LATER) - {"starts/journal.jsonl"} <= named
+
+
+def test_a_result_is_of_its_json_schema_and_that_is_the_one_in_the_docs(result):
+    schema = json.loads((DOCS / "result.schema.json").read_text(encoding="utf-8"))
+    assert schema == json.loads(json_schema()), "type python -m fracid.schemas > docs/result.schema.json"
+    jsonschema.validate(result, schema)
+    assert set(schema["properties"]) == set(result)
+    with pytest.raises(jsonschema.ValidationError, match="'high' is not of type"):
+        jsonschema.validate(result | {"step": "high"}, schema)
 
 
 def test_a_result_has_no_number_that_json_has_not(folder):

@@ -12,7 +12,6 @@ from matplotlib.text import Text
 import fracid
 from fracid.errors import InputError
 from fracid.models import RIGS, Model, Parameter, energy, mass_matrix
-from fracid.models.geometry import rig_geometry
 from fracid.plots import rig_drawing
 from fracid.plots.rig import ALPHA, THETA, _Drawing
 
@@ -35,7 +34,7 @@ def constants(model):
 
 def rod(model, theta, alpha, h=1e-6):
     """Points of the drawn rod as a body of its own mass, and how they move with θ and with α."""
-    shape, C = rig_geometry(model), constants(model)
+    shape, C = model.geometry(), constants(model)
     mass = 2 * C["C4"] / (9.81 * shape.pendulum)
     nodes, weights = np.polynomial.legendre.leggauss(5)  # exact for what is quadratic along the rod
 
@@ -49,7 +48,7 @@ def rod(model, theta, alpha, h=1e-6):
 
 
 def on_paper(model, points):
-    return _Drawing(rig_geometry(model)).on_paper(points)
+    return _Drawing(model.geometry()).on_paper(points)
 
 
 @cache
@@ -112,18 +111,18 @@ def test_released_from_rest_the_drawn_rod_and_arm_keep_their_angular_momentum(na
     [("srv02-rotpen", 0.216), ("qube-servo2", 0.085), ("cazzolato-prime", 0.278), ("odrive-furuta", 0.093525)],
 )
 def test_the_arm_is_as_long_as_its_maker_says(rig, arm):
-    assert rig_geometry(fracid.rotary_pendulum(rig)).arm == pytest.approx(arm, rel=1e-9)
+    assert fracid.rotary_pendulum(rig).geometry().arm == pytest.approx(arm, rel=1e-9)
 
 
 def test_a_uniform_rod_is_drawn_as_long_as_it_is():
-    assert rig_geometry(fracid.rotary_pendulum("qube-servo2")).pendulum == pytest.approx(0.129, rel=1e-9)
+    assert fracid.rotary_pendulum("qube-servo2").geometry().pendulum == pytest.approx(0.129, rel=1e-9)
 
 
 @given(st.floats(1e-3, 1e3))
 def test_a_factor_that_a_free_response_cannot_tell_changes_no_length(factor):
     model = fracid.rotary_pendulum("srv02-rotpen")
     scaled = model.with_parameters(**{n: factor * v for n, v in constants(model).items()})
-    one, other = rig_geometry(model), rig_geometry(scaled)
+    one, other = model.geometry(), scaled.geometry()
     assert (other.arm, other.pendulum) == pytest.approx((one.arm, one.pendulum))
 
 
@@ -188,7 +187,7 @@ def test_the_arrow_of_alpha_leads_from_its_zero_where_the_coupling_has_it_grow(n
 @pytest.mark.parametrize("name", MODELS)
 def test_zeros_and_lengths_are_written_in(name):
     model = model_of(name)
-    said, shape = words(drawn(name)), rig_geometry(model)
+    said, shape = words(drawn(name)), model.geometry()
     assert r"$\theta$ = 0" in said
     off = "17.2° off " if model.parameter("alpha_rest").value else ""
     assert rf"$\alpha$ = 0, {off}{model.zero}" in said

@@ -22,6 +22,7 @@ import fracid
 from browser import CHROMIUM, Browser
 from fracid.cli.app import main
 from fracid.errors import InputError
+from fracid.estimation.cost_plane import cost_plane
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material, first_part
@@ -97,9 +98,7 @@ def comparison():
 
 @pytest.fixture(scope="module")
 def material(fitted):
-    return Material.of_run(
-        load_run(fitted[0]), fracid.estimation.cost_plane.cost_plane(fitted[1].problem, fitted[1].x, points=5)
-    )
+    return Material.of_run(load_run(fitted[0]), cost_plane(fitted[1].problem, fitted[1].x, points=5))
 
 
 @pytest.fixture(scope="module")

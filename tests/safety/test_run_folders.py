@@ -5,16 +5,21 @@ import os
 import re
 import shutil
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
+from pydantic import create_model
 
 import fracid
 import fuzz_runs
 from fracid.cli.figures import _of_profiles
 from fracid.errors import InputError
-from fracid.runs.schemas import fitted_structure, repetition
-from fracid.safety.schema import Names, Pair, Word, fault_of, json_of, lines_of, text_of
+from fracid.safety.json_files import json_of, text_of
+from fracid.safety.schema import Block, Interval, Number, fault_of, lines_of
+from fracid.schemas.comparison import fault_of_fitted
+from fracid.schemas.run import EvaluationLine
+from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines
 from program import RELEASE, fit_in, run
@@ -40,33 +45,39 @@ def sent(fitted, tmp_path, monkeypatch):
     return Path("run")
 
 
-# --- shapes ------------------------------------------------------------------------------------------
+# --- schemas ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("value", "shape", "fault"),
+    ("value", "kind", "fault"),
     [
         (1, float, ""),
-        (True, float, "it is True; expected a number"),
-        (1e100, float, r"it is 1e\+100; expected a number"),
-        (10**400, float, r"it is 10+\.\.\.; expected a number"),
-        (1.0, int, "it is 1.0; expected a whole number"),
-        ("x" * 200_000, str, r"it is 'x+\.\.\.'; expected a text"),
-        ("\x1b[2J", float, r"it is '\\x1b\[2J'; expected a number"),
-        ("\u202e", float, r"it is '\\u202e'; expected a number"),
-        (None, (float, None), ""),
-        ([1], (Pair(float), None), "it has 1 entries; expected 2"),
-        ({"a": [1, "2"]}, {"a": [float]}, "a.1 is '2'; expected a number"),
-        ({}, {"a?": float}, ""),
-        ({}, {"a": float}, "it has no a"),
-        ({"a": 1, "more": []}, {"a": float}, ""),
-        ({"x" * 501: 1}, Names(float), "it has a name of more than 500 characters"),
-        ("fit\n", Word("fit|validate"), "expected fit or validate"),
-        ([], {"a": float}, "it is a list; expected names with values"),
+        (True, float, "a is true; expected a number"),
+        (1e100, float, r"a is 1e\+100; expected a number below 1e\+100 in size"),
+        (10**400, float, r"a is 10+\.\.\.; expected a number of fewer digits"),
+        (1.0, int, "a is 1.0; expected a whole number"),
+        (True, int, "a is true; expected a whole number"),
+        ("x" * 200_000, str, r"a is 'x+\.\.\.'; expected a text of 100000 characters at most"),
+        ("\x1b[2J", float, r"a is '\\x1b\[2J'; expected a number"),
+        ("\u202e", float, r"a is '\\u202e'; expected a number"),
+        (None, Number, ""),
+        (None, float, "a is null; expected a number"),
+        ([1], Interval | None, "a has 1 entries; expected 2"),
+        ([1, 2, 3], Interval, "a has 3 entries; expected 2"),
+        ("12", Interval, "a is '12'; expected a list"),
+        ([1, "2"], list[float], "a.1 is '2'; expected a number"),
+        ({"x" * 501: 1}, dict[str, float], "a has a name of more than 500 characters"),
+        ("fit\n", Literal["fit", "validate"], "expected 'fit' or 'validate'"),
+        ([], dict[str, float], "a is a list; expected names with values"),
+        ([], EvaluationLine, "a is a list; expected names with values"),
+        ("swing", EvaluationLine, "a is 'swing'; expected names with values"),
+        ({"more": 1, "point": {}}, EvaluationLine, ""),
+        ({}, EvaluationLine, "a has no point"),
     ],
 )
-def test_a_value_is_of_its_shape_or_where_it_is_not_is_said(value, shape, fault):
-    assert re.search(fault, fault_of(value, shape)) if fault else fault_of(value, shape) == ""
+def test_a_value_is_of_its_schema_or_where_it_is_not_is_said(value, kind, fault):
+    said = fault_of({"a": value}, create_model("One", __base__=Block, a=(kind, ...)))
+    assert re.search(fault, said) if fault else said == ""
 
 
 @pytest.mark.parametrize(
@@ -85,7 +96,7 @@ def test_a_file_that_would_hang_or_fill_the_memory_is_not_read(tmp_path):
         text_of(tmp_path / "pipe")
     with pytest.raises(ValueError, match="has more than 67108864 bytes"):
         text_of(tmp_path / "huge")
-    assert [*lines_of(tmp_path / "pipe", dict)] == []
+    assert [*lines_of(tmp_path / "pipe", Block)] == []
 
 
 def test_a_log_gives_its_good_lines(tmp_path):
@@ -93,7 +104,7 @@ def test_a_log_gives_its_good_lines(tmp_path):
     path.write_bytes(
         b'{"point": {"mu": 1}}\n{"point": 3}\n\xff\n[[[\n{"point": {"mu": 1e999}}\n{"point": {"mu": 2}}\n{"po'
     )
-    assert [line["point"]["mu"] for line in lines_of(path, {"point": Names(float)})] == [1, 2]
+    assert [line["point"]["mu"] for line in lines_of(path, EvaluationLine)] == [1, 2]
 
 
 # --- a run -------------------------------------------------------------------------------------------
@@ -134,7 +145,7 @@ DAMAGED = {
         changed("recordings", "swing", "rmse", "alpha", to=None),
         "the outputs of 'swing' are others",
     ),
-    "another use": (changed("recordings", "swing", "use", to="[red]"), "expected fit or validate"),
+    "another use": (changed("recordings", "swing", "use", to="[red]"), "expected 'fit' or 'validate'"),
     "half an interval": (
         changed("orders", "mu", "interval95", to=[1]),
         "orders.mu.interval95 has 1 entries; expected 2",
@@ -244,11 +255,13 @@ FOUND = {"evaluations": 3, "cost_of_truth": 0.1, "failure": "", "cost": 0.1, "va
      ({"cost": None, "failure": "diverged"}, True), ({"failure": 3}, False)],
 )  # fmt: skip
 def test_a_journals_line_counts_only_if_it_is_a_result_of_its_study(tmp_path, change, good):
-    shape = repetition(["mu"])
+    def fault(_key, said):
+        return fault_of_repetition(said, ["mu"])
+
     with Journal(tmp_path / "journal.jsonl", {"seeds": 2}) as journal:
         journal.append("seed 1", FOUND | change)
         journal.append("seed 2", FOUND)
-    with Journal(tmp_path / "journal.jsonl", {"seeds": 2}, lambda _, said: fault_of(said, shape)) as journal:
+    with Journal(tmp_path / "journal.jsonl", {"seeds": 2}, fault) as journal:
         assert set(journal.done) == ({"seed 1", "seed 2"} if good else {"seed 2"})
         assert ("damaged lines (2) are passed over" in "".join(journal.notes)) is not good
 
@@ -257,8 +270,8 @@ def test_a_score_has_the_outputs_of_its_study():
     score = {"rmse": {"alpha": 0.1}, "fit_percent": {"alpha": 99}, "itae": {"alpha": None}, "failed": ""}
     said = {"values": {}, "cost": 0.1, "squares": 0.1, "samples": 9, "parameters": 1, "at_bound": [], "orders": {},
             "in_sample": {"one": score}, "held_out": {}, "outcome": ""}  # fmt: skip
-    assert fault_of(said, fitted_structure(["alpha"])) == ""
-    assert fault_of(said, fitted_structure(["alpha", "theta"])) == "in_sample.one.rmse has no theta"
+    assert fault_of_fitted(said, ["alpha"]) == ""
+    assert fault_of_fitted(said, ["alpha", "theta"]) == "in_sample.one.rmse has no theta"
 
 
 def test_a_line_without_an_end_fills_no_memory(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ from fracid.cli import reproduction as reproduce
 from fracid.cli import residuals as resid
 from fracid.cli import simulation as simulate
 from fracid.cli.app import app, main
+from fracid.cli.completion import WithTables
 
 __all__ = ["app", "check", "compare", "demo", "draw", "export", "fit", "init", "main", "noise", "profile", "regress",
            "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
@@ -25,5 +26,6 @@ PANELS = {
 
 PLACE = {name: (place, panel) for place, (panel, name) in enumerate((p, n) for p in PANELS for n in PANELS[p])}
 for command in app.registered_commands:
+    command.cls = WithTables
     command.rich_help_panel = PLACE[getattr(command.callback, "__name__", "")][1]
 app.registered_commands.sort(key=lambda command: PLACE[getattr(command.callback, "__name__", "")][0])

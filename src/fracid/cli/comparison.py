@@ -15,10 +15,8 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import EXECUTORS, PRESETS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
-from fracid.runs.schemas import AMPLITUDE, fitted_structure
-from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import csv_cell, file_stems, printable
 
 if TYPE_CHECKING:
@@ -62,10 +60,10 @@ def compare(
     ] = None,
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=one_of(*PRESETS)),
+        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=key_of("presets")),
     ] = None,
     executor: Annotated[
-        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=one_of(*EXECUTORS))
+        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=key_of("executors"))
     ] = "threads",
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
@@ -139,13 +137,16 @@ def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
     """What is wrong with a result that the journal has."""
-    problem, shape = project.problem, fitted_structure(project.problem.outputs)
+    from fracid.safety.schema import fault_of
+    from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
+
+    problem = project.problem
     fitted, held = ({e.name for e in those} for those in (problem.experiments, project.validation))
 
     def fault(key: str, said: Any) -> str:
         if key.startswith("amplitude |"):
-            return fault_of(said, AMPLITUDE)
-        there = fault_of(said, shape)
+            return fault_of(said, AmplitudeBlock)
+        there = fault_of_fitted(said, problem.outputs)
         if there or options["leave_one_out"]:
             return there
         return "" if set(said["in_sample"]) == fitted and set(said["held_out"]) == held else "of other recordings"
@@ -170,7 +171,10 @@ def _begin(folder: Path, study: Mapping[str, Any]) -> None:
 
 
 def _header(journal: Path) -> Any:
-    return next((line["study"] for line in lines_of(journal, {"study": dict})), None)
+    from fracid.safety.schema import lines_of
+    from fracid.schemas.run import StudyLine
+
+    return next((line["study"] for line in lines_of(journal, StudyLine)), None)
 
 
 # ------------------------------------------------------------------ from results to files

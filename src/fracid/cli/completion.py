@@ -1,43 +1,38 @@
 """What a shell completes after an option: rigs, methods, costs, optimisers, and the names that a run has.
 
 ``fracid --install-completion`` sets up bash, zsh, fish and PowerShell; commands and options it knows by itself, and
-files are left to the shell.  The names stand here in words, for the tables that hold them take half a second to import,
-and a completion must not be waited for; a test compares them with those tables.
+files are left to the shell.  The names are those of the tables that hold them (:data:`TABLES`), which are imported when
+somebody completes, or asks for the help of a command: a program that starts must not wait for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
-from fracid.errors import InputError
-from fracid.safety.schema import Names, read_as
+from fracid.safety.json_files import json_of, text_of
 
-__all__ = ["COSTS", "EXECUTORS", "FORMATS", "METHODS", "OPTIMISERS", "PRESETS", "RIGS", "ZEROS", "from_run", "one_of"]
+__all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of"]
 
-COSTS = ("rmse", "itae", "iae", "ise", "itse", "huber")
-
-EXECUTORS = ("threads", "processes")
-
-FORMATS = ("matlab", "c", "csv", "json", "state-space")
-
-METHODS = ("pi2", "pi2-implicit", "pi3", "gl", "gl-sequential", "gl-paper")
-
-OPTIMISERS = ("multistart", "least-squares", "cma", "differential-evolution", "genetic", "nelder-mead")
-
-PRESETS = ("paper",)
-
-RIGS = ("srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta", "stepper-freeswing")
+TABLES = {
+    "costs": ("problem.costs", "COSTS"),
+    "executors": ("tasks.tasks", "EXECUTORS"),
+    "formats": ("export", "FORMATS"),
+    "methods": ("solver.methods", "METHODS"),
+    "optimisers": ("optimise", "OPTIMISERS"),
+    "presets": ("problem.presets", "PRESETS"),
+    "rigs": ("models.rigs", "RIGS"),
+}
+"""Name → module of fracid and table in it; the help of an option writes ``{methods}`` for the keys of one."""
 
 COLUMNS = ("alpha=", "theta=", "voltage=")
 
 ZEROS = ("hanging", "upright")
-
-NAMED = {"orders?": Names({"free": bool}), "parameters?": Names({"free": bool}), "recordings?": Names(dict)}
-"""What counts here of a result."""
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:
@@ -55,6 +50,45 @@ def one_of(*values: str) -> Callable[[str], list[str]]:
     return complete
 
 
+def keys(table: str) -> list[str]:
+    """Names in one of :data:`TABLES`, in its order.
+
+    Examples
+    --------
+    >>> keys("presets")
+    ['paper']
+    """
+    module, name = TABLES[table]
+    return list(getattr(import_module(f"fracid.{module}"), name))
+
+
+def key_of(table: str) -> Callable[[str], list[str]]:
+    """Complete to a name in one of :data:`TABLES`, which is imported only then.
+
+    Examples
+    --------
+    >>> key_of("methods")("pi2-")
+    ['pi2-implicit']
+    """
+
+    def complete(incomplete: str) -> list[str]:
+        return one_of(*keys(table))(incomplete)
+
+    return complete
+
+
+class WithTables(TyperCommand):
+    """A command whose help has the names of the tables, read when somebody asks for it."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write them out where an option's help has ``{methods}``."""
+        for option in self.params:
+            for table in TABLES:
+                if f"{{{table}}}" in (getattr(option, "help", None) or ""):
+                    option.help = option.help.replace(f"{{{table}}}", ", ".join(keys(table)))  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
 def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
     """Complete to the names in some blocks of the result of the run that was typed before, such as its parameters."""
 
@@ -63,7 +97,8 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
         typed = [ctx.params.get("run"), ctx.params.get("source"), *ctx.args]
         results = (_result(Path(word)) for word in typed if word)
         result: Any = next(filter(None, results), {})
-        names = [name for block in blocks for name, said in result.get(block, {}).items() if _shown(block, said)]
+        named = ((block, result.get(block)) for block in blocks)
+        names = [n for block, said in named if isinstance(said, dict) for n in said if _shown(block, said[n])]
         return [name for name in names if name.startswith(incomplete)]
 
     return complete
@@ -72,11 +107,12 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
 def _result(run: Path) -> Any:
     """The content of a run's result; None where there is none."""
     try:
-        return read_as(run / "result.json", NAMED, "")
-    except (OSError, InputError):
+        content = json_of(text_of(run / "result.json"))
+    except (OSError, ValueError):
         return None
+    return content if isinstance(content, dict) else None
 
 
 def _shown(block: str, said: Any) -> bool:
     """Of orders and parameters those that were free."""
-    return block == "recordings" or bool(said["free"])
+    return block == "recordings" or (isinstance(said, dict) and said.get("free") is True)

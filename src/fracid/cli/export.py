@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next
-from fracid.cli.completion import FORMATS, one_of
+from fracid.cli.completion import key_of
 
 __all__ = ["export"]
 
@@ -28,8 +28,8 @@ def export(
         list[str] | None,
         typer.Option(
             metavar="FORMAT",
-            help="matlab, c, csv, json or state-space; may be given again.",
-            autocompletion=one_of(*FORMATS),
+            help="{formats}; may be given again.",
+            autocompletion=key_of("formats"),
         ),
     ] = None,
     steps: Annotated[

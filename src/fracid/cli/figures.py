@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
-from fracid.cli.completion import RIGS, one_of
+from fracid.cli.completion import key_of, one_of
 from fracid.errors import InputError
-from fracid.runs.schemas import COMPARISON, PROFILES, STUDY, fault_of_comparison, fault_of_profiles, fault_of_study
-from fracid.safety.schema import read_as
 from fracid.safety.text import printable
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
+    from fracid.safety.schema import Block
     from fracid.workflows.figures import Figures
 
 __all__ = ["draw"]
@@ -41,7 +39,7 @@ def draw(
         typer.Argument(
             metavar="RUN|PROJECT|RIG",
             help="The folder of a run, a comparison or a study of noise; a project file or the name of a rig.",
-            autocompletion=one_of(*RIGS),
+            autocompletion=key_of("rigs"),
         ),
     ],
     style: Annotated[
@@ -158,10 +156,11 @@ def _of_tests(run: SavedRun, style: str) -> Figures:
 
 def _of_profiles(run: SavedRun, style: str) -> Figures:
     from fracid.estimation.cost_profile import Profiles
+    from fracid.schemas.profiles import ProfilesBlock
 
     path = run.folder / "profiles.json"
     if path.exists():
-        said = _read(path, PROFILES, "fracid profile RUN", fault_of_profiles)
+        said = _read(path, ProfilesBlock, "fracid profile RUN")
         if not set(run.problem.names) <= set(said["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
         yield "profiles", Profiles.of_json(said, run.problem).plot(style=style)
@@ -169,9 +168,10 @@ def _of_profiles(run: SavedRun, style: str) -> Figures:
 
 def _of_comparison(path: Path, style: str) -> Figures:
     from fracid.safety.text import file_stems
+    from fracid.schemas.comparison import ComparisonBlock
     from fracid.selection.comparison import Comparison
 
-    found = Comparison.of_json(_read(path, COMPARISON, "fracid compare PROJECT", fault_of_comparison))
+    found = Comparison.of_json(_read(path, ComparisonBlock, "fracid compare PROJECT"))
     yield "ladder", found.plot(style=style)
     for name, stem in file_stems(found.amplitude).items():
         if found.amplitude[name].drifts:
@@ -179,9 +179,10 @@ def _of_comparison(path: Path, style: str) -> Figures:
 
 
 def _of_study(path: Path, style: str) -> Figures:
+    from fracid.schemas.study import StudyBlock
     from fracid.validation.monte_carlo import SavedStudy
 
-    found = SavedStudy.of_json(_read(path, STUDY, "fracid noise RUN", fault_of_study))
+    found = SavedStudy.of_json(_read(path, StudyBlock, "fracid noise RUN"))
     if any(s.estimates for cell in found.cells for s in cell.unknowns.values()):
         yield "noise", found.plot(style=style)
 
@@ -199,9 +200,11 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
             yield f"linear-{posture}", found.plot(posture, style=style)
 
 
-def _read(path: Path, shape: Any, wrote: str, between: Callable[[Any], str]) -> Any:
-    """A JSON file of that shape, whose parts fit together."""
+def _read(path: Path, block: type[Block], wrote: str) -> Any:
+    """A JSON file of the folder, which must be there."""
+    from fracid.safety.schema import read_as
+
     try:
-        return read_as(path, shape, wrote, between)
+        return read_as(path, block, wrote)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or 'it is no plain file'}.") from None

@@ -15,10 +15,9 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import EXECUTORS, OPTIMISERS, PRESETS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
-from fracid.runs.schemas import end
-from fracid.safety.schema import fault_of
+from fracid.files import json_number
 from fracid.safety.text import printable
 from fracid.units import with_unit
 from fracid.workflows.figures import drawing
@@ -36,9 +35,6 @@ if TYPE_CHECKING:
     from fracid.tasks.simulation_cache import Memo
 
 __all__ = ["Ran", "fit", "run_fit", "say_undrawn", "show_fit", "tell_fit"]
-
-EVALUATIONS_OF_THE_GA = 26 * 20
-"""Its population, and 25 generations after the initial one: the end of its progress bar."""
 
 LARGEST_SEED = 2**63
 """What JSON can hold everywhere."""
@@ -59,14 +55,14 @@ def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=one_of(*PRESETS)),
+        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=key_of("presets")),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the file's: multistart, least-squares, genetic, ...",
-            autocompletion=one_of(*OPTIMISERS),
+            help="In place of the file's: {optimisers}.",
+            autocompletion=key_of("optimisers"),
         ),
     ] = None,
     multi_start: Annotated[
@@ -76,7 +72,9 @@ def fit(
     executor: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Where many starts run, each for itself: processes.", autocompletion=one_of(*EXECUTORS)
+            metavar="NAME",
+            help="Where many starts run, each for itself: processes.",
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
@@ -203,14 +201,15 @@ def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManag
     """Of starts that run elsewhere, a journal in a folder of its own."""
     from fracid.optimise import Outcome
     from fracid.runs.folder import STARTS
+    from fracid.schemas.run import fault_of_end
     from fracid.tasks.journal import Journal
 
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    shape = end(unknowns, (o.value for o in Outcome))
+    outcomes = [o.value for o in Outcome]
     study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
-    return Journal(run.folder / STARTS, study, lambda _, said: fault_of(said, shape))
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, outcomes))
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
@@ -239,15 +238,16 @@ def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
 def _progress(optimiser: str, events: bool) -> Iterator[Any]:
     """Evaluations, time and the best cost so far."""
     from fracid.cli.progress import progress_shown
+    from fracid.optimise import optimiser_from_name
     from fracid.tasks.job import Progress
 
     began = time.perf_counter()
-    total = EVALUATIONS_OF_THE_GA if optimiser == "genetic" else None  # the others stop when they have converged
+    total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
     with progress_shown("evaluations", events=events) as tell:
 
         def callback(best: Evaluation, evaluations: int) -> None:
             if tell is not None:
-                cost = best.cost if isfinite(best.cost) else None
+                cost = json_number(best.cost)
                 tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
 
         yield callback

@@ -16,11 +16,9 @@ import typer
 
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import COSTS, EXECUTORS, OPTIMISERS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import DataError, InputError
-from fracid.runs.schemas import repetition
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import fault_of
 from fracid.safety.text import csv_cell, printable
 
 if TYPE_CHECKING:
@@ -59,16 +57,14 @@ def noise(
     seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions at each level with each encoder.", min=1)] = 50,
     cost: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="In place of the project's: rmse, itae, iae, huber, ...", autocompletion=one_of(*COSTS)
-        ),
+        typer.Option(metavar="NAME", help="In place of the project's: {costs}.", autocompletion=key_of("costs")),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the run's: multistart, genetic, cma, ...",
-            autocompletion=one_of(*OPTIMISERS),
+            help="In place of the run's: {optimisers}.",
+            autocompletion=key_of("optimisers"),
         ),
     ] = None,
     executor: Annotated[
@@ -76,7 +72,7 @@ def noise(
         typer.Option(
             metavar="NAME",
             help="processes, or threads: of a model of your own the only way.",
-            autocompletion=one_of(*EXECUTORS),
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
@@ -199,6 +195,7 @@ def _studied(
     """Run it, going on with what the journal in the folder has."""
     from fracid.cli.progress import progress_shown
     from fracid.runs.folder import JOURNAL, open_folder
+    from fracid.schemas.study import fault_of_repetition
     from fracid.tasks.journal import Journal
     from fracid.validation.monte_carlo import planned
 
@@ -206,11 +203,14 @@ def _studied(
         fitted.problem, fitted.x, levels=grid[0], resolutions=grid[1], seeds=seeds, seed=seed, cost=cost,
         optimiser=optimiser or fitted.optimiser, starts=fitted.starts,
     )  # fmt: skip
-    shape = repetition(plan.problem.names)
+
+    def fault(_key: str, said: Any) -> str:
+        return fault_of_repetition(said, plan.problem.names)
+
     if (folder / "result.json").exists():
         raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
     with (
-        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), lambda _, said: fault_of(said, shape)) as journal,
+        Journal(open_folder(folder) / JOURNAL, _header(plan, fitted), fault) as journal,
         progress_shown("repetitions", events=json_) as progress,
     ):
         for note in (*journal.notes, *plan.findings):

@@ -149,21 +149,18 @@ def _of_project(path: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem,
 def _intervals(found: Profiles, known: Uncertainty | str, drawn: Bootstrap | str) -> dict[str, Any]:
     """Every unknown's intervals by every method that gave one."""
     from fracid.estimation.covariance import METHODS
+    from fracid.files import json_number
 
     rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
     for i, name in enumerate(rows):
         if not isinstance(known, str):
             rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
-            rows[name]["effective_samples"] = _finite(float(known.effective_samples[i]))
+            rows[name]["effective_samples"] = json_number(known.effective_samples[i])
         if not isinstance(drawn, str) and rows[name]["sandwich"] is not None:
             rows[name]["bootstrap"] = drawn.interval(i)
         if name in found.profiles:
             rows[name]["profile"] = found.profiles[name].interval95
     return {"methods": METHODS, "unknowns": rows}
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
 
 
 def _write(found: _Profiled, folder: Path) -> Path:

@@ -14,7 +14,7 @@ import typer
 from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
-from fracid.cli.completion import RIGS, ZEROS, one_of
+from fracid.cli.completion import ZEROS, key_of, one_of
 from fracid.errors import DataError, InputError
 from fracid.safety.paths import kind_of, refuse_mistaken
 
@@ -85,7 +85,7 @@ def regress(
         typer.Option(
             metavar="NAME",
             help="Of a recording: whose values are taken for what is not found.",
-            autocompletion=one_of(*RIGS),
+            autocompletion=key_of("rigs"),
         ),
     ] = None,
     zero: Annotated[

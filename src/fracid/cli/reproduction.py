@@ -20,7 +20,6 @@ from fracid.cli.app import table as new_table
 from fracid.cli.resume import ADDRESS, safe_words, said_command
 from fracid.errors import InputError
 from fracid.safety.environment import ignore_settings
-from fracid.safety.schema import lines_of, read_as
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -157,15 +156,20 @@ def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
 
 
 def _header(journal: Path) -> dict[str, Any]:
+    from fracid.safety.schema import lines_of
+    from fracid.schemas.run import StudyLine
+
     try:
-        return dict(next(lines_of(journal, {"study": dict}))["study"])
+        return dict(next(lines_of(journal, StudyLine))["study"])
     except StopIteration:
         raise InputError(f"{journal.parent} has no journal that can be read: it cannot be done again.") from None
 
 
 def _read(path: Path) -> dict[str, Any]:
+    from fracid.safety.schema import Block, read_as
+
     try:
-        return dict(read_as(path, dict, "the command itself"))
+        return dict(read_as(path, Block, "the command itself"))
     except OSError:
         raise InputError(f"{path} cannot be read: there is nothing to compare.") from None
 

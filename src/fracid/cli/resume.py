@@ -27,11 +27,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
-from fracid.cli.completion import EXECUTORS, one_of
+from fracid.cli.completion import key_of
 from fracid.errors import InputError, NotTrusted
-from fracid.runs.schemas import ENVIRONMENT, FIT_OPTIONS, RESULT
 from fracid.safety.environment import ignore_settings
-from fracid.safety.schema import fault_of, read_as
 from fracid.safety.text import printable
 
 if TYPE_CHECKING:
@@ -64,7 +62,7 @@ def resume(
         typer.Option(
             metavar="NAME",
             help="Of a study: threads or processes, in place of what it had.",
-            autocompletion=one_of(*EXECUTORS),
+            autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
@@ -117,11 +115,14 @@ def _typed_by_hand(run: Path, there: str, scheduler: str | None) -> str:
 
 def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, trust: bool) -> None:
     from fracid.cli.fit import run_fit, tell_fit
+    from fracid.safety.schema import fault_of, read_as
+    from fracid.schemas.result import ResultBlock
+    from fracid.schemas.run import FitOptions
 
     if finished:
         path = folder / "result.json"
         try:
-            result = read_as(path, RESULT, "fracid fit PROJECT")
+            result = read_as(path, ResultBlock, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"The fit in {folder} was finished, but {path} cannot be read; fit it again.") from None
         if json_:
@@ -129,7 +130,7 @@ def _fit(folder: Path, options: Any, finished: bool, jobs: int, json_: bool, tru
         else:
             typer.echo(printable(f"{folder} is finished; its result is {path}."))
         return
-    if fault := fault_of(options, FIT_OPTIONS):
+    if fault := fault_of(options, FitOptions):
         raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
     how = {name: options[name] for name in ASKED}
     ran = run_fit(Path(str(options["project"])), folder, jobs=jobs, quiet=json_, resume=True, trust=trust, **how)
@@ -161,8 +162,11 @@ def _typed_again(
 
 def said_command(folder: Path) -> tuple[list[str], Path]:
     """What was typed for a study, and where, by its environment.json."""
+    from fracid.safety.schema import read_as
+    from fracid.schemas.run import EnvironmentBlock
+
     try:
-        said = read_as(folder / "environment.json", ENVIRONMENT, "the command itself")
+        said = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
         if "\0" in "".join([*said["command"], said["directory"]]):
             raise KeyError("command")
         return said["command"], Path(said["directory"])

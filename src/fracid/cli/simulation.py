@@ -16,7 +16,7 @@ import typer
 
 from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import METHODS, RIGS, ZEROS, from_run, one_of
+from fracid.cli.completion import ZEROS, from_run, key_of, one_of
 from fracid.errors import DataError, InputError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def simulate(
         typer.Argument(
             metavar="RIG|PROJECT|RUN",
             help="A rig's name, a project, a run; or my_rig.py:model.",
-            autocompletion=one_of(*RIGS),
+            autocompletion=key_of("rigs"),
         ),
     ],
     order: Annotated[
@@ -78,9 +78,7 @@ def simulate(
     ] = None,
     method: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="pi2, pi3, pi2-implicit, gl, gl-sequential, gl-paper.", autocompletion=one_of(*METHODS)
-        ),
+        typer.Option(metavar="NAME", help="{methods}.", autocompletion=key_of("methods")),
     ] = None,
     input_: Annotated[
         str | None,

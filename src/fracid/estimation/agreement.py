@@ -20,6 +20,8 @@ from fracid.errors import InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Experiment, Problem
+from fracid.safety.schema import as_json
+from fracid.schemas.result import SpreadBlock
 
 __all__ = ["Spread", "spread"]
 
@@ -71,19 +73,16 @@ class Spread:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-
-        def numbers(row: FloatArray) -> list[float | None]:
-            return [v if math.isfinite(v) else None for v in row.tolist()]
-
-        return {
-            "recordings": list(self.recordings),
+        deviation, birge = self.standard_deviation, self.birge
+        return as_json(SpreadBlock, {
+            "recordings": self.recordings,
             "unknowns": {
-                n: {"values": numbers(self.values[:, i]), "standard_errors": numbers(self.standard_error[:, i]),
-                    "standard_deviation": numbers(self.standard_deviation)[i], "birge": numbers(self.birge)[i]}
+                n: {"values": self.values[:, i].tolist(), "standard_errors": self.standard_error[:, i].tolist(),
+                    "standard_deviation": deviation[i], "birge": birge[i]}
                 for i, n in enumerate(self.names)
             },
-            "sentences": list(self.sentences()),
-        }  # fmt: skip
+            "sentences": self.sentences(),
+        })  # fmt: skip
 
 
 def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:

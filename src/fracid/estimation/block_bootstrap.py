@@ -40,7 +40,6 @@ from fracid.errors import InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Problem
-from fracid.problem.costs import ABSOLUTE
 from fracid.problem.portable import Portable, portable_memory
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -217,6 +216,12 @@ def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, medi
     return np.asarray(drawn - np.tile(mean, (len(starts), 1))[:n])
 
 
+def _rests_on_median(problem: Problem) -> bool:
+    """Whether the minimum of the loss rests on the residuals' median."""
+    loss = problem.cost_function.loss
+    return loss is not None and loss.centre == "median"
+
+
 def _stepped(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
 ) -> list[FloatArray]:
@@ -234,7 +239,7 @@ def _stepped(
     if isinstance(shape, str):
         raise InputError(f"There is no Newton step: {shape}.")
 
-    median = problem.cost_function.loss is ABSOLUTE
+    median = _rests_on_median(problem)
 
     def step(rng: np.random.Generator) -> FloatArray:
         drawn = [resampled(e, length, rng, median=median) for e in errors]
@@ -260,7 +265,7 @@ def _redrawn(
 ) -> list[float] | None:
     """One draw."""
     problem = portable.problem
-    median = problem.cost_function.loss is ABSOLUTE
+    median = _rests_on_median(problem)
     records = tuple(
         replace(e, measured=e.measured - error + resampled(error, length, rng, median=median))
         for e, error in zip(problem.experiments, errors, strict=True)

@@ -46,7 +46,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -57,6 +57,8 @@ from fracid.estimation.covariance import METHODS, NORMAL_95
 from fracid.estimation.profile_walk import LOWER, THRESHOLD, THRESHOLD_2, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Style, draw
 from fracid.problem import Problem
+from fracid.safety.schema import as_json
+from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,20 +113,10 @@ class Profile:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values, without the other unknowns along the way."""
-        return {
-            "value": self.best,
-            "unit": self.unit,
-            "interval95": list(self.interval95),
-            "method": METHODS["profile"],
-            "wald95": None if self.wald95 is None else list(self.wald95),
-            "wald_method": METHODS["sandwich"],
-            "verdict": self.verdict,
-            "sentence": self.sentence,
+        return as_json(ProfileBlock, vars(self) | {
+            "method": METHODS["profile"], "wald_method": METHODS["sandwich"], "sentence": self.sentence,
             "ends": [end.value for end in self.ends],
-            "values": self.values.tolist(),
-            "rise": self.rise.tolist(),
-            "cost": self.cost.tolist(),
-        }
+        })  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -145,31 +137,19 @@ class JointProfile:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {
-            "names": list(self.names), "units": list(self.units), "best": list(self.best),
-            "first": self.first.tolist(), "second": self.second.tolist(), "threshold": THRESHOLD_2,
-            "rise": [[w if math.isfinite(w) else None for w in row] for row in self.rise.tolist()],
-            "correlation": self.correlation if math.isfinite(self.correlation) else None,
-        }  # fmt: skip
+        return as_json(JointBlock, vars(self) | {"threshold": THRESHOLD_2})
 
 
-def _profile_of(name: str, said: Mapping[str, Any], unknowns: int) -> Profile:
-    values = np.array(said["values"])
-    low, high = said["interval95"]
-    below, above = map(End, said["ends"])
-    wald = None if said["wald95"] is None else (said["wald95"][0], said["wald95"][1])
-    return Profile(name, said["unit"], said["value"], values, np.array(said["rise"]), np.array(said["cost"]),
-                   np.full((values.size, unknowns), math.nan), (below, above), (low, high), wald,
-                   said["verdict"])  # fmt: skip
+def _profile_of(name: str, block: ProfileBlock, unknowns: int) -> Profile:
+    own: dict[str, Any] = {f.name: getattr(block, f.name, name) for f in fields(Profile) if f.name != "points"}
+    arrays = {key: np.array(own[key]) for key in ("values", "rise", "cost")}
+    points = np.full((len(block.values), unknowns), math.nan)
+    return Profile(**own | arrays | {"points": points, "ends": tuple(map(End, block.ends))})
 
 
-def _joint_of(said: Mapping[str, Any]) -> JointProfile:
-    one, other = said["names"]
-    first_unit, second_unit = said["units"]
-    rise = np.array([[math.inf if w is None else w for w in row] for row in said["rise"]])
-    correlation = math.nan if said["correlation"] is None else said["correlation"]
-    return JointProfile((one, other), (first_unit, second_unit), (said["best"][0], said["best"][1]),
-                        np.array(said["first"]), np.array(said["second"]), rise, correlation)  # fmt: skip
+def _joint_of(block: JointBlock) -> JointProfile:
+    own: dict[str, Any] = {f.name: getattr(block, f.name) for f in fields(JointProfile)}
+    return JointProfile(**own | {key: np.array(own[key]) for key in ("first", "second", "rise")})
 
 
 @dataclass(frozen=True)
@@ -187,14 +167,14 @@ class Profiles:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {
+        return as_json(ProfilesBlock, {
             "cost": {"name": self.problem.cost_function.name, "value": self.cost},
             "minimum": dict(zip(self.problem.names, self.x.tolist(), strict=True)),
             "threshold": None if self.problem.cost_function.loss is None else THRESHOLD,
             "profiles": {n: p.to_json() for n, p in self.profiles.items()},
             "joint": None if self.joint is None else self.joint.to_json(),
-            "notes": list(self.notes),
-        }
+            "notes": self.notes,
+        })  # fmt: skip
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any], problem: Problem) -> Profiles:
@@ -207,11 +187,11 @@ class Profiles:
         problem : Problem
             That was profiled.
         """
-        joint = said.get("joint")
-        x = np.array([said["minimum"][n] for n in problem.names])
-        profiles = {n: _profile_of(n, p, len(x)) for n, p in said["profiles"].items()}
-        return cls(problem, x, said["cost"]["value"], profiles, None if joint is None else _joint_of(joint),
-                   tuple(said["notes"]))  # fmt: skip
+        block = ProfilesBlock.model_validate(said)
+        x = np.array([block.minimum[n] for n in problem.names])
+        profiles = {n: _profile_of(n, p, len(x)) for n, p in block.profiles.items()}
+        joint = None if block.joint is None else _joint_of(block.joint)
+        return cls(problem, x, block.cost.value, profiles, joint, tuple(block.notes))
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """The rise of the cost over each unknown, and its threshold; see :func:`fracid.plots.profiles`.

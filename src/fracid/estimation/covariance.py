@@ -96,6 +96,9 @@ __all__ = [
 _Seen = tuple[list[FloatArray], list[FloatArray]]
 """Errors and Jacobian of each recording, shapes (n_samples, n_outputs) and (n_samples, n_outputs, n_free)."""
 
+LEAST_SHIFT = 1e-4
+"""An order that moves by less does not matter, however narrow its interval."""
+
 NORMAL_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
 

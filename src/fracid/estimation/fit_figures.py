@@ -157,12 +157,12 @@ class FitPictures:
         Raises
         ------
         InputError
-            If the model is no rotary pendulum.
+            If the model says nothing of its shape.
         """
-        C1 = self.parameters.get("C1")
-        known = C1 is not None and C1.identifiable == "identifiable"
         model = self.problem.model
-        return (model.with_parameters(C1=C1.value) if C1 is not None and known else model).plot(style=style)
+        names = () if model.drawing is None else model.drawing.as_found
+        found = {n: e.value for n in names if (e := self.parameters.get(n)) and e.identifiable == "identifiable"}
+        return model.with_parameters(**found).plot(style=style)
 
     def plot_starts(self: Fitted, *, style: str | Style = "screen") -> Figure:
         """Where each start of the search ended, sorted; see :func:`fracid.plots.waterfall`.

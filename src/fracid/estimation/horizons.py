@@ -5,6 +5,7 @@ short part of the record, and lengthens it as long as the fit holds."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,6 +27,7 @@ from fracid.optimise import (
     minimise,
 )
 from fracid.problem import Experiment, Problem
+from fracid.signals.swing import common_period
 
 __all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
 
@@ -164,18 +166,14 @@ def horizons(problem: Problem) -> Iterator[float]:
     Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.
     """
     whole = max(e.time[-1] for e in problem.experiments)
-    horizon = max(_period(e) for e in problem.experiments)
+    horizon = max(_first_horizon(e) for e in problem.experiments)
     while horizon < 0.75 * whole:
         yield horizon
         horizon *= 1.5
 
 
-def _period(e: Experiment) -> float:
-    """The period at the peak of the spectrum of the output that varies most [s].
-
-    A peak below three periods a record is drift, not swinging: then a sixteenth of the record.
-    """
-    swings = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
-    spectrum = np.abs(np.fft.rfft(swings - np.mean(swings)))
-    peak = int(np.argmax(spectrum))
-    return float(e.time[-1]) / (peak if peak >= 3 else 16)
+def _first_horizon(e: Experiment) -> float:
+    """One swing [s], of which a whole number fills the record; a sixteenth of a record that does not swing."""
+    period = common_period(e.measured)
+    swings = round((len(e.time) - 1) / period) if math.isfinite(period) else 16
+    return float(e.time[-1]) / max(1, swings)

@@ -45,6 +45,11 @@ class Estimate:
     white95: tuple[float, float] | None = None
     """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
 
+    @property
+    def interval_method(self) -> str | None:
+        """How the interval was made: a key of :data:`fracid.estimation.covariance.METHODS`."""
+        return None if self.interval95 is None else "sandwich"
+
 
 @dataclass(frozen=True)
 class RecordingFit:
@@ -69,6 +74,21 @@ class RecordingFit:
     """Output → its unit; rad where it says nothing."""
     zero: str = ""
     """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
+
+    @property
+    def samples(self) -> int:
+        """How many were used."""
+        return len(self.time)
+
+    @property
+    def begin(self) -> float:
+        """The first time [s]."""
+        return float(self.time[0])
+
+    @property
+    def end(self) -> float:
+        """The last time [s]."""
+        return float(self.time[-1])
 
     def unit(self, output: str) -> str:
         """The unit of an output, rad for an angle."""

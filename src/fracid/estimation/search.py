@@ -38,6 +38,8 @@ from fracid.estimation.starts import Start
 from fracid.optimise import Evaluation, Optimiser, Outcome, Result, optimiser_from_name, sobol_points
 from fracid.problem import Problem
 from fracid.problem.portable import Portable, portable_memory
+from fracid.safety.schema import as_json
+from fracid.schemas.run import EndBlock
 from fracid.tasks.job import Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
@@ -46,10 +48,6 @@ __all__ = ["search"]
 
 CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
-
-POLISHED = ("differential-evolution", "cma", "nelder-mead")
-"""Optimisers whose best point least squares goes on from.  The paper's genetic algorithm keeps its own, and the
-examination of a fit says what it missed."""
 
 
 def search(
@@ -91,9 +89,10 @@ def search(
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
     watch, options = watch or Watch(), options or {}
-    if name != "multistart":
-        found = minimised(problem, optimiser_from_name(name)(problem.space, rng, **options), jobs, watch)
-        return (_polished(problem, found, jobs, watch) if name in POLISHED else found), ()
+    optimiser = optimiser_from_name(name)
+    if optimiser.function is not None:
+        found = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
+        return (_polished(problem, found, jobs, watch) if optimiser.polish else found), ()
     points = [("given", problem.start)]
     if at_least("starts", starts, 1) > 1:
         points += _regression_start(problem)
@@ -159,24 +158,17 @@ def _scattered(
     problem = replace(problem, memory=portable_memory(problem.memory.name))
     tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
     ended = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
+    ends = [EndBlock.model_validate(content) for content in ended]
     starts = tuple(
-        Start(origin, x, _infinite(e["first_cost"]), np.array(e["end"]), _infinite(e["cost"]), e["ended"],
-              e["evaluations"])
-        for (origin, x), e in zip(points, ended, strict=True)
-    )  # fmt: skip
+        Start(origin, x, e.first_cost, np.array(e.end), e.cost, e.ended, e.evaluations)
+        for (origin, x), e in zip(points, ends, strict=True)
+    )
     watch.count += sum(s.evaluations for s in starts)
-    best = min(ended, key=lambda e: _infinite(e["cost"]))
-    return Result(problem.evaluate(np.array(best["end"])), Outcome(best["outcome"]), watch.count), starts
+    best = min(ends, key=lambda e: e.cost)
+    return Result(problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
 
 
 def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
     found, (start,) = grown_horizon(portable.problem, [(origin, x)], 1, Watch())
-    first, last = (c if c is not None and np.isfinite(c) else None for c in (start.first_cost, start.cost))
-    return {"first_cost": first, "end": start.end.tolist(), "cost": last, "ended": start.ended,
-            "outcome": found.outcome.value, "evaluations": start.evaluations}  # fmt: skip
-
-
-def _infinite(cost: float | None) -> float:
-    """A cost from JSON, which knows no infinity."""
-    return np.inf if cost is None else cost
+    return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": found.outcome.value})

@@ -18,34 +18,10 @@ from numpy.typing import ArrayLike
 
 from fracid._version import __version__
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion
-from fracid.models.geometry import is_pendulum
-from fracid.models.pendulum import GRAVITY
+from fracid.export.recursion import Case, Recursion
 from fracid.problem.problem import LIMIT
 
 __all__ = ["c_model"]
-
-RHS = """\
-/* Right-hand side of the rotary pendulum, alpha = 0 is $zero. */
-static void right_hand_side(const double x[], const double u[], double f[])
-{
-    const double theta_rate = x[1], alpha = x[2] - alpha_rest, alpha_rate = x[3];
-    const double s = sin(alpha), c = cos(alpha), s2 = 2 * s * c;
-    double f_theta = torque_per_volt * u[0] - cable_stiffness * (x[0] - theta_rest)
-        - (b_theta + drag_theta * fabs(theta_rate) + C6 * s2 * alpha_rate) * theta_rate
-        + C3 * s * alpha_rate * alpha_rate;                                          /* (9) */
-    double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * theta_rate * theta_rate
-        - (b_alpha + drag_alpha * fabs(alpha_rate)) * alpha_rate;                     /* (10) */
-    if (coulomb_theta != 0) f_theta -= coulomb_theta * tanh(theta_rate / slip_speed);
-    if (coulomb_alpha != 0) f_alpha -= coulomb_alpha * tanh(alpha_rate / slip_speed);
-    const double M11 = J_theta + C6 * s * s, M12 = C3 * c;                            /* (8) */
-    const double det = fmax(M11 * C1 - M12 * M12, 0);
-    f[0] = theta_rate;
-    f[1] = (C1 * f_theta - M12 * f_alpha) / det;                                      /* (1) */
-    f[2] = alpha_rate;
-    f[3] = (M11 * f_alpha - M12 * f_theta) / det;
-}
-"""
 
 STATE_PI = """\
     double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
@@ -75,7 +51,7 @@ UPDATES = {
         x[i] = s->origin[i] + gain[i] * f[i] - H[i];
     }""",
 }
-"""Of ``gl``; of ``gl-sequential``."""
+"""All states at once; the last state first."""
 
 
 def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
@@ -107,13 +83,14 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     >>> list(c_model(Recursion.of(problem, problem.start), Case.of(problem, problem.start, swing), "runs/twin"))
     ['fracid_model.h', 'fracid_model.c']
     """
-    if not is_pendulum(tables.model):
+    if tables.model.written is None or "c" not in tables.model.written.code:
         raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as C.")
-    third, gl, model = tables.method == "pi3", tables.method.startswith("gl"), tables.model
+    scheme, exported, model = tables.scheme, tables.exported, tables.model
+    third, gl = scheme.family == "pi3", scheme.family == "gl"
     state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
     sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
     words = {
-        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": SCHEMES[tables.method],
+        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
         "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
         "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
@@ -122,12 +99,11 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
         "inputs_when": "u at the end of the step" + ", for the next" * gl,
         "sizes": _sizes(tables), "more_state": state,
         "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes),
-        "tables": _tables(tables, case, gl), "rhs": Template(RHS).substitute(
-            zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
+        "tables": _tables(tables, case, gl), "rhs": tables.model.written.code["c"],
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
-        "sweeps": 0 if tables.method == "pi2-implicit" else 1, "always": int(third),
-        "origin": "0" if tables.method == "gl-paper" else "x0[i]", "update": UPDATES[tables.method == "gl-sequential"],
+        "sweeps": 0 if exported.newton else 1, "always": int(third),
+        "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
     source = "model_gl.c.in" if gl else "model_pi.c.in"
     return {name: _template(file).substitute(words)

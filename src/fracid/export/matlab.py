@@ -20,32 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.export.recursion import SCHEMES, Case, Recursion
-from fracid.models.geometry import is_pendulum
-from fracid.models.pendulum import GRAVITY
+from fracid.export.recursion import Case, Recursion
 from fracid.problem.problem import LIMIT
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
 
 __all__ = ["matlab_model", "matlab_results", "no_program", "of_recording", "write_results"]
-
-RHS = """\
-function f = rhs(x, u, p)
-% Right-hand side of the rotary pendulum, alpha = 0 is $zero: D^lambda theta = x(2), D^mu alpha = x(4).
-  theta_rate = x(2);  alpha = x(3) - p.alpha_rest;  alpha_rate = x(4);
-  s = sin(alpha);  c = cos(alpha);  s2 = 2 * s * c;
-  f_theta = p.torque_per_volt * u(1) - p.cable_stiffness * (x(1) - p.theta_rest) ...
-    - (p.b_theta + p.drag_theta * abs(theta_rate) + p.C6 * s2 * alpha_rate) * theta_rate ...
-    + p.C3 * s * alpha_rate ^ 2 - p.coulomb_theta * tanh(theta_rate / p.slip_speed);                      % (9)
-  f_alpha = $gravity p.C4 * s + 0.5 * p.C6 * s2 * theta_rate ^ 2 ...
-    - (p.b_alpha + p.drag_alpha * abs(alpha_rate)) * alpha_rate ...
-    - p.coulomb_alpha * tanh(alpha_rate / p.slip_speed);                                                  % (10)
-  M11 = p.J_theta + p.C6 * s ^ 2;  M12 = p.C3 * c;                                                        % (8)
-  d = max(M11 * p.C1 - M12 ^ 2, 0);  % det(M)
-  f = [theta_rate; (p.C1 * f_theta - M12 * f_alpha) / d; alpha_rate; (M11 * f_alpha - M12 * f_theta) / d]; % (1)
-end
-"""
 
 
 def no_program(run: SavedRun) -> str:
@@ -56,7 +37,8 @@ def no_program(run: SavedRun) -> str:
     >>> no_program.__name__
     'no_program'
     """
-    if is_pendulum(run.problem.model):
+    written = run.problem.model.written
+    if written is not None and written.code:
         return ""
     return (
         f"The model {run.problem.model.name!r} is a Python program of yours, which fracid does not translate: there is "
@@ -94,24 +76,24 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> text.splitlines()[0]
     'function [t, x] = model(x0, u, n, h, p)'
     """
-    if not is_pendulum(tables.model):
+    if tables.model.written is None or "matlab" not in tables.model.written.code:
         raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as MATLAB code.")
-    third, implicit, raw = tables.method == "pi3", tables.method == "pi2-implicit", tables.method == "gl-paper"
-    model = tables.model
-    template = "model_gl.m.in" if tables.method.startswith("gl") else "model_pi.m.in"
+    scheme, exported, model = tables.scheme, tables.exported, tables.model
+    third = scheme.family == "pi3"
+    template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
     rows = np.array(tables.row)
     return Template((files("fracid.export") / template).read_text(encoding="utf-8")).substitute(
         what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
         states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
         state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
         order_values=tables.order_values,
-        method=tables.method, scheme=SCHEMES[tables.method], memory=tables.memory, longest=tables.steps,
+        method=tables.method, scheme=exported.words, memory=tables.memory, longest=tables.steps,
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
         predictor="in a parabola" if third else "in a straight line",
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
-        sweeps="0" if implicit else "1", always="true" if third else "false",
-        origin="zeros(states, 1)" if raw else "past(:, 1)", update=_UPDATES[tables.method == "gl-sequential"],
-        rhs=Template(RHS).substitute(zero=model.zero, gravity="+-"[GRAVITY[model.zero] < 0]),
+        sweeps="0" if exported.newton else "1", always="true" if third else "false",
+        origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
+        rhs=tables.model.written.code["matlab"],
         parameters=_parameters(tables), tables=_tables(tables, rows),
     )  # fmt: skip
 
@@ -132,7 +114,7 @@ def _parameters(tables: Recursion) -> str:
 
 def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
     """The function that gives k, a row for each distinct order, spread over the states."""
-    gl = tables.method.startswith("gl")
+    gl = tables.scheme.family == "gl"
     M = tables.modes
 
     def wide(name: str) -> FloatArray:

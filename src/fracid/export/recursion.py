@@ -34,28 +34,18 @@ from fracid.models import Model
 from fracid.problem import Experiment, Problem
 from fracid.solver.compilation import when_called
 from fracid.solver.memory import compressed
-from fracid.solver.methods import METHODS
+from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
 from fracid.solver.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
 from fracid.solver.weights import Kernel, third_weights, trapezoidal_weights
 
-__all__ = ["SCHEMES", "Case", "Recursion"]
+__all__ = ["Case", "Recursion"]
 
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""
 
 SHORTEST = 10_000
 """Steps that an exported memory holds at least: below 65 :mod:`fracid.solver.memory` would keep all."""
-
-SCHEMES = {
-    "pi2": "product trapezoidal rule, second order",
-    "pi3": "product rule of third order",
-    "pi2-implicit": "product trapezoidal rule, Newton's method at every step",
-    "gl": "Grünwald-Letnikov on x - x(0), explicit",
-    "gl-sequential": "Grünwald-Letnikov on x - x(0), the last state first",
-    "gl-paper": "Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it",
-}
-"""In words, for the head of a file."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +105,25 @@ class Recursion:
     """The n at which the corrections are known; parabolas between, shape (n_knots,), an odd number."""
     errors: FloatArray
     """E, shape (n_rows, n_corrections, n_knots)."""
+
+    @property
+    def scheme(self) -> Method:
+        """What is known of the method."""
+        return METHODS[self.method]
+
+    @property
+    def exported(self) -> Exported:
+        """How another language steps alike.
+
+        Raises
+        ------
+        InputError
+            If there is no template for the method.
+        """
+        if self.scheme.exported is None:
+            written = ", ".join(name for name, method in METHODS.items() if method.exported)
+            raise InputError(f"The method {self.method} is written in no other language; fit with one of {written}.")
+        return self.scheme.exported
 
     @property
     def order_values(self) -> str:

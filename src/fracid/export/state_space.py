@@ -48,11 +48,11 @@ from fracid.export.matlab import of_recording
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
 from fracid.models import Model
-from fracid.models.geometry import is_pendulum
 from fracid.problem import Problem
 from fracid.problem.problem import LIMIT
 from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
+from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
 from fracid.units import with_unit
@@ -430,10 +430,10 @@ class IntegerModel:
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
         """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
-        if is_pendulum(self.model):
-            p, posture = _moving(self.model, self.parameters), _postures(self.model, self.parameters)
-            own = self.parameters[self.model.parameter_names.index("torque_per_volt")]
-            inputs = self.model.inputs if own != 0 else ("torque",)
+        if self.model.postures is not None:
+            p, own = _moving(self.model, self.parameters), _by_name(self.model, self.parameters)
+            inputs = self.model.inputs if own.get(self.model.drive) != 0 else ("torque",)
+            posture = self.model.postures(self.model, own)
             return {name: replace(self.linearised(name, x, p), inputs=inputs) for name, x in posture.items()}
         from scipy.optimize import root
 
@@ -457,7 +457,7 @@ class IntegerModel:
     def _exact_step(self, linear: LinearModel, h: float, points: int) -> FloatArray:
         """By the solver, from an input too small for anything but the linear part."""
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))
-        p = _moving(self.model, self.parameters) if is_pendulum(self.model) else self.parameters
+        p = _moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
         equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p))
@@ -558,11 +558,11 @@ def sentences(run: SavedRun, found: IntegerModel) -> Iterator[str]:
     yield from _fidelity(run, found)
     for posture, linear in found.linear.items():
         yield from (f"About {posture} it {mode}." for mode in linear.modes)
-    if is_pendulum(found.model):
-        p = dict(zip(found.model.parameter_names, found.parameters.tolist(), strict=True))
-        if p["coulomb_theta"] or p["coulomb_alpha"]:
+    if found.model.postures is not None:
+        p = _by_name(found.model, found.parameters)
+        if any(p[name] != kind.off for name, kind in found.model.friction.items() if kind.dry):
             yield "The linear models are of the rig in motion: without dry friction, which has no linear part there."
-        if p["torque_per_volt"] == 0:
+        if p.get(found.model.drive) == 0:
             yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
 
 
@@ -572,9 +572,7 @@ def _fidelity(run: SavedRun, found: IntegerModel) -> Iterator[str]:
     if e.past is not None:
         return
     case = of_recording(run, e.name)
-    exact = (
-        replace(p, method="pi2").simulate(run.x, e).states if p.method.startswith("gl") else p.simulate(run.x, e).states
-    )
+    exact = (replace(p, method="pi2") if METHODS[p.method].convergence_order < 2 else p).simulate(run.x, e).states
     errors = follows(found, case, exact)
     if not all(map(math.isfinite, errors.values())):
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."
@@ -596,18 +594,17 @@ def follows(found: IntegerModel, case: Case, exact: FloatArray) -> dict[str, flo
             for n, i in found.model.outputs.items()}  # fmt: skip
 
 
-def _postures(model: Model, parameters: FloatArray) -> dict[str, FloatArray]:
-    p = dict(zip(model.parameter_names, parameters.tolist(), strict=True))
-    theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
-    other = {"hanging": "upright", "upright": "hanging"}[model.zero]
-    turned = {model.zero: 0.0, other: math.pi}
-    return {n: np.array([theta, 0.0, p["alpha_rest"] + turned[n], 0.0]) for n in ("hanging", "upright")}
+def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
+    return dict(zip(model.parameter_names, parameters.tolist(), strict=True))
 
 
 def _moving(model: Model, parameters: FloatArray) -> FloatArray:
-    """Without dry friction; the input is the torque where a voltage does nothing."""
-    p = dict(zip(model.parameter_names, parameters.tolist(), strict=True))
-    p |= {"coulomb_theta": 0.0, "coulomb_alpha": 0.0, "torque_per_volt": p["torque_per_volt"] or 1.0}
+    """In motion about a posture: without dry friction; the input is the torque where a voltage does nothing."""
+    if model.postures is None:
+        return parameters
+    p = _by_name(model, parameters) | {name: kind.off for name, kind in model.friction.items() if kind.dry}
+    if model.drive:
+        p[model.drive] = p[model.drive] or 1.0
     return np.array(list(p.values()))
 
 

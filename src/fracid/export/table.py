@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fracid.files import json_number
 from fracid.safety.text import csv_cell, file_stems
 
 if TYPE_CHECKING:
@@ -46,23 +47,19 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
         e = experiments[name]
         driven = len(e.inputs) > 1
         tables[names[name]] = _csv(recording, dict(zip(run.problem.model.inputs, e.inputs.T, strict=True))
-                                   if driven else {})  # fmt: skip
+                                   if driven else {}, run.problem.model.input_units)  # fmt: skip
     return tables
 
 
-def _csv(recording: RecordingFit, inputs: Mapping[str, Any]) -> str:
+def _csv(recording: RecordingFit, inputs: Mapping[str, Any], units: Mapping[str, str]) -> str:
     columns = {"time [s]": recording.time}
     for output in recording.measured:
         columns[f"{output} measured [{recording.unit(output)}]"] = recording.measured[output]
         columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
         columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
-    columns |= {f"{name} [{UNITS.get(name, 'SI')}]": u for name, u in inputs.items()}
+    columns |= {f"{name} [{units.get(name, 'SI')}]": u for name, u in inputs.items()}
     rows = (",".join(_field(v) for v in row) for row in np.column_stack(list(columns.values())).tolist())
     return "\r\n".join([",".join(map(_heading, columns)), *rows, ""])
-
-
-UNITS = {"voltage": "V", "torque": "N m"}
-"""Of the rotary pendulum's inputs."""
 
 
 def _heading(text: str) -> str:
@@ -105,4 +102,4 @@ def json_text(run: SavedRun, **more: Any) -> str:
 
 
 def _lists(signals: Mapping[str, Any]) -> dict[str, list[float | None]]:
-    return {n: [v if np.isfinite(v) else None for v in y.tolist()] for n, y in signals.items()}
+    return {n: [json_number(v) for v in y.tolist()] for n, y in signals.items()}

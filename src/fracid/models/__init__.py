@@ -6,13 +6,16 @@ to have                 take
 the paper's pendulum    :func:`rotary_pendulum`, with a rig of :data:`RIGS` and any constant overridden
 its constants           :func:`lumped_constants`, from masses and lengths
 your own system         a :class:`Model`; the numbered list in :mod:`fracid.models.base` shows how
+what is friction in it  :mod:`fracid.models.friction`
 what a file names       :func:`model_from_name`: "rotary-pendulum", or "my_rig.py:model"
 ======================  ================================================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import pkgutil
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +38,15 @@ __all__ = [
     "rotary_pendulum",
 ]
 
-MODELS = {"rotary-pendulum": rotary_pendulum}
-"""The built-in models, by the name a project file gives them."""
+
+def _collected() -> dict[str, Callable[..., Model]]:
+    """What the files of this folder offer."""
+    files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)]
+    return {name: build for file in files for name, build in getattr(file, "MODEL", {}).items()}
+
+
+MODELS = _collected()
+"""The built-in models, by the name a project file gives them: a new one is a file here with its ``MODEL``."""
 
 
 def model_from_name(
@@ -84,7 +94,7 @@ def model_from_name(
         return _built(_attribute(name, Path(folder)), options, name).with_parameters(**values)
     if name not in MODELS:
         raise unknown_name('model (a user\'s own is written "my_rig.py:model")', name, tuple(MODELS))
-    return MODELS[name](**{**values, **options})  # type: ignore[arg-type]
+    return MODELS[name](**{**values, **options})
 
 
 def _attribute(name: str, folder: Path) -> Any:

@@ -21,6 +21,9 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
 5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
 6. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
+7. What is friction is told by its name, ``b_…``, ``coulomb_…``, ``drag_…``, ``cable_…``, or by the parameter's
+   ``friction`` (:mod:`fracid.models.friction`).  The other fields of :class:`Model` may stay empty: they are what the
+   reports, figures and exports of our own models ask for.
 
 >>> import math
 >>> def rhs(t, x, u, p, out):
@@ -41,20 +44,22 @@ array([0.95, 0.95])
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
+from fracid.models.friction import BY_NAME, Friction
+from fracid.models.geometry import RigGeometry
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Model", "Parameter", "RightHandSide"]
+__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Parameter", "RightHandSide", "Written"]
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
@@ -92,6 +97,10 @@ class Parameter:
     """Below it the model means nothing [unit]."""
     upper: float = math.inf
     """Above it the model means nothing [unit]."""
+    symbol: tuple[str, str] | None = None
+    """Letter and index, as equations write it; None for the name."""
+    friction: Friction | None = None
+    """What it is if it is friction; None where its name is to say (:data:`fracid.models.friction.BY_NAME`)."""
 
     def __post_init__(self) -> None:
         """Refuse what is no number or lies outside the bounds."""
@@ -104,6 +113,53 @@ class Parameter:
                 f"parameter {self.name} = {self.value!r} {self.unit} is outside its physical bounds"
                 f" [{self.lower:g}, {self.upper:g}]: give a value inside them"
             )
+
+
+@dataclass(frozen=True)
+class Angle:
+    """What a model says of an output that is an angle."""
+
+    rest: str = ""
+    """The parameter that is its value at rest or the offset of its zero; "" for none."""
+    of_zero: bool = False
+    """Whether :attr:`Model.zero` says where it is zero: the pendulum's."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """A right-hand side in the forms that people and other languages read."""
+
+    of: RightHandSide
+    """Which one: a model with another has no such forms."""
+    equations: Callable[[Any, Model, Mapping[str, Any], bool], Iterable[tuple[Any, ...]]]
+    """(writer, model, orders, driven) → for each equation its left side and the rows of its right side;
+    :class:`fracid.report.equations.Writer` is what writes them."""
+    code: Mapping[str, str] = field(default_factory=dict)
+    """Language, ``matlab`` or ``c`` → the function, as the templates of :mod:`fracid.export` call it."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How a rig is drawn to scale."""
+
+    shape: Callable[[Model], RigGeometry]
+    """From the constants."""
+    as_found: tuple[str, ...] = ()
+    """Constants that a drawing of a fit takes as found, where they are identifiable."""
+
+
+@dataclass(frozen=True)
+class LinearTerms:
+    """The equations as Σ columns · constants = 0, for :mod:`fracid.regression`: of an arm and a pendulum at its end."""
+
+    names: tuple[str, ...]
+    """Of the constants, in the order of the columns; ``cable_offset`` is −stiffness · rest."""
+    lumped: tuple[str, ...]
+    """Those that are looked for if nobody says."""
+    pendulum: tuple[str, ...]
+    """Those of the equation of the pendulum alone."""
+    columns: Callable[..., tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]]
+    """(model, θ, α, (x₂, D^λ x₂), (x₄, D^μ x₄), drive) → the arm's and the pendulum's by name, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -153,11 +209,53 @@ class Model:
     integer_orders: Mapping[str, float | None] = field(default_factory=dict)
     """Order → its value, 0 or 1, in the integer-order model that a fractional fit is held against; None where there is
     none.  1 for those left out."""
+    angles: Mapping[str, Angle] = field(default_factory=dict)
+    """Output → what there is to say of it, for those that are angles."""
+    input_units: Mapping[str, str] = field(default_factory=dict)
+    """Input → its unit; SI where it says nothing."""
+    drive: str = ""
+    """The parameter that makes a torque of the input; "" where there is none."""
+    seen_in: Mapping[str, str] = field(default_factory=dict)
+    """Order → the output without which it can hardly be seen."""
+    written: Written | None = None
+    """Its equations and its code; None for a program."""
+    drawing: Drawing | None = None
+    """None for one that cannot be drawn."""
+    postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
+    """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
+    linear_terms: LinearTerms | None = None
+    """None for one that no linear regression knows."""
 
     def __post_init__(self) -> None:
         """Check that the fields fit together, so that no later layer has to."""
         _check_names(self)
         _check_shapes(self)
+        if self.written is not None and getattr(self.rhs, "py_func", self.rhs) is not self.written.of:
+            object.__setattr__(self, "written", None)
+
+    @property
+    def friction(self) -> dict[str, Friction]:
+        """What of the parameters is friction, by name, in their order.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> [name for name, kind in rotary_pendulum().friction.items() if kind.dry]
+        ['coulomb_theta', 'coulomb_alpha']
+        """
+        kinds = {p.name: p.friction or next((k for b, k in BY_NAME.items() if p.name.startswith(b)), None)
+                 for p in self.parameters}  # fmt: skip
+        return {name: kind for name, kind in kinds.items() if kind is not None}
+
+    @property
+    def rests(self) -> tuple[str, ...]:
+        """Parameters that say where something rests, ``…_rest``: each recording has its own."""
+        return tuple(name for name in self.parameter_names if name.endswith("_rest"))
+
+    @property
+    def pendulum(self) -> str:
+        """The output that :attr:`zero` is of; "" where there is none."""
+        return next((name for name, angle in self.angles.items() if angle.of_zero), "")
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -288,6 +386,24 @@ class Model:
             x[index[name]] = value
         return x
 
+    def geometry(self) -> RigGeometry:
+        """The shape that its constants determine, and what stands for what they do not.
+
+        Raises
+        ------
+        InputError
+            If the model says nothing of its shape, or a constant that makes a length is zero.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum("qube-servo2", zero="upright").geometry().zero
+        'upright'
+        """
+        if self.drawing is None:
+            raise InputError(f"The model {self.name!r} is no rotary pendulum, whose shape alone fracid knows.")
+        return self.drawing.shape(self)
+
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Draw the rig to scale, with the zeros and positive senses of both angles: :func:`fracid.plots.rig_drawing`.
 
@@ -299,7 +415,7 @@ class Model:
         Raises
         ------
         InputError
-            If it is no rotary pendulum.
+            If the model says nothing of its shape.
 
         Examples
         --------

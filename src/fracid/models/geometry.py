@@ -23,7 +23,7 @@ with + where α = 0 is upright and − where it hangs, since the kinetic energy 
 moves ahead of the arm where α grows from hanging, and its upper end where α grows from upright.
 
 >>> import fracid
->>> shape = rig_geometry(fracid.rotary_pendulum("srv02-rotpen"))
+>>> shape = fracid.rotary_pendulum("srv02-rotpen").geometry()
 >>> round(shape.arm, 3), round(shape.pendulum, 3), round(shape.oscillation_centre, 3)
 (0.216, 0.325, 0.217)
 >>> end, tip = shape.pose(0.0, 0.1)  # the arm along x: the tip is ahead of it, along y
@@ -39,11 +39,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
-from fracid.models.base import Model
-from fracid.models.pendulum import GRAVITY, PARAMETERS, hanging, upright
 
-__all__ = ["STANDARD_GRAVITY", "RigGeometry", "is_pendulum", "is_rotary_pendulum", "rig_geometry"]
+__all__ = ["GRAVITY", "STANDARD_GRAVITY", "RigGeometry"]
+
+GRAVITY = {"upright": 1.0, "hanging": -1.0}
+"""The sign of gravity's torque at a small positive angle, by what the angle zero is."""
 
 STANDARD_GRAVITY = 9.81
 """[m/s²], as in the rigs' constants."""
@@ -91,45 +91,3 @@ class RigGeometry:
         """
         end = self.arm * self.directions(theta)[0]
         return end, end + self.pendulum * self.along(theta, alpha)
-
-
-def rig_geometry(model: Model) -> RigGeometry:
-    """The shape that a rotary pendulum's constants determine, and the rod that stands for what they do not.
-
-    Parameters
-    ----------
-    model : Model
-        From :func:`fracid.rotary_pendulum`, with any constants.
-
-    Raises
-    ------
-    InputError
-        If it is no rotary pendulum, or if a constant that makes a length is zero.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> rig_geometry(fracid.rotary_pendulum("qube-servo2", zero="upright")).zero
-    'upright'
-    """
-    if not is_rotary_pendulum(model):
-        raise InputError(f"The model {model.name!r} is no rotary pendulum, whose shape alone fracid knows.")
-    C1, C3, C4 = (model.parameter(name).value for name in ("C1", "C3", "C4"))
-    for name, value, what in (("C4", C4, "lengths are"), ("C3", C3, "the arm's length is")):
-        if value == 0.0:
-            raise InputError(f"{name} = 0: {what} made of it (l1 = g C3/C4, L = 3 g C1/(2 C4)); give it its value.")
-    scale = STANDARD_GRAVITY / C4
-    return RigGeometry(
-        scale * abs(C3), 1.5 * scale * C1, model.zero, math.copysign(1.0, C3), model.parameter("alpha_rest").value
-    )
-
-
-def is_rotary_pendulum(model: Model) -> bool:
-    """Whether it is ours, not a user's own by that name."""
-    ours = {parameter.name for parameter in PARAMETERS}
-    return ours <= set(model.parameter_names) and model.order_names == ("lambda", "mu") and model.zero in GRAVITY
-
-
-def is_pendulum(model: Model) -> bool:
-    """Tell whether the right-hand side is the rotary pendulum's, which can be written out in other languages."""
-    return getattr(model.rhs, "py_func", model.rhs) in (hanging, upright)

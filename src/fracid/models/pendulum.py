@@ -63,50 +63,101 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Literal
+from collections.abc import Iterator, Mapping
+from string import Template
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.models.base import Model, Parameter, RightHandSide
+from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide, Written
+from fracid.models.friction import COULOMB, DRAG, SPRING, VISCOUS
+from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.rigs import RIGS
 
-__all__ = ["energy", "mass_matrix", "rotary_pendulum"]
+__all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
 
 POSITIVE = 1e-12
 """Lower bound of what the equations divide by."""
 
 PARAMETERS = (
-    Parameter("C1", "kg m^2", 1.0, "pendulum inertia about its pivot (2)", lower=POSITIVE),
-    Parameter("C3", "kg m^2", 0.0, "coupling of arm and pendulum (4)"),
-    Parameter("C4", "N m", 0.0, "gravity: m2 g l2c (5)", lower=0.0),
-    Parameter("C6", "kg m^2", 0.0, "C2 - I2xx, what the pendulum adds to the arm at 90 degrees (7)"),
-    Parameter("J_theta", "kg m^2", 1.0, "arm inertia with the pendulum upright, C5 + I2xx (6)", lower=POSITIVE),
-    Parameter("b_theta", "N m s/rad", 0.0, "viscous friction of the arm"),
-    Parameter("b_alpha", "N m s/rad", 0.0, "viscous friction of the pendulum"),
-    Parameter("coulomb_theta", "N m", 0.0, "dry friction of the arm: tau_C = -f tanh(rate / slip_speed)"),
-    Parameter("coulomb_alpha", "N m", 0.0, "dry friction of the pendulum: as coulomb_theta"),
-    Parameter("slip_speed", "rad/s", 0.02, "rate above which dry friction is full (76 % at it)", lower=POSITIVE),
-    Parameter("drag_theta", "N m s^2/rad^2", 0.0, "quadratic drag of the arm"),
-    Parameter("drag_alpha", "N m s^2/rad^2", 0.0, "quadratic drag of the pendulum"),
-    Parameter("cable_stiffness", "N m/rad", 0.0, "spring of the cable on the arm"),
-    Parameter("theta_rest", "rad", 0.0, "arm angle at which the cable pulls nothing"),
-    Parameter("alpha_rest", "rad", 0.0, "offset of the pendulum encoder: true angle = alpha - alpha_rest"),
-    Parameter("torque_per_volt", "N m/V", 0.0, "motor torque on the arm at standstill"),
+    Parameter("C1", "kg m^2", 1.0, "pendulum inertia about its pivot (2)", lower=POSITIVE, symbol=("C", "1")),
+    Parameter("C3", "kg m^2", 0.0, "coupling of arm and pendulum (4)", symbol=("C", "3")),
+    Parameter("C4", "N m", 0.0, "gravity: m2 g l2c (5)", lower=0.0, symbol=("C", "4")),
+    Parameter("C6", "kg m^2", 0.0, "C2 - I2xx, what the pendulum adds to the arm at 90 degrees (7)", symbol=("C", "6")),
+    Parameter(
+        "J_theta",
+        "kg m^2",
+        1.0,
+        "arm inertia with the pendulum upright, C5 + I2xx (6)",
+        lower=POSITIVE,
+        symbol=("J", "θ"),
+    ),
+    Parameter(
+        "b_theta", "N m s/rad", 0.0, "viscous friction of the arm", symbol=("b", "θ"), friction=VISCOUS.at("theta")
+    ),
+    Parameter(
+        "b_alpha", "N m s/rad", 0.0, "viscous friction of the pendulum", symbol=("b", "α"), friction=VISCOUS.at("alpha")
+    ),
+    Parameter(
+        "coulomb_theta",
+        "N m",
+        0.0,
+        "dry friction of the arm: tau_C = -f tanh(rate / slip_speed)",
+        symbol=("τ", "Cθ"),
+        friction=COULOMB.at("theta"),
+    ),
+    Parameter(
+        "coulomb_alpha",
+        "N m",
+        0.0,
+        "dry friction of the pendulum: as coulomb_theta",
+        symbol=("τ", "Cα"),
+        friction=COULOMB.at("alpha"),
+    ),
+    Parameter(
+        "slip_speed",
+        "rad/s",
+        0.02,
+        "rate above which dry friction is full (76 % at it)",
+        lower=POSITIVE,
+        symbol=("v", "s"),
+    ),
+    Parameter(
+        "drag_theta", "N m s^2/rad^2", 0.0, "quadratic drag of the arm", symbol=("d", "θ"), friction=DRAG.at("theta")
+    ),
+    Parameter(
+        "drag_alpha",
+        "N m s^2/rad^2",
+        0.0,
+        "quadratic drag of the pendulum",
+        symbol=("d", "α"),
+        friction=DRAG.at("alpha"),
+    ),
+    Parameter(
+        "cable_stiffness",
+        "N m/rad",
+        0.0,
+        "spring of the cable on the arm",
+        symbol=("k", ""),
+        friction=SPRING.at("theta"),
+    ),
+    Parameter("theta_rest", "rad", 0.0, "arm angle at which the cable pulls nothing", symbol=("θ", "0")),
+    Parameter(
+        "alpha_rest", "rad", 0.0, "offset of the pendulum encoder: true angle = alpha - alpha_rest", symbol=("α", "0")
+    ),
+    Parameter("torque_per_volt", "N m/V", 0.0, "motor torque on the arm at standstill", symbol=("k", "u")),
     Parameter(
         "time_scale",
         "s",
         1.0,
         "tau_0 in tau_0^(order-1) D^order; used by the solver, not by the right-hand side; 1 s is the paper's",
         lower=POSITIVE,
+        symbol=("τ", "0"),
     ),
 )
-
-# Gravity's sign is the only difference between the zeros (see the module's docstring).
-GRAVITY = {"upright": 1.0, "hanging": -1.0}
 
 
 def rotary_pendulum(
@@ -172,6 +223,14 @@ def rotary_pendulum(
         parameters=PARAMETERS,
         zero=zero,
         source=f"{RIGS[rig].title}. {RIGS[rig].source}",
+        angles={"theta": Angle("theta_rest"), "alpha": Angle("alpha_rest", of_zero=True)},
+        input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
+        drive="torque_per_volt",
+        seen_in={"lambda": "theta"},
+        written=WRITTEN[zero],
+        drawing=Drawing(_shape, as_found=("C1",)),
+        postures=_postures,
+        linear_terms=LINEAR_TERMS,
     ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
 
 
@@ -300,3 +359,157 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
 
 def _number(name: str, value: float) -> float:
     return Parameter(name, "kg m^2", value, "").value
+
+
+# --- for reports, figures and exports -----------------------------------------------------------------
+
+
+def _equations(c: Any, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Any, ...]]:
+    """Left side of each equation and the rows of its right side, by a :class:`fracid.report.equations.Writer`."""
+    λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
+    θ, α, ω_θ, ω_α = c.i("θ"), c.i("α"), c.sub("ω", "θ"), c.sub("ω", "α")
+    a = c.bracket(c.row(α, c.o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
+    from_rest = c.bracket(c.row(θ, c.o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
+    sin, cos, sin2 = c.f("sin", a), c.f("cos", a), c.f("sin", c.row(c.n("2"), a))
+    M11 = c.bracket(c.row(c("J_theta"), c.o("+"), c("C6"), c.power(c.i("sin"), c.n("2")), a))
+    M12 = c.row(c("C3"), cos)
+
+    f_θ = [
+        *(c.term("+", "torque_per_volt", c.i("u")) if driven else []),
+        *c.term("−", "b_theta", ω_θ),
+        *c.term("−", "C6", sin2, ω_α, ω_θ),
+        *c.term("+", "C3", sin, c.squared(ω_α)),
+        *c.term("−", "coulomb_theta", c.tanh(ω_θ, c("slip_speed"))),
+        *c.term("−", "drag_theta", ω_θ, c.size(ω_θ)),
+        *c.term("−", "cable_stiffness", from_rest),
+    ]
+    f_α = [
+        *c.term("+" if model.zero == "upright" else "−", "C4", sin),
+        *c.term("+", "C6", sin2, c.squared(ω_θ), half=True),
+        *c.term("−", "b_alpha", ω_α),
+        *c.term("−", "coulomb_alpha", c.tanh(ω_α, c("slip_speed"))),
+        *c.term("−", "drag_alpha", ω_α, c.size(ω_α)),
+    ]
+    yield c.D(λ, θ), ω_θ
+    yield c.D(μ, α), ω_α
+    yield c.row(M11, c.D(λ, ω_θ), c.o("+"), M12, c.D(μ, ω_α)), *c.sum(f_θ)
+    yield c.row(M12, c.D(λ, ω_θ), c.o("+"), c("C1"), c.D(μ, ω_α)), *c.sum(f_α)
+
+
+MATLAB_CODE = """\
+function f = rhs(x, u, p)
+% Right-hand side of the rotary pendulum, alpha = 0 is $zero: D^lambda theta = x(2), D^mu alpha = x(4).
+  theta_rate = x(2);  alpha = x(3) - p.alpha_rest;  alpha_rate = x(4);
+  s = sin(alpha);  c = cos(alpha);  s2 = 2 * s * c;
+  f_theta = p.torque_per_volt * u(1) - p.cable_stiffness * (x(1) - p.theta_rest) ...
+    - (p.b_theta + p.drag_theta * abs(theta_rate) + p.C6 * s2 * alpha_rate) * theta_rate ...
+    + p.C3 * s * alpha_rate ^ 2 - p.coulomb_theta * tanh(theta_rate / p.slip_speed);                      % (9)
+  f_alpha = $gravity p.C4 * s + 0.5 * p.C6 * s2 * theta_rate ^ 2 ...
+    - (p.b_alpha + p.drag_alpha * abs(alpha_rate)) * alpha_rate ...
+    - p.coulomb_alpha * tanh(alpha_rate / p.slip_speed);                                                  % (10)
+  M11 = p.J_theta + p.C6 * s ^ 2;  M12 = p.C3 * c;                                                        % (8)
+  d = max(M11 * p.C1 - M12 ^ 2, 0);  % det(M)
+  f = [theta_rate; (p.C1 * f_theta - M12 * f_alpha) / d; alpha_rate; (M11 * f_alpha - M12 * f_theta) / d]; % (1)
+end
+"""
+
+C_CODE = """\
+/* Right-hand side of the rotary pendulum, alpha = 0 is $zero. */
+static void right_hand_side(const double x[], const double u[], double f[])
+{
+    const double theta_rate = x[1], alpha = x[2] - alpha_rest, alpha_rate = x[3];
+    const double s = sin(alpha), c = cos(alpha), s2 = 2 * s * c;
+    double f_theta = torque_per_volt * u[0] - cable_stiffness * (x[0] - theta_rest)
+        - (b_theta + drag_theta * fabs(theta_rate) + C6 * s2 * alpha_rate) * theta_rate
+        + C3 * s * alpha_rate * alpha_rate;                                          /* (9) */
+    double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * theta_rate * theta_rate
+        - (b_alpha + drag_alpha * fabs(alpha_rate)) * alpha_rate;                     /* (10) */
+    if (coulomb_theta != 0) f_theta -= coulomb_theta * tanh(theta_rate / slip_speed);
+    if (coulomb_alpha != 0) f_alpha -= coulomb_alpha * tanh(alpha_rate / slip_speed);
+    const double M11 = J_theta + C6 * s * s, M12 = C3 * c;                            /* (8) */
+    const double det = fmax(M11 * C1 - M12 * M12, 0);
+    f[0] = theta_rate;
+    f[1] = (C1 * f_theta - M12 * f_alpha) / det;                                      /* (1) */
+    f[2] = alpha_rate;
+    f[3] = (M11 * f_alpha - M12 * f_theta) / det;
+}
+"""
+
+
+def _written(zero: str, rhs: RightHandSide) -> Written:
+    own = {"zero": zero, "gravity": "+-"[GRAVITY[zero] < 0]}
+    return Written(
+        rhs, _equations, {"matlab": Template(MATLAB_CODE).substitute(own), "c": Template(C_CODE).substitute(own)}
+    )
+
+
+WRITTEN = {"hanging": _written("hanging", hanging), "upright": _written("upright", upright)}
+
+
+def _shape(model: Model) -> RigGeometry:
+    """What the constants say of lengths; :mod:`fracid.models.geometry` derives it."""
+    C1, C3, C4 = (model.parameter(name).value for name in ("C1", "C3", "C4"))
+    for name, value, what in (("C4", C4, "lengths are"), ("C3", C3, "the arm's length is")):
+        if value == 0.0:
+            raise InputError(f"{name} = 0: {what} made of it (l1 = g C3/C4, L = 3 g C1/(2 C4)); give it its value.")
+    scale = STANDARD_GRAVITY / C4
+    return RigGeometry(
+        scale * abs(C3), 1.5 * scale * C1, model.zero, math.copysign(1.0, C3), model.parameter("alpha_rest").value
+    )
+
+
+def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
+    theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
+    other = {"hanging": "upright", "upright": "hanging"}[model.zero]
+    turned = {model.zero: 0.0, other: math.pi}
+    return {n: np.array([theta, 0.0, p["alpha_rest"] + turned[n], 0.0]) for n in ("hanging", "upright")}
+
+
+TERMS = (
+    "J_theta", "C6", "C3", "C1", "C4", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha",
+    "drag_theta", "drag_alpha", "cable_stiffness", "cable_offset", "torque_per_volt",
+)  # fmt: skip
+
+
+def _columns(
+    model: Model,
+    theta: FloatArray,
+    alpha: FloatArray,
+    arm_rates: tuple[FloatArray, FloatArray],
+    rates: tuple[FloatArray, FloatArray],
+    drive: FloatArray | None,
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """What each constant is multiplied with in (9) and (10), the sum of which is 0."""
+    p = dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
+    (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates
+    sin, cos = np.sin(alpha - p["alpha_rest"]), np.cos(alpha - p["alpha_rest"])
+    sin2, slip = 2.0 * sin * cos, p["slip_speed"]
+    arm = {
+        "J_theta": arm_acceleration,
+        "C6": sin**2 * arm_acceleration + sin2 * x4 * x2,
+        "C3": cos * acceleration - sin * x4**2,
+        "b_theta": x2,
+        "coulomb_theta": np.tanh(x2 / slip),
+        "drag_theta": x2 * np.abs(x2),
+        "cable_stiffness": theta,
+        "cable_offset": np.ones_like(theta),
+        "torque_per_volt": np.zeros_like(alpha) if drive is None else -drive,
+    }
+    pendulum = {
+        "C6": -0.5 * sin2 * x2**2,
+        "C3": cos * arm_acceleration,
+        "C1": acceleration,
+        "C4": -GRAVITY[model.zero] * sin,
+        "b_alpha": x4,
+        "coulomb_alpha": np.tanh(x4 / slip),
+        "drag_alpha": x4 * np.abs(x4),
+    }
+    return arm, pendulum
+
+
+LINEAR_TERMS = LinearTerms(
+    TERMS, lumped=TERMS[:9], pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"), columns=_columns
+)
+
+MODEL = {"rotary-pendulum": rotary_pendulum}
+"""By the name that a project file gives it."""

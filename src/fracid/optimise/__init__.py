@@ -1,28 +1,19 @@
 """Search: one ask/tell loop (:mod:`.base`), and one short file for each algorithm.
 
-========================== ========================================== ==========================================
-optimiser                  what it is                                 when
-========================== ========================================== ==========================================
-``least-squares``          trust region on the residuals, from the    a built-in cost and a fair start; some 10
-                           start                                      Jacobians
-``multistart``             the same from Sobol points too             several minima, or no fair start
-``differential-evolution`` whole generations over the bounds          a cost of your own, or cliffs of failing
-                                                                      runs; some 400 evaluations an unknown
-``cma``                    evolution with an adapted covariance       a cost of your own and many unknowns that pull on
-                                                                      each other; from a start
-``nelder-mead``            a simplex, from the start                  a cost of your own and a fair start
-``genetic``                the paper's GA: 520 evaluations            to reproduce the paper
-========================== ========================================== ==========================================
+Each file says with its ``OPTIMISER`` by what name a project takes it, what it is and when to take it; all are collected
+in :data:`OPTIMISERS`.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
+import pkgutil
+from importlib import import_module
 
 from fracid.errors import InputError
 from fracid.optimise.base import (
     Ask,
+    Entry,
     Evaluation,
     EvaluationLog,
     Optimiser,
@@ -36,12 +27,13 @@ from fracid.optimise.cma import cma
 from fracid.optimise.differential_evolution import differential_evolution
 from fracid.optimise.genetic import genetic
 from fracid.optimise.least_squares import least_squares
-from fracid.optimise.lockstep import Path, lockstep, multistart, sobol_points
+from fracid.optimise.lockstep import Path, lockstep, sobol_points
 from fracid.optimise.nelder_mead import nelder_mead
 
 __all__ = [
     "OPTIMISERS",
     "Ask",
+    "Entry",
     "Evaluation",
     "EvaluationLog",
     "Optimiser",
@@ -56,24 +48,24 @@ __all__ = [
     "least_squares",
     "lockstep",
     "minimise",
-    "multistart",
     "nelder_mead",
     "optimiser_from_name",
     "sobol_points",
 ]
 
-OPTIMISERS: dict[str, Callable[..., Optimiser]] = {
-    "multistart": multistart,
-    "least-squares": least_squares,
-    "genetic": genetic,
-    "differential-evolution": differential_evolution,
-    "cma": cma,
-    "nelder-mead": nelder_mead,
-}
-"""By name, as a project file has it; see the table above."""
+
+def _collected() -> dict[str, Entry]:
+    """What the files of this folder offer."""
+    files = [import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)]
+    entries: list[Entry] = [file.OPTIMISER for file in files if hasattr(file, "OPTIMISER")]
+    return {entry.name: entry for entry in entries}
 
 
-def optimiser_from_name(name: str) -> Callable[..., Optimiser]:
+OPTIMISERS = _collected()
+"""By name, as a project file has it."""
+
+
+def optimiser_from_name(name: str) -> Entry:
     """Find an optimiser.
 
     Raises
@@ -83,8 +75,8 @@ def optimiser_from_name(name: str) -> Callable[..., Optimiser]:
 
     Examples
     --------
-    >>> optimiser_from_name("genetic").__name__
-    'genetic'
+    >>> optimiser_from_name("genetic").evaluations
+    520
     """
     if name not in OPTIMISERS:
         close = difflib.get_close_matches(name, OPTIMISERS, 1)

@@ -2,7 +2,7 @@
 
 An optimiser is a **generator**: it yields points and is sent their evaluations.
 
-How to write one (a file of its own beside this one, and a row in ``OPTIMISERS``):
+How to write one (a file of its own beside this one, and nothing else):
 
 1. ``def name(space, rng, **options)``: a generator function; `rng` is its only source of randomness.
 2. ``evaluations = yield points`` with points of shape (k, n), in physical units, within the bounds.
@@ -11,6 +11,8 @@ How to write one (a file of its own beside this one, and a row in ``OPTIMISERS``
 4. Return an :class:`Outcome` when done.  The loop keeps the best; an optimiser need not.
 5. What is no generator but calls a function (SciPy's) goes through :func:`as_generator`.
 6. Check counts among the options with :func:`at_least`: a generator's own errors come only when it runs.
+7. Below it ``OPTIMISER = Entry("its-name", name, "what one takes it for", …)``: the package collects these.
+8. Import what is heavy (SciPy's searches, a package) within the function: all files are read for their names.
 """
 
 from __future__ import annotations
@@ -31,11 +33,23 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
-from fracid.safety.schema import json_of, must_be
+from fracid.errors import InputError, at_least, is_number
+from fracid.files import json_number
+from fracid.safety.json_files import REACH, json_of
 from fracid.tasks.journal import append_whole, whole_lines
 
-__all__ = ["Ask", "Evaluation", "EvaluationLog", "Optimiser", "Outcome", "Result", "Space", "as_generator", "minimise"]
+__all__ = [
+    "Ask",
+    "Entry",
+    "Evaluation",
+    "EvaluationLog",
+    "Optimiser",
+    "Outcome",
+    "Result",
+    "Space",
+    "as_generator",
+    "minimise",
+]
 
 
 class Outcome(Enum):
@@ -117,6 +131,30 @@ class Evaluation:
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]
 """Yields points of shape (k, n), is sent their k evaluations, returns how it ended."""
 
+
+@dataclass(frozen=True)
+class Entry:
+    """What is known of an optimiser: all that the rest of fracid asks."""
+
+    name: str
+    """As a project file has it."""
+    function: Callable[..., Optimiser] | None
+    """(space, rng, **options) → the search; None for what :mod:`fracid.estimation.search` makes of other searches."""
+    title: str
+    """What it is, and when to take it."""
+    needs_rows: bool = False
+    """Whether it wants a cost that gives rows for least squares."""
+    polish: bool = False
+    """Whether least squares goes on from its best point."""
+    evaluations: int | None = None
+    """How many it makes with its own options, where that is known before."""
+
+    @property
+    def keeps_its_own(self) -> bool:
+        """Whether its best point is the end although least squares could go on: a fit says what it missed."""
+        return not (self.needs_rows or self.polish)
+
+
 Ask = Callable[[FloatArray], list[Evaluation]]
 """The same seen from a function that calls: points of shape (k, n) → their k evaluations."""
 
@@ -196,7 +234,7 @@ class EvaluationLog:
         lines = []
         for e in batch:
             self._count += 1
-            point, cost = dict(zip(names, e.point.tolist(), strict=True)), e.cost if math.isfinite(e.cost) else None
+            point, cost = dict(zip(names, e.point.tolist(), strict=True)), json_number(e.cost)
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")
@@ -206,9 +244,11 @@ class EvaluationLog:
 def _seconds(lines: list[bytes]) -> float:
     """Where the clock of an older log stood."""
     try:
-        return float(must_be(json_of(lines[-1]), {"seconds": float}, Path("log"), "")["seconds"])
-    except (IndexError, ValueError, InputError):
+        content = json_of(lines[-1])
+    except (IndexError, ValueError):
         return 0.0
+    seconds: Any = content.get("seconds") if isinstance(content, dict) else None
+    return float(seconds) if is_number(seconds) and abs(seconds) < REACH else 0.0
 
 
 def minimise(

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from fracid.errors import InputError, at_least
-from fracid.optimise.base import Optimiser, Outcome, Space
+from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
-__all__ = ["cma"]
+__all__ = ["OPTIMISER", "cma"]
 
 WORST = 1e300
 """In the place of an infinite cost: the package refuses those."""
@@ -101,3 +101,10 @@ def _strategy(start: Any, width: float, population: int, tolerance: float, rng: 
 def _mirrored(points: Any) -> Any:
     """Fold points into the unit cube, as between two mirrors."""
     return 1.0 - np.abs(1.0 - np.mod(points, 2.0))
+
+
+OPTIMISER = Entry(
+    "cma", cma,
+    "evolution with an adapted covariance: a cost of your own and many unknowns that pull on each other; from a start",
+    polish=True,
+)  # fmt: skip

@@ -14,9 +14,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import at_least
-from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
-__all__ = ["differential_evolution"]
+__all__ = ["OPTIMISER", "differential_evolution"]
 
 
 def differential_evolution(
@@ -64,3 +64,10 @@ def differential_evolution(
         return Outcome.CONVERGED if found.success else Outcome.GENERATIONS_DONE
 
     return as_generator(run)
+
+
+OPTIMISER = Entry(
+    "differential-evolution", differential_evolution,
+    "whole generations over the bounds: a cost of your own, or cliffs of failing runs; some 400 evaluations an unknown",
+    polish=True,
+)  # fmt: skip

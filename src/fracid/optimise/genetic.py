@@ -38,9 +38,9 @@ from typing import Any
 import numpy as np
 
 from fracid.errors import InputError, at_least
-from fracid.optimise.base import Optimiser, Outcome, Space
+from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
-__all__ = ["genetic"]
+__all__ = ["OPTIMISER", "genetic"]
 
 
 def genetic(
@@ -125,3 +125,6 @@ def _all_but_the_best_die() -> Any:
         return pop[np.argsort(pop.get("F")[:, 0], kind="stable")] if len(pop) else pop
 
     return OneElite()
+
+
+OPTIMISER = Entry("genetic", genetic, "the paper's GA, to reproduce the paper", evaluations=26 * 20)

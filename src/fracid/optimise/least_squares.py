@@ -25,10 +25,10 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
-from fracid.optimise.base import Ask, Evaluation, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
 from fracid.qr import BLOCK, triangle
 
-__all__ = ["least_squares", "sizes"]
+__all__ = ["OPTIMISER", "least_squares", "sizes"]
 
 DIFFERENCE = 1e-6
 """Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
@@ -148,3 +148,10 @@ class _StartFails(Exception):
     def __init__(self, evaluation: Evaluation) -> None:
         super().__init__(evaluation.reason)
         self.evaluation = evaluation
+
+
+OPTIMISER = Entry(
+    "least-squares", least_squares,
+    "trust region on the residuals, from the start: a built-in cost and a fair start; some 10 Jacobians",
+    needs_rows=True,
+)  # fmt: skip

@@ -1,4 +1,4 @@
-r"""Least squares from many starts: the given one, and Sobol points over the bounds.
+r"""Many searches at once, and where to start them: the parts of ``multistart`` (:mod:`fracid.estimation.search`).
 
 For a smooth cost with several minima.  Sobol points fill the box more evenly than random ones [1]_.  A box is
 often as wide as somebody's ignorance, a friction of 0.002 in −1 … 1: so each unknown is drawn evenly in
@@ -16,46 +16,18 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import at_least
-from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space
-from fracid.optimise.least_squares import least_squares, sizes
+from fracid.optimise.base import Entry, Evaluation, Optimiser, Outcome, Space
+from fracid.optimise.least_squares import sizes
 
-__all__ = ["Path", "lockstep", "multistart", "sobol_points"]
+__all__ = ["OPTIMISER", "Path", "lockstep", "sobol_points"]
 
 SAME = 0.02
 """Two fits whose residuals differ by less than this part of the better one's residual are the same minimum."""
-
-
-def multistart(space: Space, rng: np.random.Generator, *, starts: int = 8, tolerance: float = 1e-8) -> Optimiser:
-    """Run least squares from the start of the space and from `starts` − 1 scrambled Sobol points.
-
-    Unbounded unknowns keep their start.
-
-    Raises
-    ------
-    InputError
-        When it runs, if `starts` is below 1, or the cost has no residuals.
-
-    Examples
-    --------
-    >>> from fracid.optimise import Evaluation, minimise
-    >>> space = Space(("a",), np.array([-3.0]), np.array([3.0]), np.array([-1.0]))
-    >>> def evaluate(x):  # two minima, the higher one nearer
-    ...     r = np.array([x[0] ** 2 - 1, 0.5 * (x[0] - 1)])
-    ...     return Evaluation(x, float(r @ r), r)
-    >>> minimise(evaluate, multistart(space, np.random.default_rng(1))).best.point.round(4)
-    array([1.])
-    """
-    points = [space.start, *sobol_points(space, at_least("starts", starts, 1) - 1, rng)]
-    paths = [Path() for _ in points]
-    yield from lockstep([least_squares(replace(space, start=x), None, tolerance=tolerance) for x in points], paths)
-    outcomes = [p.outcome for p in paths]
-    return next((o for o in (Outcome.CONVERGED, Outcome.BUDGET_SPENT) if o in outcomes), Outcome.ALL_FAILED)
 
 
 def sobol_points(space: Space, count: int, rng: np.random.Generator) -> FloatArray:
@@ -115,7 +87,8 @@ def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence
 
     Examples
     --------
-    >>> from fracid.optimise import minimise
+    >>> from dataclasses import replace
+    >>> from fracid.optimise import least_squares, minimise
     >>> space = Space(("a",), np.array([-9.0]), np.array([9.0]), np.array([1.0]))
     >>> starts = [least_squares(replace(space, start=np.array([a])), None) for a in (1.0, 2.0)]
     >>> paths = [Path(), Path()]
@@ -160,3 +133,10 @@ def _same_minimum(paths: list[Path], i: int) -> int | None:
 
 def _same_residuals(r: FloatArray | None, best: FloatArray | None) -> bool:
     return r is not None and best is not None and bool(np.linalg.norm(r - best) <= SAME * np.linalg.norm(best))
+
+
+OPTIMISER = Entry(
+    "multistart", None,
+    "least squares on a growing horizon, from Sobol points too if asked: several minima, or no fair start",
+    needs_rows=True,
+)  # fmt: skip

@@ -15,9 +15,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import at_least
-from fracid.optimise.base import Ask, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
-__all__ = ["nelder_mead"]
+__all__ = ["OPTIMISER", "nelder_mead"]
 
 
 def nelder_mead(
@@ -78,3 +78,8 @@ def _edges(space: Space) -> FloatArray:
     width = space.upper - space.lower
     edge = np.where(np.isfinite(width), 0.1 * width, np.maximum(0.1 * np.abs(space.start), 1e-2))
     return np.where(space.start + edge > space.upper, -edge, edge)
+
+
+OPTIMISER = Entry(
+    "nelder-mead", nelder_mead, "a simplex, from the start: a cost of your own and a fair start", polish=True
+)

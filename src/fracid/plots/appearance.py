@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import STYLES, Style, style_named
-from fracid.units import shown_unit, with_unit
+from fracid.problem.costs import COSTS
+from fracid.units import GREEK, shown_unit, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -47,9 +48,6 @@ BINS = 900
 CLOUD = 1500
 """Points from which on a scatter is rasterised."""
 
-COST_UNITS = {"rmse": "rad", "huber": "rad²", "iae": "rad s", "ise": "rad² s", "itae": "rad s²", "itse": "rad² s²"}
-"""Of :data:`fracid.problem.costs.COSTS`; a user's own cost has none that we know."""
-
 MARKS: dict[str, dict[str, Any]] = {
     "best": {
         "marker": "*",
@@ -65,9 +63,7 @@ MARKS: dict[str, dict[str, Any]] = {
 }
 """Told apart by shape as well as by colour."""
 
-SYMBOLS = {"theta": r"$\theta$", "alpha": r"$\alpha$", "lambda": r"$\lambda$", "mu": r"$\mu$"}
-
-LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
+SYMBOLS = {name: rf"$\{name}$" for name in GREEK}
 
 NARROW = 8.0
 """What is drawn no wider than this [inch] fits a journal's column."""
@@ -284,7 +280,7 @@ def spoken(text: str) -> str:
     >>> spoken(r"a\$b, residual of $\alpha$")
     'a$b, residual of α'
     """
-    for name, letter in LETTERS.items():
+    for name, letter in GREEK.items():
         text = text.replace(SYMBOLS[name], letter)
     return text.replace(r"\$", "$")
 
@@ -313,7 +309,7 @@ def plain(text: str, length: int = 60) -> str:
 
 def cost_label(name: str) -> tuple[str, str]:
     """Name and unit of a cost, as shown; no unit for one that is not ours."""
-    return (name.upper(), f"[{COST_UNITS[name]}]") if name in COST_UNITS else (plain(name), "")
+    return (name.upper(), f"[{COSTS[name].unit}]") if name in COSTS else (plain(name), "")
 
 
 def goodness(recording: RecordingFit, name: str, step: float | None) -> str:

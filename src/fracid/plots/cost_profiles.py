@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from fracid.estimation.cost_profile import JointProfile, Profile, Profiles
     from fracid.figures import Style
+    from fracid.models import Model
 
 __all__ = ["profiles"]
 
@@ -69,17 +70,17 @@ def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.remove()
-    zero, calibrated = found.problem.model.zero, found.problem.cost_function.loss is not None
+    model, calibrated = found.problem.model, found.problem.cost_function.loss is not None
     for axes, panel in zip(grid, panels, strict=False):
-        _profile(axes, panel, calibrated, zero)
+        _profile(axes, panel, calibrated, model)
     if found.joint is not None:
-        _joint_profile(grid[count - 1], found.joint, zero)
+        _joint_profile(grid[count - 1], found.joint, model)
     appearance.finish(figure, f"Profiles of the cost, {appearance.cost_label(found.problem.cost_function.name)[0]}")
     return figure
 
 
-def _profile(axes: Axes, panel: Profile, calibrated: bool, zero: str) -> None:
-    label, factor = _unknown_label(panel.name, panel.unit, zero)
+def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None:
+    label, factor = _unknown_label(panel.name, panel.unit, model)
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
     top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
     axes.plot(values, rise, color=appearance.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
@@ -104,9 +105,9 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, zero: str) -> None:
     axes.locator_params(axis="x", nbins=4)
 
 
-def _joint_profile(axes: Axes, joint: JointProfile, zero: str) -> None:
+def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
     labels, factors = zip(
-        *(_unknown_label(n, u, zero) for n, u in zip(joint.names, joint.units, strict=True)), strict=True
+        *(_unknown_label(n, u, model) for n, u in zip(joint.names, joint.units, strict=True)), strict=True
     )
     first, second = factors[0] * joint.first, factors[1] * joint.second
     first, second, rise = _smoothed(first, second, joint.rise)
@@ -135,9 +136,10 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
     return *fine, np.maximum(RectBivariateSpline(first, second, rise)(*fine), 0.0)
 
 
-def _unknown_label(name: str, unit: str, zero: str) -> tuple[str, float]:
+def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
     shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
-    order = "order " if name in ("lambda", "mu") else ""
-    where = f", 0 = {appearance.plain(zero)}" if name.startswith("alpha(0)") and zero else ""
+    order = "order " if name in model.order_names else ""
+    of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
+    where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
     return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(shown)}]", factor

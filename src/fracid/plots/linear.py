@@ -118,7 +118,7 @@ def linear_response(found: Linearised, posture: str, *, style: str | Style = "sc
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
                          label="what the data can tell" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
-        about = f" from {posture}" if output == "alpha" else ""
+        about = f" from {posture}" if output == found.model.pendulum else ""
         label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{shown or '–'}]")
         _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 {own}/{unit}]")
         _titled(phase, "", "phase [°]")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.models.geometry import RigGeometry, rig_geometry
+from fracid.models.geometry import RigGeometry
 from fracid.plots import appearance
 from fracid.units import with_unit
 
@@ -74,7 +74,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     Raises
     ------
     InputError
-        If the model is no rotary pendulum, or a constant that makes a length is zero.
+        If the model says nothing of its shape, or a constant that makes a length is zero.
 
     References
     ----------
@@ -87,7 +87,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     >>> [text.get_text() for text in figure.axes[0].texts][3:5]
     ['$\\\\theta$ = 0', '$\\\\alpha$ = 0, upright']
     """
-    shape = rig_geometry(model)
+    shape = model.geometry()
     drawn = _Drawing(shape)
     low, high = drawn.extent()
     width, height = high - low
@@ -361,7 +361,7 @@ def _note(model: Model, shape: RigGeometry) -> str:
         f"○: its centre of oscillation, {_millimetres(shape.oscillation_centre)} from the pivot.",
         "Arrows: positive sense.",
     ]
-    push = model.parameter("torque_per_volt").value
+    push = model.parameter(model.drive).value if model.drive else 0.0
     if push and model.inputs:
         said.append(f"A positive {appearance.plain(model.inputs[0])} drives θ "
                     f"{'positive' if push > 0 else 'negative'}.")  # fmt: skip

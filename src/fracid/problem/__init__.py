@@ -9,13 +9,30 @@ file               holds
 :mod:`.costs`      the costs: a new one is a row there
 :mod:`.checks`     what does not fit together is refused
 :mod:`.project`    the project file
+:mod:`.presets`    what a preset puts into it
 :mod:`.draft`      a commented project file, drafted from a recording
 :mod:`.portable`   a problem that can be sent to another process
 =================  ==================================================================================
+
+Who only asks for the names of the costs must not wait for the solver, so the names below are fetched when asked for.
 """
 
-from fracid.problem.experiment import Experiment
-from fracid.problem.problem import Problem
-from fracid.problem.unknowns import Free, Prior, Tied, Unknown
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fracid.problem.experiment import Experiment
+    from fracid.problem.problem import Problem
+    from fracid.problem.unknowns import Free, Prior, Tied, Unknown
 
 __all__ = ["Experiment", "Free", "Prior", "Problem", "Tied", "Unknown"]
+
+_HOME = {"Experiment": "experiment", "Problem": "problem"} | dict.fromkeys(
+    ("Free", "Prior", "Tied", "Unknown"), "unknowns"
+)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"fracid.problem.{_HOME[name]}"), name)

@@ -41,6 +41,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -69,6 +70,10 @@ class Loss:
     """The mean of ρ″ over a sample of residuals; for |e| twice the density at zero."""
     smooth: Callable[[FloatArray], FloatArray]
     """ρ, or what stands for it in the rows for least squares."""
+    centre: Literal["mean", "median"] = "mean"
+    """What of the residuals is 0 where their ρ is least."""
+    likelihood_factor: int = 1
+    """−2 ln(likelihood) is this times n ln(mean ρ) and a constant: 1 for normal errors, 2 for Laplace's."""
 
 
 def _density_at_zero(e: FloatArray) -> float:
@@ -83,7 +88,7 @@ def _smooth_abs(e: FloatArray) -> FloatArray:
 
 SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
 
-ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), _smooth_abs)
+ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), _smooth_abs, "median", 2)
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -113,6 +118,8 @@ class Cost:
     """time [s], shape (n,) → w, shape (n,)."""
     loss: Loss | None = None
     """ρ; None for a user's own."""
+    unit: str = ""
+    """As figures write it; "" where it is not known."""
     root: bool = False
     """Whether the square root is taken in the end."""
     function: Callable[[FloatArray, FloatArray], float] | None = None
@@ -194,14 +201,14 @@ def _times_time(time: FloatArray) -> FloatArray:
 
 
 COSTS = {
-    "rmse": Cost("rmse", _equal, SQUARE, root=True),
-    "ise": Cost("ise", _widths, SQUARE),
-    "itse": Cost("itse", _times_time, SQUARE),
-    "iae": Cost("iae", _widths, ABSOLUTE),
-    "itae": Cost("itae", _times_time, ABSOLUTE),
-    "huber": Cost("huber", _equal, HUBERS),
+    "rmse": Cost("rmse", _equal, SQUARE, "rad", root=True),
+    "ise": Cost("ise", _widths, SQUARE, "rad² s"),
+    "itse": Cost("itse", _times_time, SQUARE, "rad² s²"),
+    "iae": Cost("iae", _widths, ABSOLUTE, "rad s"),
+    "itae": Cost("itae", _times_time, ABSOLUTE, "rad s²"),
+    "huber": Cost("huber", _equal, HUBERS, "rad²"),
 }
-"""By name; see the module's table."""
+"""By name; see the module's table.  A new one is a row here, with a loss of its own where none of these is its."""
 
 
 def cost_from_name(name: str) -> Cost:

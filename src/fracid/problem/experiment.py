@@ -15,7 +15,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
-from fracid.signals.swing import release_time, swing_frequency
+from fracid.signals.swing import common_period, release_time
 
 __all__ = ["Experiment"]
 
@@ -153,7 +153,7 @@ class Experiment:
         """
         assert self.past is not None
         whole, n, release = np.vstack([self.past, self.measured]), len(self.past), self.release_in_past()
-        cutoff = CUTOFF * swing_frequency(whole, self.step)
+        cutoff = CUTOFF / (self.step * min(common_period(whole), len(whole) / 3))
         reach = math.ceil(2 / (cutoff * self.step))
         if cutoff < 0.4 / self.step:
             from scipy.signal import butter, sosfiltfilt

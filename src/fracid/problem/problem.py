@@ -96,7 +96,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
 from fracid.problem.checks import check_choice, refuse_twins
-from fracid.problem.costs import ABSOLUTE, COSTS, Cost
+from fracid.problem.costs import COSTS, Cost
 from fracid.problem.experiment import Experiment
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, Weights, root_of, start_of
 from fracid.signals.resolution import resolution
@@ -110,6 +110,9 @@ from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo
 
 __all__ = ["Problem"]
+
+EVERY = ("every output",)
+"""In place of the outputs that are scored: all that the model has."""
 
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
@@ -148,7 +151,7 @@ class Problem:
     per_recording: tuple[str, ...] = ()
     """Names of free parameters that each recording has for itself."""
     cost_function: Cost = COSTS["rmse"]
-    outputs: tuple[str, ...] = ("theta", "alpha")
+    outputs: tuple[str, ...] = EVERY
     initial_state: InitialState = "estimate"
     method: str = "pi2"
     memory: Memory = compressed()  # noqa: RUF009 (frozen)
@@ -161,6 +164,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check names, bounds and options."""
+        if self.outputs is EVERY:
+            object.__setattr__(self, "outputs", tuple(self.model.outputs))
         _check_ties(self)
         self.model.parameter_vector(self.parameter_starts)
         self.model.state_orders(self.order_starts)
@@ -608,9 +613,9 @@ class Problem:
 
     @cached_property
     def prior_samples(self) -> float:
-        """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
+        """By what Σz² is divided: n for normal errors, as often as the likelihood of the loss says."""
         n = sum(e.weight * e.measured.size for e in self.experiments)
-        return 2 * n if self.cost_function.loss is ABSOLUTE else n
+        return n if self.cost_function.loss is None else self.cost_function.loss.likelihood_factor * n
 
     def _prior_factor(self, x: FloatArray) -> float:
         if not self._priors:

@@ -50,10 +50,12 @@ from fracid.models import Model, model_from_name
 from fracid.optimise import optimiser_from_name
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import Experiment
+from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
 from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import refuse_untrusted
 from fracid.solver.memory import memory_from_name
@@ -74,19 +76,6 @@ LONGEST_KEY = 100
 
 LONGEST_MESSAGE = 600
 """Characters."""
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {
-        "method": "gl-paper",
-        "cost": "itae",
-        "weights": "equal",
-        "outputs": ["alpha"],
-        "per_recording": [],
-        "initial_state": "held",
-        "optimiser": "genetic",
-    }
-}
-"""What a preset puts into ``[fit]``; ``paper`` also fixes every parameter and frees the orders."""
 
 
 class _Table(BaseModel):
@@ -469,35 +458,22 @@ def _in_folder(cost: str, folder: Path) -> str:
 # --- what pydantic says, in our words ----------------------------------------------------------------
 
 
-EXPECTED = {
-    "bool_type": "true or false",
-    "finite_number": "a finite number",
-    "float_type": "a number",
-    "greater_than_equal": "{ge} or more",
-    "int_type": "a whole number",
-    "list_type": "a list [...]; for recordings type [[recording]]",
-    "literal_error": "{expected}",
-    "model_type": "a table {{ {keys} }}",
+TABLES = EXPECTED | {
     "dict_type": "a table {{ ... }}",
+    "greater_than_equal": "{ge} or more",
+    "list_type": "a list [...]; for recordings type [[recording]]",
+    "model_type": "a table {{ {keys} }}",
     "string_type": 'a text in "..."',
 }
-"""What pydantic's faults mean; those not listed keep its words."""
+"""What pydantic's faults mean in TOML."""
 
 
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
-    faults: dict[tuple[Any, ...], list[Any]] = {}
-    for fault in error.errors():
-        faults.setdefault(_path(fault["loc"]), []).append(fault)
+    faults = faults_by_place(error, tried=["_Range"])
     inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
     return " ".join(_sentence(p, faults[p]) for p in inner[:3])
-
-
-def _path(loc: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Where a fault is, without pydantic's notes on which alternative it tried."""
-    tried = {"float", "int", "str", "bool", "_Range"}
-    return tuple(p for p in loc if p not in tried and not str(p).startswith(("literal[", "dict[", "function-")))
 
 
 def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
@@ -506,10 +482,10 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
         return f"{where} is unknown; {_close(path)}"
     if "missing" in kinds:
         return f"{where} is missing."
-    expected = [EXPECTED.get(f["type"], f["msg"]).format(**f.get("ctx", {}), keys=_keys(f)) for f in faults]
+    keys = next((_keys(fault) for fault in faults if fault["type"] == "model_type"), "")
     value = faults[0]["input"]
     said = str(value).lower() if isinstance(value, bool) else repr(value)
-    return f"{where} = {said}; expected {' or '.join(dict.fromkeys(expected))}."
+    return f"{where} = {said}; expected {expected(faults, TABLES, keys=keys)}."
 
 
 def _keys(fault: Any) -> str:

@@ -50,6 +50,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
 from fracid.recording.measures import FAMILIAR_COUNTS
+from fracid.signals.swing import swing_count, swing_period
 
 if TYPE_CHECKING:
     from fracid.recording.measures import SignalReport
@@ -200,7 +201,7 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """How long would a pendulum be that swings so?"""
     if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution):
         return
-    period = _period(t, x, s.rest if s.at_rest else float(np.median(x)))
+    period = swing_period(x) * float(np.median(np.diff(t))) if swing_count(x) > 2 else math.inf
     length = GRAVITY * (period / (2 * math.pi)) ** 2
     if math.isfinite(length) and length > SLOW:
         yield Finding("wrong-clock", s.name, length, SLOW, "m of pendulum",
@@ -214,14 +215,6 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
 
 def _long(length: float) -> str:
     return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
-
-
-def _period(t: FloatArray, x: FloatArray, around: float) -> float:
-    """The median time from side to side and back; infinite for what does not swing twice."""
-    side = np.sign(x - around) * (np.abs(x - around) > 0.1 * np.max(np.abs(x - around)))
-    there = np.flatnonzero(side)
-    turns = t[there[1:][np.diff(side[there]) != 0]]
-    return 2.0 * float(np.median(np.diff(turns))) if turns.size > 4 else math.inf
 
 
 # --- jumps -------------------------------------------------------------------------------------------

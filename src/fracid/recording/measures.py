@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.signals.noise import white_noise
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import tail
 
@@ -146,7 +147,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
         missing=tuple(map(float, time[~seen])),
         resolution=q,
         counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
-        noise=float(np.sqrt(np.mean(np.diff(x, 3) ** 2) / 20)) if x.size > 3 else math.nan,
+        noise=white_noise(x),
         rest=rest,
         at_rest=at_rest,
         rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,

@@ -81,7 +81,7 @@ def _simulated(
 ) -> list[FloatArray] | None:
     """Low-passed angles of the simulated response of each recording; None where a run diverges."""
     values = dict(zip(names, beta.tolist(), strict=True))
-    friction = {n: max(values[n], 0.0) for n in values if n.startswith(("b_", "coulomb_", "drag_"))}
+    friction = {n: max(values[n], 0.0) for n, kind in model.friction.items() if n in values and kind.power is not None}
     clamped = {} if any(r.swing.arm for r in rows) else {"J_theta": CLAMPED}
     wanted = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}
     if any(not model.parameter(n).lower <= v <= model.parameter(n).upper for n, v in wanted.items()):
@@ -101,7 +101,7 @@ def _response(s: Swing, model: Model, orders: Mapping[str, float]) -> FloatArray
     angles, rates = s.initial
     drive = None if s.drive is None else s.drive[s.start :]
     run = simulate(
-        model if s.volts or drive is None else model.with_parameters(torque_per_volt=1.0),
+        model if s.volts or drive is None else model.with_parameters(**{model.drive: 1.0}),
         orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
         end=(len(s.angles) - 1 - s.start) * s.step, inputs=drive, limit=1e4,
     )  # fmt: skip

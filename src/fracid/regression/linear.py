@@ -11,6 +11,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.files import json_number
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
@@ -33,17 +34,14 @@ from fracid.regression.estimators import (
 from fracid.regression.instruments import instruments_of, theta_rest_of
 from fracid.regression.orders import OrderSearch, search_orders
 from fracid.regression.rows import (
-    LUMPED,
-    PENDULUM,
-    TERMS,
     Data,
     Rows,
     Swing,
     System,
     make_swing,
     own_values,
-    pendulum_parameters,
     swing_of,
+    terms_of,
 )
 from fracid.signals.resolution import resolution
 
@@ -159,7 +157,7 @@ class Regression:
         intervals = self.search.interval95 if self.search else {}
         return {
             "orders": {
-                n: {"value": v, "interval95": [_number(end) for end in intervals[n]] if n in intervals else None}
+                n: {"value": v, "interval95": [json_number(end) for end in intervals[n]] if n in intervals else None}
                 for n, v in self.orders.items()
             },
             "parameters": {
@@ -170,8 +168,8 @@ class Regression:
             "combinations": dict(self.combinations),
             "estimator": self.estimator,
             "fit_percent": dict(self.fit_percent),
-            "noise_ratio": _number(self.noise_ratio),
-            "condition_number": _number(self.condition_number),
+            "noise_ratio": json_number(self.noise_ratio),
+            "condition_number": json_number(self.condition_number),
             "samples": self.samples,
             "cutoff": self.cutoff,
             "cutoff_reason": self.cutoff_reason,
@@ -240,7 +238,7 @@ def regress(
     >>> found.parameters["C1"].verdict, abs(found.parameters["C1"].value / rig.parameter("C1").value - 1) < 0.02
     ('identified', True)
     """
-    pendulum_parameters(model)
+    terms_of(model)
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
     if not given or not all(isinstance(r, Recording) for r in given):
         raise InputError(
@@ -269,7 +267,7 @@ def _regress(
     names, known = _terms(swings, model, known, terms)
     hertz, reason = _cutoff(swings, cutoff)
     window = WINDOW / min(s.frequency for s in swings)
-    rows = [Rows(s, model, tuple(TERMS.index(n) for n in names), hertz, window) for s in swings]
+    rows = [Rows(s, model, tuple(terms_of(model).names.index(n) for n in names), hertz, window) for s in swings]
     _enough(rows, names)
     fixed = np.array([known.get(n, 0.0) for n in names])
     gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in known), fixed)
@@ -332,46 +330,43 @@ def _at(
     )  # fmt: skip
 
 
-def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
-    return float(value) if math.isfinite(value) else None
-
-
 def _terms(
     swings: Sequence[Swing], model: Model, known: Mapping[str, float], terms: Sequence[str] | None
 ) -> tuple[tuple[str, ...], dict[str, float]]:
     """Names of the columns, and those that are known: what is not looked for is as the model has it."""
+    linear = terms_of(model)
+    every = linear.names
     for name in (*known, *(terms or ())):
-        if name not in TERMS:
-            raise unknown_name("constant", name, TERMS)
+        if name not in every:
+            raise unknown_name("constant", name, every)
     for name, value in known.items():
         if not math.isfinite(value):
             raise InputError(f"known[{name!r}] = {value!r}: expected a finite number.")
-    seen = set(TERMS if any(s.arm for s in swings) else PENDULUM)
-    looked = (set(LUMPED if terms is None else terms) - set(known)) & seen
+    seen = set(every if any(s.arm for s in swings) else linear.pendulum)
+    looked = (set(linear.lumped if terms is None else terms) - set(known)) & seen
     if "cable_stiffness" in looked:
         looked.add("cable_offset")
-    own = dict(zip(TERMS, own_values(model, TERMS).tolist(), strict=True)) | dict(known)
+    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | dict(known)
     units = {s.volts for s in swings if s.drive is not None}
     if len(units) == 2:
         raise InputError("One recording has a torque and another a voltage: give all of them the same.")
     if units:
-        own["torque_per_volt"] = own["torque_per_volt"] if units == {True} else 1.0
-        looked |= {"torque_per_volt"} if own["torque_per_volt"] == 0.0 else set()
+        own[model.drive] = own[model.drive] if units == {True} else 1.0
+        looked |= {model.drive} if own[model.drive] == 0.0 else set()
     else:
-        seen.discard("torque_per_volt")
-        looked.discard("torque_per_volt")
-    held = {n: own[n] for n in TERMS if n in seen - looked and (own[n] != 0.0 or n in known)}
+        seen.discard(model.drive)
+        looked.discard(model.drive)
+    held = {n: own[n] for n in every if n in seen - looked and (own[n] != 0.0 or n in known)}
     if not looked:
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
-    if not any(held[n] for n in held if n in (*LUMPED, "torque_per_volt", *known)):
-        example = "C4" if "C4" in looked else next(n for n in TERMS if n in looked)
+    if not any(held[n] for n in held if n in (*linear.lumped, model.drive, *known)):
+        example = "C4" if "C4" in looked else next(n for n in every if n in looked)
         raise InputError(
             "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
             f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
             f"{model.source.split('.')[0]} has."
         )
-    return tuple(n for n in TERMS if n in looked | set(held)), held
+    return tuple(n for n in every if n in looked | set(held)), held
 
 
 def _cutoff(swings: Sequence[Swing], given: float | None) -> tuple[float, str]:
@@ -554,15 +549,15 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     >>> bool(abs(x[0] / rig.parameter("C1").value - 1) < 0.01)
     True
     """
-    pendulum_parameters(problem.model)
+    linear = terms_of(problem.model)
     shared = {n: u for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
-    free = [n for n, u in shared.items() if u.kind == "parameter" and n in TERMS]
+    free = [n for n, u in shared.items() if u.kind == "parameter" and n in linear.names]
     if not free:
-        raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(TERMS)}.")
+        raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(linear.names)}.")
     start = problem.parameter_starts
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
-    free_response = all(s.drive is None for s in swings) and set(LUMPED) <= set(free)
+    free_response = all(s.drive is None for s in swings) and set(linear.lumped) <= set(free)
     known = {"C4": model.parameter("C4").value} if free_response else {}
     late = any(s.in_motion for s in swings)
     at = problem.order_starts  # what is tied too; it is not searched

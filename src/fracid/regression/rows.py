@@ -13,25 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
+from fracid.models.base import LinearTerms
+from fracid.models.pendulum import LINEAR_TERMS
 from fracid.recording import Recording
+from fracid.signals.noise import noise_level
 from fracid.solver.operators import derivative
 
-__all__ = ["LUMPED", "PENDULUM", "TERMS", "regressor"]
+__all__ = ["LUMPED", "TERMS", "regressor", "terms_of"]
 
 Pair = tuple[FloatArray, FloatArray]
 """Something for the arm's rows and for the pendulum's."""
 
-TERMS = (
-    "J_theta", "C6", "C3", "C1", "C4", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha",
-    "drag_theta", "drag_alpha", "cable_stiffness", "cable_offset", "torque_per_volt",
-)  # fmt: skip
-"""Columns of the regressor.  ``cable_offset`` is −cable_stiffness·theta_rest [N m]."""
+TERMS = LINEAR_TERMS.names
+"""Columns of the regressor of the rotary pendulum.  ``cable_offset`` is −cable_stiffness·theta_rest [N m]."""
 
-LUMPED = TERMS[:9]
+LUMPED = LINEAR_TERMS.lumped
 """What is looked for unless said otherwise: the nine of :mod:`fracid.models.pendulum`."""
-
-PENDULUM = ("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha")
-"""What the pendulum's row alone holds: all that can be found where no arm angle was recorded."""
 
 QUIET = 20.0
 """An angle that moves by less than this many noise levels in a swing is left out."""
@@ -109,33 +106,9 @@ def _columns(
     model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: Pair, rates: Pair, drive: FloatArray | None
 ) -> Pair:
     """W of both equations from the angles, x₂ and D^λ x₂, x₄ and D^μ x₄."""
-    p = pendulum_parameters(model)
-    (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates
-    sin, cos = np.sin(alpha - p["alpha_rest"]), np.cos(alpha - p["alpha_rest"])
-    sin2, slip = 2.0 * sin * cos, p["slip_speed"]
-    gravity = {"hanging": 1.0, "upright": -1.0}[model.zero]
-    zero = np.zeros_like(alpha)
-    arm = {
-        "J_theta": arm_acceleration,
-        "C6": sin**2 * arm_acceleration + sin2 * x4 * x2,
-        "C3": cos * acceleration - sin * x4**2,
-        "b_theta": x2,
-        "coulomb_theta": np.tanh(x2 / slip),
-        "drag_theta": x2 * np.abs(x2),
-        "cable_stiffness": theta,
-        "cable_offset": np.ones_like(theta),
-        "torque_per_volt": zero if drive is None else -drive,
-    }
-    pendulum = {
-        "C6": -0.5 * sin2 * x2**2,
-        "C3": cos * arm_acceleration,
-        "C1": acceleration,
-        "C4": gravity * sin,
-        "b_alpha": x4,
-        "coulomb_alpha": np.tanh(x4 / slip),
-        "drag_alpha": x4 * np.abs(x4),
-    }
-    arm_rows, rows = (np.column_stack([columns.get(n, zero) for n in TERMS]) for columns in (arm, pendulum))
+    terms, zero = terms_of(model), np.zeros_like(alpha)
+    arm, pendulum = terms.columns(model, theta, alpha, arm_rates, rates, drive)
+    arm_rows, rows = (np.column_stack([columns.get(n, zero) for n in terms.names]) for columns in (arm, pendulum))
     return arm_rows, rows
 
 
@@ -156,13 +129,19 @@ def _from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
     return found
 
 
-def pendulum_parameters(model: Model) -> dict[str, float]:
-    """The model's parameters by name, if it is the rotary pendulum."""
-    if model.name != "rotary-pendulum":
+def terms_of(model: Model) -> LinearTerms:
+    """The equations as columns and constants, if the model has them so."""
+    if model.linear_terms is None:
         raise InputError(
             f"The regression knows the equations of the rotary pendulum, not of {model.name!r}: "
             'type model=fracid.rotary_pendulum("srv02-rotpen"), or fit with fracid.identify.'
         )
+    return model.linear_terms
+
+
+def pendulum_parameters(model: Model) -> dict[str, float]:
+    """The model's parameters by name, if its equations are linear in them."""
+    terms_of(model)
     return dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
 
 
@@ -204,16 +183,6 @@ def _spectrum(x: FloatArray, step: float) -> Pair:
     power = np.abs(np.fft.rfft(speed * taper)) ** 2 / np.sum(taper**2)
     f: FloatArray = np.asarray(np.fft.rfftfreq(len(speed), step)[1:], dtype=np.float64)
     return f, np.asarray(power[1:] / (2.0 * np.sin(math.pi * f * step)) ** 2, dtype=np.float64)
-
-
-def _noise(x: FloatArray, step: float, resolution: float) -> float:
-    """Noise of x, rms: the floor of the upper half of its spectrum, at least q/√12 of the encoder's step q.
-
-    A slow signal's rounding errors are not white, and the floor alone would miss most of them.
-    """
-    f, power = _spectrum(x, step)
-    floor = float(np.median(power[f > 0.25 / step])) / math.log(2.0)  # the median of an exponential variate
-    return max(math.sqrt(floor), resolution / math.sqrt(12.0), 1e-9 * float(np.ptp(x)))
 
 
 # --- recordings --------------------------------------------------------------------------------------
@@ -328,7 +297,7 @@ def make_swing(
         raise InputError(f"{name}: a sample is not a finite number; leave such samples out or fill them.")
     if np.ptp(alpha) == 0.0:
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
-    noise = np.array([_noise(x, step, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
+    noise = np.array([noise_level(x, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
     return Swing(name, step, angles, start, drive, volts, noise, theta is not None and float(np.ptp(theta)) > 0.0)
 
 
@@ -342,7 +311,7 @@ class Rows:
     swing: Swing
     model: Model
     terms: tuple[int, ...]
-    """Which of ``TERMS``."""
+    """Which of the model's."""
     cutoff: float
     """[Hz]"""
     window: float

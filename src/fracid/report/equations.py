@@ -1,6 +1,6 @@
 r"""The model's equations as MathML, which browsers draw by themselves: with symbols, and with the numbers found.
 
-For the rotary pendulum those of :mod:`fracid.models.pendulum`,
+A model says how its own are written (:class:`fracid.models.base.Written`); of the rotary pendulum they are
 
 .. math::
 
@@ -10,32 +10,24 @@ For the rotary pendulum those of :mod:`fracid.models.pendulum`,
     C_3 \cos α\,D^λ ω_θ + C_1\,D^μ ω_α &= f_α
     \end{aligned}
 
-with the terms that the fit has: a constant that is fixed at zero takes its term away.  Of any other model, whose
-right-hand side is a program, each state with its order.
+with the terms that the fit has: a constant that is fixed at zero takes its term away.  Of a model whose right-hand side
+is a program alone, each state with its order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from fracid.report.sentences import LETTERS, digits
+from fracid.report.sentences import digits, letter
 
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["equations", "is_rotary_pendulum"]
-
-SYMBOLS = {
-    "C1": ("C", "1"), "C3": ("C", "3"), "C4": ("C", "4"), "C6": ("C", "6"), "J_theta": ("J", "θ"),
-    "b_theta": ("b", "θ"), "b_alpha": ("b", "α"), "coulomb_theta": ("τ", "Cθ"), "coulomb_alpha": ("τ", "Cα"),
-    "drag_theta": ("d", "θ"), "drag_alpha": ("d", "α"), "cable_stiffness": ("k", ""), "theta_rest": ("θ", "0"),
-    "alpha_rest": ("α", "0"), "torque_per_volt": ("k", "u"), "slip_speed": ("v", "s"), "time_scale": ("τ", "0"),
-}  # fmt: skip
-"""Letter and index of each constant of the rotary pendulum, as in the model's docstring."""
+__all__ = ["Writer", "equations"]
 
 
 def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str, Markup]:
@@ -65,18 +57,13 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str
     >>> list(found), "0.0002" in found["With the numbers found"]
     (['With symbols', 'With the numbers found'], True)
     """
-    if not is_rotary_pendulum(model):
+    if model.written is None:
         return {"Its states": _block(_states(model, result["orders"]))}
     constants = {**result["parameters"], **_of_each_recording(result)}
-    return {
-        "With symbols": _block(_pendulum(_Writer(constants, numbers=False), model, result["orders"], driven)),
-        "With the numbers found": _block(_pendulum(_Writer(constants, numbers=True), model, result["orders"], driven)),
-    }
-
-
-def is_rotary_pendulum(model: Model) -> bool:
-    """Whether it is ours, not a user's own by that name."""
-    return set(SYMBOLS) <= set(model.parameter_names) and model.order_names == ("lambda", "mu")
+    symbols = {p.name: p.symbol or (p.name, "") for p in model.parameters}
+    symbols_and_numbers = (Writer(constants, symbols, numbers) for numbers in (False, True))
+    lines = (model.written.equations(write, model, result["orders"], driven) for write in symbols_and_numbers)
+    return dict(zip(("With symbols", "With the numbers found"), map(_block, lines), strict=True))
 
 
 def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -85,7 +72,7 @@ def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:
     return {n: {"value": None, "free": True} for n in names}
 
 
-# --- the rotary pendulum -------------------------------------------------------------------------
+# --- what a model writes with -----------------------------------------------------------------------
 
 
 Term = tuple[Markup, Markup]
@@ -100,82 +87,6 @@ SHORT = 400
 """Characters of MathML: a left side that leaves room for the right one."""
 
 
-@dataclass(frozen=True)
-class _Writer:
-    """Constants, as symbols or as numbers."""
-
-    constants: Mapping[str, Any]
-    numbers: bool
-
-    def there(self, name: str) -> bool:
-        """Whether it is in the equations: left free, or not zero."""
-        e = self.constants.get(name, {"value": 0.0, "free": False})
-        return bool(e["free"] or e["value"])
-
-    def __call__(self, name: str) -> Markup:
-        """The constant as a factor."""
-        e = self.constants.get(name)
-        if self.numbers and e and e["value"] is not None:
-            return _number(digits(e), brackets=e["value"] < 0)
-        return _sub(*SYMBOLS[name])
-
-    def order(self, name: str, estimate: Mapping[str, Any]) -> Markup:
-        """An order as an exponent."""
-        return _number(digits(estimate)) if self.numbers else _i(LETTERS[name])
-
-    def term(self, sign: str, name: str, *factors: Markup, half: bool = False) -> list[Term]:
-        """A constant times something, with its sign: a negative number turns it.  None where it is not there."""
-        if not self.there(name):
-            return []
-        value = self.constants[name]["value"]
-        negative = self.numbers and value is not None and value < 0
-        turned = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
-        e = {**self.constants[name], **turned} if negative else None
-        size = _number(digits(e)) if e else self(name)
-        return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
-
-
-def _pendulum(c: _Writer, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Markup, ...]]:
-    """Left side of each equation, and the rows of its right side."""
-    λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
-    θ, α, ω_θ, ω_α = _i("θ"), _i("α"), _sub("ω", "θ"), _sub("ω", "α")
-    a = _bracket(_row(α, _o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
-    from_rest = _bracket(_row(θ, _o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
-    sin, cos, sin2 = _f("sin", a), _f("cos", a), _f("sin", _row(_n("2"), a))
-    M11 = _bracket(_row(c("J_theta"), _o("+"), c("C6"), _power(_i("sin"), _n("2")), a))
-    M12 = _row(c("C3"), cos)
-
-    f_θ = [
-        *(c.term("+", "torque_per_volt", _i("u")) if driven else []),
-        *c.term("−", "b_theta", ω_θ),
-        *c.term("−", "C6", sin2, ω_α, ω_θ),
-        *c.term("+", "C3", sin, _squared(ω_α)),
-        *c.term("−", "coulomb_theta", _tanh(ω_θ, c("slip_speed"))),
-        *c.term("−", "drag_theta", ω_θ, _size(ω_θ)),
-        *c.term("−", "cable_stiffness", from_rest),
-    ]
-    f_α = [
-        *c.term("+" if model.zero == "upright" else "−", "C4", sin),
-        *c.term("+", "C6", sin2, _squared(ω_θ), half=True),
-        *c.term("−", "b_alpha", ω_α),
-        *c.term("−", "coulomb_alpha", _tanh(ω_α, c("slip_speed"))),
-        *c.term("−", "drag_alpha", ω_α, _size(ω_α)),
-    ]
-    yield _D(λ, θ), ω_θ
-    yield _D(μ, α), ω_α
-    yield _row(M11, _D(λ, ω_θ), _o("+"), M12, _D(μ, ω_α)), *_sum(f_θ)
-    yield _row(M12, _D(λ, ω_θ), _o("+"), c("C1"), _D(μ, ω_α)), *_sum(f_α)
-
-
-def _sum(terms: list[Term]) -> Iterator[Markup]:
-    """As many in a row as a screen has room for; the first has no plus."""
-    for k in range(0, len(terms), IN_A_ROW):
-        row = [part for term in terms[k : k + IN_A_ROW] for part in term]
-        yield _row(*(row[1:] if k == 0 and row[0] == _o("+") else row))
-    if not terms:
-        yield _n("0")
-
-
 def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, ...]]:
     """Each state of a model that is not ours, with its order."""
     arguments = _row(_i("t"), _o(","), _i("x"), _o(","), _i("u"), _o(","), _i("p"))
@@ -188,7 +99,7 @@ def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, .
 # --- MathML --------------------------------------------------------------------------------------
 
 
-def _block(lines: Iterator[tuple[Markup, ...]]) -> Markup:
+def _block(lines: Iterable[tuple[Any, ...]]) -> Markup:
     """One below the other; a long right side begins a row of its own, which a narrow screen has room for."""
     row = Markup('<mtr><mtd class="{}">{}</mtd></mtr>')
     rows = []
@@ -259,3 +170,64 @@ def _tanh(rate: Markup, slip: Markup) -> Markup:
 
 def _D(order: Markup, what: Markup) -> Markup:
     return _row(_power(_i("D"), order), what)
+
+
+def _sum(terms: list[Term]) -> Iterator[Markup]:
+    """As many in a row as a screen has room for; the first has no plus."""
+    for k in range(0, len(terms), IN_A_ROW):
+        row = [part for term in terms[k : k + IN_A_ROW] for part in term]
+        yield _row(*(row[1:] if k == 0 and row[0] == _o("+") else row))
+    if not terms:
+        yield _n("0")
+
+
+@dataclass(frozen=True)
+class Writer:
+    """What a model writes its equations with: constants, as symbols or as numbers, and the marks of mathematics."""
+
+    constants: Mapping[str, Any]
+    """Of result.json, by name."""
+    symbols: Mapping[str, tuple[str, str]]
+    """Letter and index of each."""
+    numbers: bool
+
+    def there(self, name: str) -> bool:
+        """Whether it is in the equations: left free, or not zero."""
+        e = self.constants.get(name, {"value": 0.0, "free": False})
+        return bool(e["free"] or e["value"])
+
+    def __call__(self, name: str) -> Markup:
+        """The constant as a factor."""
+        e = self.constants.get(name)
+        if self.numbers and e and e["value"] is not None:
+            return _number(digits(e), brackets=e["value"] < 0)
+        return _sub(*self.symbols[name])
+
+    def order(self, name: str, estimate: Mapping[str, Any]) -> Markup:
+        """An order as an exponent."""
+        return _number(digits(estimate)) if self.numbers else _i(letter(name))
+
+    def term(self, sign: str, name: str, *factors: Markup, half: bool = False) -> list[Term]:
+        """A constant times something, with its sign: a negative number turns it.  None where it is not there."""
+        if not self.there(name):
+            return []
+        value = self.constants[name]["value"]
+        negative = self.numbers and value is not None and value < 0
+        turned = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
+        e = {**self.constants[name], **turned} if negative else None
+        size = _number(digits(e)) if e else self(name)
+        return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
+
+    bracket = staticmethod(_bracket)
+    D = staticmethod(_D)
+    f = staticmethod(_f)
+    i = staticmethod(_i)
+    n = staticmethod(_n)
+    o = staticmethod(_o)
+    power = staticmethod(_power)
+    row = staticmethod(_row)
+    size = staticmethod(_size)
+    squared = staticmethod(_squared)
+    sub = staticmethod(_sub)
+    sum = staticmethod(_sum)
+    tanh = staticmethod(_tanh)

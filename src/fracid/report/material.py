@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +17,11 @@ from fracid.errors import FracidError, InputError
 from fracid.recording import Recording, inspect_recording
 from fracid.report.sentences import number
 from fracid.runs.folder import EVALUATIONS
-from fracid.runs.schemas import COMPARISON, ENVIRONMENT, PROFILES, RESULT, fault_of_comparison, fault_of_profiles
-from fracid.safety.schema import EVALUATION, lines_of, read_as
+from fracid.safety.schema import Block, lines_of, read_as
+from fracid.schemas.comparison import ComparisonBlock
+from fracid.schemas.profiles import ProfilesBlock
+from fracid.schemas.result import ResultBlock
+from fracid.schemas.run import EnvironmentBlock, EvaluationLine
 from fracid.units import SHOWN_UNITS
 from fracid.validation.residuals import residual_analysis
 
@@ -35,12 +38,12 @@ __all__ = ["Material", "tried"]
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
 
-BESIDE: dict[str, tuple[Any, str, Callable[[Any], str]]] = {
-    "profiles.json": (PROFILES, "fracid profile RUN", fault_of_profiles),
-    "compare.json": (COMPARISON, "fracid compare PROJECT --out RUN", fault_of_comparison),
-    "environment.json": (ENVIRONMENT, "fracid fit PROJECT", lambda _: ""),
+BESIDE: dict[str, tuple[type[Block], str]] = {
+    "profiles.json": (ProfilesBlock, "fracid profile RUN"),
+    "compare.json": (ComparisonBlock, "fracid compare PROJECT --out RUN"),
+    "environment.json": (EnvironmentBlock, "fracid fit PROJECT"),
 }
-"""Files that the report looks at → their shape, what writes them, and what does not fit together in one."""
+"""Files that the report looks at → what they must be, and what writes them."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Material:
     def of_fit(cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None) -> Material:
         """From a fit that has just been written to its folder."""
         try:
-            result = read_as(folder / "result.json", RESULT, "fracid fit PROJECT")
+            result = read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
         return cls(folder, result, project, fit.x, fit.recordings, plane)
@@ -126,9 +129,9 @@ class Material:
     @cached_property
     def _beside(self) -> tuple[dict[str, Any], list[str]]:
         found, damaged = {}, []
-        for name, (shape, wrote, between) in BESIDE.items():
+        for name, (block, wrote) in BESIDE.items():
             try:
-                found[name] = read_as(self.folder / name, shape, wrote, between)
+                found[name] = read_as(self.folder / name, block, wrote)
             except OSError:
                 continue
             except InputError as error:
@@ -159,7 +162,7 @@ def _whole(recording: Recording, said: Mapping[str, Any], signals: tuple[str, ..
 def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
     """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""
     flat = array("d")
-    for line in lines_of(folder / EVALUATIONS, EVALUATION):
+    for line in lines_of(folder / EVALUATIONS, EvaluationLine):
         if all(n in line["point"] for n in names):
             flat.extend(line["point"][n] for n in names)
     return np.array(flat).reshape(-1, 2)

@@ -14,8 +14,8 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError
-from fracid.files import write_text
-from fracid.report.equations import equations, is_rotary_pendulum
+from fracid.files import json_number, write_text
+from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
 from fracid.report.sentences import digits, half_width, joined, letter, number, unit
@@ -187,18 +187,19 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple | np.ndarray):
         return [_plain(v) for v in value]
     if isinstance(value, float | np.floating):
-        return float(value) if isfinite(value) else None
+        return json_number(float(value))
     return value
 
 
 def _rig(material: Material) -> dict[str, Any] | None:
     lengths = rig_lengths(material.project.problem.model, material.result["parameters"])
-    if lengths is None or "alpha" not in material.project.problem.outputs:
+    model = material.project.problem.model
+    if lengths is None or model.pendulum not in material.project.problem.outputs:
         return None
-    rest = {}
-    shared = material.result["parameters"].get("alpha_rest", {}).get("value") or 0.0
+    rest, own = {}, model.angles[model.pendulum].rest
+    shared = material.result["parameters"].get(own, {}).get("value") or 0.0
     for name, r in material.result["recordings"].items():
-        rest[name] = degrees(r["parameters"].get("alpha_rest", {}).get("value") or shared)
+        rest[name] = degrees(r["parameters"].get(own, {}).get("value") or shared)
     return lengths | {"alphaRest": rest}
 
 
@@ -257,7 +258,7 @@ def _context(material: Material) -> dict[str, Any]:
         "recordings": [_recording(material, name) for name in result["recordings"]],
         "equations": equations(project.problem.model, result, _driven(material)),
         "no_rival": _no_rival(result),
-        "own_model": not is_rotary_pendulum(project.problem.model),
+        "own_model": project.problem.model.written is None,
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
         "fixed": [row for row in _parameters(material) if not row["free"]],

@@ -18,9 +18,9 @@ from collections.abc import Mapping
 from math import floor, isfinite, log10
 from typing import Any
 
-__all__ = ["digits", "half_width", "joined", "letter", "number", "unit"]
+from fracid.units import GREEK
 
-LETTERS = {"theta": "θ", "alpha": "α", "lambda": "λ", "mu": "μ"}
+__all__ = ["digits", "half_width", "joined", "letter", "number", "unit"]
 
 
 def letter(name: str) -> str:
@@ -31,7 +31,7 @@ def letter(name: str) -> str:
     >>> letter("lambda"), letter("C1")
     ('λ', 'C1')
     """
-    return LETTERS.get(name, name)
+    return GREEK.get(name, name)
 
 
 def number(value: float | None, form: str = ".4g") -> str:

@@ -29,7 +29,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,8 +37,9 @@ from typing import TYPE_CHECKING, Any
 from fracid.errors import InputError
 from fracid.files import write_text
 from fracid.runs.environment import machine, versions
-from fracid.runs.schemas import RUN as RUN_SHAPE
-from fracid.safety.schema import read_as
+from fracid.safety.schema import as_json, read_as
+from fracid.schemas.result import ResultBlock
+from fracid.schemas.run import EnvironmentBlock, RunBlock
 from fracid.tasks.folder_lock import FolderLock, Json
 
 if TYPE_CHECKING:
@@ -189,8 +190,8 @@ def run_state(folder: Path) -> RunState:
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
     try:
-        said = read_as(folder / RUN, RUN_SHAPE, "the command itself")
-        return RunState(said["kind"], said["options"], said["inputs"], said["finished"])
+        content = read_as(folder / RUN, RunBlock, "the command itself")
+        return RunState(**dict(RunBlock.model_validate(content)))
     except (OSError, InputError):
         raise InputError(
             f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
@@ -293,7 +294,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
 
 def _write_state(folder: Path, state: RunState) -> None:
     try:
-        write_text(folder / RUN, json.dumps(asdict(state), indent=2, ensure_ascii=False) + "\n")
+        write_text(folder / RUN, json.dumps(as_json(RunBlock, state), indent=2, ensure_ascii=False) + "\n")
     except OSError as error:
         raise _unwritable(folder, error) from None
 
@@ -319,8 +320,8 @@ def open_folder(folder: Path) -> Path:
                 (folder / old).unlink(missing_ok=True)
             for path in (*_figures(folder), *_halves(folder)):
                 path.unlink(missing_ok=True)
-            environment: dict[str, Json] = {"versions": versions(), **machine()}
-            environment |= {"command": sys.argv[1:], "directory": str(Path.cwd())}
+            typed = {"command": sys.argv[1:], "directory": str(Path.cwd())}
+            environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), **typed})
             write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
         except OSError as error:
             raise _unwritable(folder, error) from None
@@ -362,12 +363,12 @@ def result_of(fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[s
     >>> result_of.__name__
     'result_of'
     """
-    return fit.to_json() | {
+    return as_json(ResultBlock, fit.to_json() | {
         "preset": project.preset,
         "data_sha256": {r.name: r.sha256 for r in project.recordings},
         "versions": versions(),
         "timing": {stage: round(seconds, 3) for stage, seconds in timing.items()},
-    }
+    })  # fmt: skip
 
 
 def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:

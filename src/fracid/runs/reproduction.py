@@ -20,13 +20,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
-from fracid.runs.schemas import ENVIRONMENT, FIT_OPTIONS
+from fracid.files import json_number
 from fracid.safety.schema import fault_of, read_as
+from fracid.schemas.run import EnvironmentBlock, FitOptions
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -126,8 +127,8 @@ class Reproduction:
             "values": self.values,
             "changed": {what: list(pair) for what, pair in self.changed.items()},
             "differences": [
-                {"where": d.where, "before": d.before, "after": d.after, "found": d.found, "size": _finite(d.size),
-                 "of_interval": _finite(d.of_interval)}
+                {"where": d.where, "before": d.before, "after": d.after, "found": d.found, "size": json_number(d.size),
+                 "of_interval": json_number(d.of_interval)}
                 for d in self.differences
             ],
         }  # fmt: skip
@@ -177,7 +178,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     state = run_state(run.folder)
     if not state.finished:
         raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
-    if fault := fault_of(state.options, FIT_OPTIONS):
+    if fault := fault_of(state.options, FitOptions):
         raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
     with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
         fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
@@ -206,7 +207,7 @@ def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, s
         if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
     }
     try:
-        there = read_as(run.folder / "environment.json", ENVIRONMENT, "fracid fit PROJECT")
+        there = read_as(run.folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
     except OSError:
         there = {}
     here = machine()
@@ -298,7 +299,3 @@ def _sizes(before: Any, after: Any, half: float) -> tuple[float, float]:
         return inf, inf
     off = float(abs(after - before))
     return off / max(abs(before), abs(after)) if off else 0.0, off / half if half > 0 else inf
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None

@@ -10,8 +10,8 @@ is not that of the run's, and simulates with the values of ``result.json``, vali
 float goes through JSON unchanged, so the same versions give the same trajectories to the last bit; where the rmse
 does differ from the saved one a note says so.
 
-The folder may come from a stranger or from a dying disc.  Each file must be of its :mod:`shape
-<fracid.safety.schema>`, and ``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders,
+The folder may come from a stranger or from a dying disc.  Each file must be of its :mod:`schema
+<fracid.schemas.result>`, and ``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders,
 values within their bounds.
 """
 
@@ -33,10 +33,11 @@ from fracid.estimation.records import Estimate, RecordingFit
 from fracid.estimation.starts import Start
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import Project, project_from_text
-from fracid.runs.schemas import RESULT
+from fracid.safety.json_files import json_of, text_of
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import json_of, must_be, text_of
+from fracid.safety.schema import fault_of
 from fracid.safety.text import ascii_short
+from fracid.schemas.result import EstimateBlock, ResultBlock, StartBlock
 from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.unknown_past import CutCheck
 
@@ -224,7 +225,9 @@ def _read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         found = None
     if isinstance(found, dict):
-        return dict(must_be(found, RESULT, path, "fracid fit PROJECT"))
+        if fault := fault_of(found, ResultBlock):
+            raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
+        return found
     kind = _optional(path.parent / "run.json", "kind", "")
     if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
         raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
@@ -305,13 +308,12 @@ def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
 
 def _estimate(said: Mapping[str, Any]) -> Estimate:
     """What result.json says of a value; what a result of an older version does not say is as by default."""
-    known = {f.name: said[f.name] for f in fields(Estimate) if f.name in said}
-    known = {n: tuple(v) if isinstance(v, list) else v for n, v in known.items()}
-    return Estimate(**known | {"value": math.nan if said.get("value") is None else said["value"]})
+    block = EstimateBlock.model_validate(said)
+    return Estimate(**{f.name: getattr(block, f.name) for f in fields(Estimate)})
 
 
 def _start(said: Mapping[str, Any], problem: Problem) -> Start:
     """What result.json says of a start."""
-    point, end = (np.array([said[key].get(n, np.nan) for n in problem.names]) for key in ("start", "end"))
-    first = math.inf if said["cost_on_first_swing"] is None else said["cost_on_first_swing"]
-    return Start(said["origin"], point, first, end, said["cost"], said["ended"], said["evaluations"], said["joined"])
+    block = StartBlock.model_validate(said)
+    point, end = (np.array([x.get(n, np.nan) for n in problem.names]) for x in (block.point, block.end))
+    return Start(**dict(block) | {"point": point, "end": end})

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Literal
 
 from fracid.errors import InputError
-from fracid.safety.schema import read_as
+from fracid.safety.json_files import json_of, text_of
 
 __all__ = ["Kind", "kind_of", "refuse_mistaken"]
 
@@ -114,9 +114,9 @@ def _instead(path: Path, wanted: Kind, kind: Kind) -> str:
 def _project_of(folder: Path) -> str:
     """The project that a run was made of, as it was typed."""
     try:
-        words = read_as(folder / "environment.json", {"command": [str]}, "")["command"]
+        words = json_of(text_of(folder / "environment.json"))["command"]
         return _typed(Path(next(word for word in words if word.endswith(".toml"))))
-    except (OSError, InputError, StopIteration):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration):
         return "PROJECT"
 
 

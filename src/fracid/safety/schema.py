@@ -1,232 +1,267 @@
-"""What stands in a file of a run folder, read as if a stranger had sent it or a dying disc had kept it.
+"""What JSON of a file is made of, and how it is read, written and checked: pydantic models with one base.
 
-::
+=================  ==========================================================================================
+``Number``         a number or null, which is None
+``Unknown``        a number or null, which is NaN
+``Infinite``       a number or null, which is infinite
+``Numbers``        a list of numbers, from an array too
+``Interval``       a list of two numbers
+=================  ==========================================================================================
 
-    bytes, not too many, of a plain file  ──  text  ──  JSON without NaN, infinity, depth  ──  of its shape  ──  used
+A :class:`Block` has a field for each key, with the name of the record's attribute that it is written from; a key
+that is called otherwise is its alias.  So one description
 
-A shape is written as what it describes:
+* **writes**: :func:`as_json` takes the attributes of a record,
+* **reads**: ``Block.model_validate(content)``, and ``Record(**dict(block))``,
+* **checks**: :func:`fault_of` names the place of the first fault, behind the limits of :mod:`fracid.safety.json_files`,
+* **tells others**: ``Block.model_json_schema()``.
 
-=====================  =========================================================================================
-``float``              a number, below 10¹⁰⁰ in size; ``int`` a whole one; ``bool``; ``str`` of 10⁵ characters at most
-``None``               null
-``(float, None)``      one of these
-``[float]``            a list of such; ``Pair(float)`` of two
-``Word("a|b")``        one of these words
-``{"a": …, "b?": …}``  what has these keys, ``b`` or not, and perhaps more
-``Names(float)``       whatever names, each with such a value
-=====================  =========================================================================================
-
-So whoever uses a file that passed need not ask again, and who does not pass is told where: ``orders.mu.value``.
+What a file has beside the keys of its block is passed over.
 """
 
 from __future__ import annotations
 
-import json
-import re
 import stat
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from itertools import chain
-from math import isfinite
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
+from math import inf, nan
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
+from pydantic_core.core_schema import ValidationInfo
 
 from fracid.errors import InputError
+from fracid.files import from_json, json_number
+from fracid.safety.json_files import LONGEST, excess_of, json_of, place, short_text, shown, text_of
 
 __all__ = [
-    "EVALUATION",
-    "LONGEST",
-    "MOST",
-    "Names",
+    "AS_NULL",
+    "EXPECTED",
+    "Block",
+    "Coherent",
+    "Infinite",
+    "Interval",
+    "Number",
+    "Numbers",
     "Pair",
-    "Shape",
-    "Word",
+    "Unknown",
+    "as_json",
+    "expected",
     "fault_of",
-    "json_of",
+    "faults_by_place",
+    "lacking",
     "lines_of",
-    "must_be",
     "read_as",
-    "short_text",
-    "text_of",
 ]
 
-Shape = Any
-"""See the module's table."""
+# --- values ------------------------------------------------------------------------------------------
 
-MOST = 1 << 26
-"""Bytes of a JSON file: of what fracid writes, a study of 10⁵ repetitions comes near."""
+AS_NULL = PlainSerializer(json_number, return_type=float | None)
 
-LONGEST = 1 << 24
-"""Bytes of a line of a log."""
+Number = Annotated[float | None, AS_NULL]
 
-REACH = 1e100
-"""Sizes of numbers below this: their squares are finite."""
+Unknown = Annotated[
+    float, BeforeValidator(partial(from_json, otherwise=nan), json_schema_input_type=float | None), AS_NULL
+]
 
-DEEPEST = 32
-"""JSON in JSON; a result has seven."""
+Infinite = Annotated[
+    float, BeforeValidator(partial(from_json, otherwise=inf), json_schema_input_type=float | None), AS_NULL
+]
 
-TEXT = 100_000
-"""Characters of a text."""
+Pair = Field(strict=False, min_length=2, max_length=2)
+"""Of a tuple: it is a list in JSON, and has two entries."""
 
-LONGEST_NAME = 500
-"""Characters of a name: a start value's has that of its recording."""
+Interval = Annotated[tuple[float, ...], Pair]
 
 
-@dataclass(frozen=True)
-class Names:
-    """Any names, each with such a value."""
-
-    of: Shape
+def _listed(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A list of two, or of as many as are said."""
+Numbers = Annotated[list[float], BeforeValidator(_listed)]
 
-    of: Shape
-    count: int = 2
+# --- blocks ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Word:
-    """One of some words, by a regular expression."""
+class Block(BaseModel):
+    """A JSON object of a file; see the top of this module."""
 
-    pattern: str
-
-
-def text_of(path: Path, most: int = MOST) -> str:
-    """Read a text file that cannot hang, and is not larger than one of its kind can be.
-
-    Raises
-    ------
-    OSError
-        If it is not there, no plain file or cannot be read.
-    ValueError
-        If it is too large, or no UTF-8.
-
-    Examples
-    --------
-    >>> text_of(Path(__file__)).startswith('\"\"\"What stands')
-    True
-    """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(f"{path} is no plain file")
-    with path.open("rb") as file:
-        raw = file.read(most + 1)
-    if len(raw) > most:
-        raise ValueError(f"{path} has more than {most} bytes")
-    return raw.decode("utf-8")
+    model_config = ConfigDict(from_attributes=True, strict=True, frozen=True)
 
 
-def json_of(text: str | bytes) -> Any:
-    """JSON's value, if it has nothing that fracid does not write.
+class Coherent(Block):
+    """One whose parts must fit together, where it is read."""
 
-    Raises
-    ------
-    ValueError
-        For what is no JSON, NaN and infinity, numbers of thousands of digits, and lists in lists in lists.
+    @model_validator(mode="after")
+    def _together(self, info: ValidationInfo) -> Coherent:
+        if info.context != WRITING and (fault := self.incoherence()):
+            raise ValueError(fault)
+        return self
+
+    def incoherence(self) -> str:
+        """What does not fit together, in words; empty where all does."""
+        return ""
+
+
+WRITING = "writing"
+
+
+def as_json(block: type[Block], record: Any) -> dict[str, Any]:
+    """Plain JSON values of a record: of its attributes, or of what a mapping has by their names or by the keys.
 
     Examples
     --------
-    >>> json_of('{"mu": 0.9}')
-    {'mu': 0.9}
-    >>> json_of("[NaN]")
-    Traceback (most recent call last):
-    ValueError: NaN is no number
+    >>> class Score(Block):
+    ...     rmse: Infinite = Field(alias="rmse_rad")
+    >>> as_json(Score, {"rmse": inf})
+    {'rmse_rad': None}
     """
+    own = block.model_validate(record, strict=False, by_name=True, by_alias=True, context=WRITING)
+    return own.model_dump(mode="json", by_alias=True)
+
+
+# --- faults ------------------------------------------------------------------------------------------
+
+
+def fault_of(value: Any, block: type[Block]) -> str:
+    """Where a value of JSON is not of a block, in words; empty where it is.
+
+    Examples
+    --------
+    >>> class Result(Block):
+    ...     orders: dict[str, Number]
+    >>> fault_of({"orders": {"mu": [1]}}, Result)
+    'orders.mu is a list; expected a number'
+    >>> fault_of({}, Result)
+    'it has no orders'
+    """
+    if excess := excess_of(value):
+        return excess
     try:
-        found = json.loads(text, parse_constant=_no_number)
-    except RecursionError:
-        raise ValueError("it lies too deep in itself") from None
-    level, depth = [found], 0
-    while level:
-        if (depth := depth + 1) > DEEPEST:
-            raise ValueError("it lies too deep in itself")
-        level = [*chain.from_iterable(_inner(value) for value in level)]
-    return found
+        block.model_validate(value)
+    except ValidationError as error:
+        return _sentence(*next(iter(faults_by_place(error).items())))
+    return ""
 
 
-def _no_number(word: str) -> Any:
-    raise ValueError(f"{word} is no number")
+EXPECTED = {
+    "bool_type": "true or false",
+    "dict_type": "names with values",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "literal_error": "{expected}",
+    "model_attributes_type": "names with values",
+    "model_type": "names with values",
+    "string_pattern_mismatch": "{pattern}",
+    "string_type": "a text",
+    "tuple_type": "a list",
+}
+"""What pydantic's faults mean; those not listed keep its words."""
 
 
-def _inner(value: Any) -> Iterator[Any]:
-    if isinstance(value, dict):
-        yield from value.values()
-    elif isinstance(value, list):
-        yield from value
+def faults_by_place(error: ValidationError, tried: Iterable[str] = ()) -> dict[tuple[str | int, ...], list[Any]]:
+    """Pydantic's faults by where they are, without its notes on which alternatives it tried.
+
+    Parameters
+    ----------
+    error : ValidationError
+    tried : iterable of str
+        Models that are one of several alternatives.
+    """
+    notes = {"float", "int", "str", "bool", *tried}
+    faults: dict[tuple[str | int, ...], list[Any]] = {}
+    for fault in error.errors(include_url=False):
+        where = tuple(
+            key for key in fault["loc"]
+            if key not in notes and not str(key).startswith(("literal[", "dict[", "function-"))
+        )  # fmt: skip
+        faults.setdefault(where, []).append(fault)
+    return faults
 
 
-def read_as(path: Path, shape: Shape, wrote: str, between: Callable[[Any], str] = lambda _: "") -> Any:
-    """Read a JSON file of a run folder.
+def expected(faults: Iterable[Any], words: Mapping[str, str] = EXPECTED, **more: str) -> str:
+    """What pydantic expected at a place, in words."""
+    each = (words.get(f["type"], f["msg"]).format(**f.get("ctx", {}), **more) for f in faults)
+    return " or ".join(dict.fromkeys(each))
+
+
+def _sentence(where: tuple[str | int, ...], faults: list[Any]) -> str:
+    """One plain sentence: where it is, what it is, and what was expected."""
+    kind, value, context = (faults[0].get(key) for key in ("type", "input", "ctx"))
+    if kind == "missing":
+        return f"{place(where[:-1])} has no {where[-1]}"
+    if kind in ("too_short", "too_long"):
+        count = context.get("min_length", context.get("max_length"))
+        return f"{place(where)} has {len(value)} entries; expected {count}"
+    if kind == "value_error":
+        return str(context["error"])
+    return f"{place(where)} is {shown(value)}; expected {expected(faults)}"
+
+
+def lacking(value: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> str:
+    """The first of some mappings that lacks one of some names, in words.
+
+    Examples
+    --------
+    >>> lacking({"values": {"mu": 0.9}, "intervals": {}}, ["mu"])
+    'intervals has no mu'
+    """
+    names = tuple(names)
+    return next((f"{key} has no {n}" for key, inner in value.items() for n in names if n not in inner), "")
+
+
+# --- files -------------------------------------------------------------------------------------------
+
+
+def read_as(path: Path, block: type[Block], wrote: str) -> Any:
+    """Read a JSON file of a run folder; gives its content as it stands there.
 
     Parameters
     ----------
     path : Path
-    shape : shape
-        What it must look like.
+    block : type of Block
+        What it must be.
     wrote : str
         The command that writes it again.
-    between : function (value) -> str, optional
-        What does not fit together in it, in words; empty where all does.
 
     Raises
     ------
     OSError
         If it is not there, or cannot be read.
     InputError
-        If it does not look so; says where.
+        If it is not so; says where.
 
     Examples
     --------
     >>> import tempfile
+    >>> class Study(Block):
+    ...     seeds: int
     >>> file = Path(tempfile.mkdtemp()) / "noise.json"
     >>> _ = file.write_text('{"seeds": "many"}')
-    >>> read_as(file, {"seeds": int}, "fracid noise RUN")
+    >>> read_as(file, Study, "fracid noise RUN")
     Traceback (most recent call last):
     fracid.errors.InputError: ...noise.json is damaged: seeds is 'many'; expected a whole number. Write it again: fracid
     noise RUN.
     """
-    found, fault = None, ""
+    content, fault = None, ""
     try:
-        found = json_of(text_of(path))
+        content = json_of(text_of(path))
     except ValueError as error:
         fault = f"it cannot be read as JSON ({short_text(error)})"
-    if fault := fault or fault_of(found, shape) or between(found):
+    if fault := fault or fault_of(content, block):
         raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
-    return found
+    return content
 
 
-def must_be(value: Any, shape: Shape, path: Path, wrote: str) -> Any:
-    """Give what was read of a file back, if it is of that shape.
-
-    Raises
-    ------
-    InputError
-        If it is not; says where.
-
-    Examples
-    --------
-    >>> must_be({"seeds": 3}, {"seeds": int}, Path("noise.json"), "fracid noise")
-    {'seeds': 3}
-    """
-    if fault := fault_of(value, shape):
-        raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
-    return value
-
-
-def short_text(value: object) -> str:
-    """On a line that can be printed, and not long."""
-    text = str(value)
-    return repr(text if len(text) <= 60 else f"{text[:40]}...")[1:-1]
-
-
-def lines_of(path: Path, shape: Shape) -> Iterator[Any]:
+def lines_of(path: Path, block: type[Block]) -> Iterator[Any]:
     """The lines of a log that are as they should be; none where there is no log, or one that cannot be read.
 
     Examples
     --------
-    >>> list(lines_of(Path("/nowhere/evaluations.jsonl"), dict))
+    >>> list(lines_of(Path("/nowhere/evaluations.jsonl"), Block))
     []
     """
     try:
@@ -235,115 +270,10 @@ def lines_of(path: Path, shape: Shape) -> Iterator[Any]:
         with path.open("rb") as file:
             while line := file.readline(LONGEST):
                 try:
-                    found = json_of(line)
+                    content = json_of(line)
                 except ValueError:
                     continue
-                if not fault_of(found, shape):
-                    yield found
+                if not fault_of(content, block):
+                    yield content
     except OSError:
         return
-
-
-# --- shapes ------------------------------------------------------------------------------------------
-
-
-def fault_of(value: Any, shape: Shape, where: str = "") -> str:
-    """Where a value is not of a shape, in words; empty where it is.
-
-    Examples
-    --------
-    >>> fault_of({"mu": {"value": [1]}}, Names({"value": (float, None)}))
-    'mu.value is a list; expected a number or null'
-    >>> fault_of({"mu": {}}, Names({"value": float, "unit?": str}))
-    'mu has no value'
-    """
-    if isinstance(shape, tuple):
-        faults = [fault_of(value, one, where) for one in shape]
-        if not all(faults):
-            return ""
-        inner = [fault for one, fault in zip(shape, faults, strict=True) if _same_kind(value, one)]
-        return inner[0] if inner else _unlike(value, shape, where)
-    if isinstance(shape, type) or shape is None:
-        return "" if _is(value, shape) else _unlike(value, shape, where)
-    if isinstance(shape, Word):
-        good = isinstance(value, str) and re.fullmatch(shape.pattern, value, re.ASCII)
-        return "" if good else _unlike(value, shape, where)
-    if not _same_kind(value, shape):
-        return _unlike(value, shape, where)
-    if isinstance(shape, Pair) and len(value) != shape.count:
-        return f"{_named(where)} has {len(value)} entries; expected {shape.count}"
-    if isinstance(shape, dict):
-        return _of_keys(value, shape, where)
-    inner_shape = shape[0] if isinstance(shape, list) else shape.of
-    pairs = value.items() if isinstance(value, dict) else enumerate(value)
-    if isinstance(value, dict) and any(len(name) > LONGEST_NAME for name in value):
-        return f"{_named(where)} has a name of more than {LONGEST_NAME} characters"
-    return next((fault for key, v in pairs if (fault := fault_of(v, inner_shape, _below(where, key)))), "")
-
-
-def _of_keys(value: Mapping[str, Any], shape: Mapping[str, Shape], where: str) -> str:
-    for key, inner in shape.items():
-        name = key.removesuffix("?")
-        if name in value:
-            if fault := fault_of(value[name], inner, _below(where, name)):
-                return fault
-        elif name == key:
-            return f"{_named(where)} has no {name}"
-    return ""
-
-
-def _is(value: Any, shape: type | None) -> bool:
-    if shape is None:
-        return value is None
-    if shape is float:
-        return isinstance(value, int | float) and not isinstance(value, bool) and _in_reach(value)
-    if shape is int:
-        return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 63
-    if shape is str:
-        return isinstance(value, str) and len(value) <= TEXT
-    return isinstance(value, shape)
-
-
-def _in_reach(value: float) -> bool:
-    return abs(value) < REACH and isfinite(value)
-
-
-def _same_kind(value: Any, shape: Shape) -> bool:
-    """Whether it is a mapping, or a list, where one is expected."""
-    if isinstance(shape, dict | Names):
-        return isinstance(value, dict)
-    return isinstance(shape, list | Pair) and isinstance(value, list)
-
-
-def _below(where: str, key: object) -> str:
-    name = str(key) if len(str(key)) <= 60 else f"{str(key)[:40]}..."
-    return f"{where}.{name}" if where else name
-
-
-def _named(where: str) -> str:
-    return where or "it"
-
-
-WORDS: dict[Any, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", None: "null",
-                         dict: "names with values", list: "a list"}  # fmt: skip
-
-
-def _words(shape: Shape) -> str:
-    if isinstance(shape, tuple):
-        return " or ".join(map(_words, shape))
-    if isinstance(shape, Word):
-        return shape.pattern.replace("|", " or ")
-    if isinstance(shape, dict | Names):
-        return WORDS[dict]
-    return WORDS[list] if isinstance(shape, list | Pair) else WORDS[shape]
-
-
-def _unlike(value: Any, shape: Shape, where: str) -> str:
-    shown = {dict: WORDS[dict], list: WORDS[list], type(None): "null"}.get(type(value))
-    if shown is None:
-        shown = f"'{short_text(value)}'" if isinstance(value, str) else short_text(value)
-    return f"{_named(where)} is {shown}; expected {_words(shape)}"
-
-
-EVALUATION = {"point": Names(float)}
-"""A line of evaluations.jsonl."""

@@ -49,9 +49,11 @@ from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
-from fracid.selection.ladder import FRICTION, ORDER, RUNGS
+from fracid.safety.schema import as_json
+from fracid.schemas.comparison import AmplitudeBlock
+from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import envelope
+from fracid.signals.swing import envelope, swing_period
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,9 +81,6 @@ SWINGS = 2.0
 TIGHT = 0.05
 """Standard deviation of the prior that holds a constant near its fitted value, relative to it: it decides only what
 the window does not see."""
-
-VISCOUS = RUNGS["viscous"]
-"""What is held: it and the order are one to a single swing, and an error of it moves the order of all windows alike."""
 
 RELEASES = "releases"
 """The drift over whole recordings."""
@@ -196,13 +195,7 @@ class AmplitudeTest:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
-        return {
-            "friction_in_disguise": self.disguised,
-            "sentences": list(self.sentences),
-            "windows": [_window_json(w) for w in self.windows],
-            "drifts": [_drift_json(d) for d in self.drifts],
-            "notes": list(self.notes),
-        }
+        return as_json(AmplitudeBlock, self)
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> AmplitudeTest:
@@ -214,8 +207,9 @@ class AmplitudeTest:
         >>> AmplitudeTest.of_json(test.to_json()) == test
         True
         """
-        windows = tuple(_window_of(w) for w in said["windows"])
-        return cls(windows, tuple(_drifts(windows)), tuple(said["notes"]))
+        block = AmplitudeBlock.model_validate(said)
+        windows = tuple(Window(**dict(w)) for w in block.windows)
+        return cls(windows, tuple(_drifts(windows)), tuple(block.notes))
 
 
 def amplitude_test(
@@ -301,7 +295,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
         return f"{e.name} is driven: it has no amplitude that falls."
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
-    period = _period(swing)
+    period = _whole_period(swing)
     size = envelope(swing, period)
     floor = max(FLOOR * float(size.max()), COUNTS * (resolution(swing) or 0.0))
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
@@ -312,11 +306,9 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     return list(pairwise(ends))
 
 
-def _period(swing: FloatArray) -> int:
-    """The period of the strongest oscillation of the speed [samples]: it knows of no plateau and no drift."""
-    speed = np.diff(swing)
-    spectrum = np.abs(np.fft.rfft(speed - speed.mean()))
-    return max(2, round(len(speed) / max(1, int(np.argmax(spectrum)))))
+def _whole_period(swing: FloatArray) -> int:
+    """The period [samples], the whole signal where it does not swing."""
+    return max(2, round(min(swing_period(swing), swing.size)))
 
 
 def _piece(
@@ -352,13 +344,16 @@ def _window_values(
         fixed = isinstance(v, Tied) or (freed and not isinstance(v, Free))
         orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
     parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
+    kinds = problem.model.friction
+    # held: it and the order are one to a single swing, and an error of it moves the order of all windows alike
+    viscous = {name for name, kind in kinds.items() if kind.power == 1}
     for name, v in problem.parameters.items():
         if isinstance(v, Tied):
             parameters[name] = v
-        elif isinstance(v, Free) and not name.startswith(VISCOUS) and name not in problem.per_recording:
+        elif isinstance(v, Free) and name not in viscous and name not in problem.per_recording:
             value = float(values[problem.model.parameter_names.index(name)])
             sd = TIGHT * max(abs(value), 1e-3 * min(v.upper - v.lower, 1.0))
-            sd = errors.get(name, math.nan) if name.startswith(FRICTION) else sd
+            sd = errors.get(name, math.nan) if name in kinds else sd
             if sd > 0:
                 parameters[name] = replace(_around(value, v), prior=Prior(value, sd))
     return orders, parameters
@@ -390,7 +385,7 @@ def _window(
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
     """Order → the mean amplitude of the scored outputs that have it, of all where none has."""
     measured = piece.experiments[0].measured
-    period = _period(measured[:, np.argmax(np.std(measured, axis=0))])
+    period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
     of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
     return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
@@ -450,28 +445,3 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
 
 def _degrees(angle: float) -> str:
     return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
-
-
-# --- as JSON -------------------------------------------------------------------------------------------------
-
-
-def _window_json(w: Window) -> dict[str, Any]:
-    errors = {n: s if math.isfinite(s) else None for n, s in w.standard_errors.items()}
-    return {
-        "recording": w.recording, "from": w.start, "to": w.end, "whole": w.whole, "amplitude": dict(w.amplitude),
-        "orders": dict(w.orders), "standard_errors": errors,
-    }  # fmt: skip
-
-
-def _window_of(said: Mapping[str, Any]) -> Window:
-    errors = {n: math.inf if s is None else float(s) for n, s in said["standard_errors"].items()}
-    return Window(said["recording"], said["from"], said["to"], said["whole"], dict(said["amplitude"]),
-                  dict(said["orders"]), errors)  # fmt: skip
-
-
-def _drift_json(d: Drift) -> dict[str, Any]:
-    return {
-        "order": d.order, "over": d.over, "amplitudes": list(d.amplitudes), "values": list(d.values),
-        "standard_errors": list(d.standard_errors), "probability": d.probability, "explained": d.explained,
-        "change": d.change, "drifts": d.drifts, "sentence": d.sentence,
-    }  # fmt: skip

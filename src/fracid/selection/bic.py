@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.problem.costs import ABSOLUTE, Cost
+from fracid.problem.costs import Cost
 from fracid.signals.correlation import sokal_bandwidth
 
 __all__ = ["STRONG", "effective_samples", "schwarz"]
@@ -77,5 +77,5 @@ def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> floa
     >>> round(worse - better)
     88
     """
-    factor = 2 if cost.loss is ABSOLUTE else 1
+    factor = 1 if cost.loss is None else cost.loss.likelihood_factor
     return factor * samples * math.log(max(squares, 1e-300)) + parameters * math.log(samples)

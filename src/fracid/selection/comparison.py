@@ -37,7 +37,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,10 +51,13 @@ from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
+from fracid.files import from_json, json_number
 from fracid.optimise import Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.project import Project, load_project
+from fracid.safety.schema import as_json
+from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
 from fracid.selection.ladder import Ladder, Structure, ladder
@@ -168,28 +171,21 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians, what is not finite as null."""
-        return {
-            "verdict": self.verdict,
-            "notes": list(self.notes),
-            "outputs": list(self.outputs),
-            "held_out": list(self.held_out),
-            "leave_one_out": self.leave_one_out,
-            "cost": self.cost_name,
-            "effective_samples": _number(self.effective_samples),
+        return as_json(ComparisonBlock, vars(self) | {
+            "held_out": self.held_out,
             "best": {"integer": self.best(fractional=False).name, "fractional": self.best(fractional=True).name},
-            "structures": [_row_json(row) for row in self.rows],
+            "rows": [_row_json(row) for row in self.rows],
             "amplitude": {name: test.to_json() for name, test in self.amplitude.items()},
-            "seed": self.seed,
-            "starts": self.starts,
-        }
+        })  # fmt: skip
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> Comparison:
         """The same from :meth:`to_json`, or from compare.json."""
+        block = ComparisonBlock.model_validate(said)
         amplitude = {n: AmplitudeTest.of_json(test) for n, test in said["amplitude"].items()}
-        return cls(tuple(map(_row_of, said["structures"])), said["verdict"], tuple(said["notes"]),
-                   tuple(said["outputs"]), said["effective_samples"] or math.nan, said["leave_one_out"],
-                   said["cost"], said["seed"], said["starts"], amplitude)  # fmt: skip
+        return cls(tuple(map(_row_of, block.rows)), block.verdict, tuple(block.notes), tuple(block.outputs),
+                   block.effective_samples, block.leave_one_out, block.cost_name, block.seed, block.starts,
+                   amplitude)  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
@@ -386,12 +382,14 @@ def _fit_structure(
     errors = problem.errors(best.point)
     if isinstance(errors, str):
         failed = {e.name: _score(problem, e, errors) for e in problem.experiments}
-        return {"values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
-                "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
-                "squares": None, "samples": 2.0}  # fmt: skip
+        return as_json(FittedBlock, {
+            "values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
+            "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
+            "squares": None, "samples": 2.0,
+        })  # fmt: skip
     known = uncertainty(problem, best.point, jobs=jobs)
     told = [] if isinstance(known, str) else [known.interval(best.point, i) for i in range(len(values))]
-    return {
+    return as_json(FittedBlock, {
         "values": values,
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
@@ -402,7 +400,7 @@ def _fit_structure(
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
         "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
         "outcome": outcome,
-    }
+    })  # fmt: skip
 
 
 def _fitted(
@@ -453,8 +451,7 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | str) -> dict[str
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]]) for o, n in enumerate(problem.outputs)}
-    return {"rmse": fit.rmse, "fit_percent": {n: _number(v) for n, v in fit.fit_percent.items()}, "itae": itae,
-            "failed": ""}  # fmt: skip
+    return as_json(ScoreBlock, Score(fit.rmse, fit.fit_percent, itae))
 
 
 # --- all of them -----------------------------------------------------------------------------------------
@@ -558,7 +555,7 @@ def _rows(
         held_out = {n: score for fold in folds for n, score in
                     fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
         rows.append(Row(
-            s.friction, s.fractional, s.name, s.paper, _infinite(r["cost"]), r["parameters"],
+            s.friction, s.fractional, s.name, s.paper, from_json(r["cost"], math.inf), r["parameters"],
             criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r["values"], tuple(r["at_bound"]),
             {n: _score_of(v) for n, v in r["in_sample"].items()}, {n: _score_of(v) for n, v in held_out.items()},
             r["outcome"],
@@ -576,9 +573,7 @@ def _pair(ends: Sequence[float] | None) -> tuple[float, float] | None:
 
 
 def _score_of(said: Mapping[str, Any]) -> Score:
-    rmse = {n: _infinite(v) for n, v in said["rmse"].items()}
-    fit = {n: -math.inf if v is None else float(v) for n, v in said["fit_percent"].items()}
-    return Score(rmse, fit, {n: _infinite(v) for n, v in said["itae"].items()}, said["failed"])
+    return Score(**dict(ScoreBlock.model_validate(said)))
 
 
 def _best(rows: Sequence[Row]) -> Row:
@@ -708,49 +703,15 @@ def mean_rmse(scores: Mapping[str, Score]) -> dict[str, float]:
 # --- as JSON and CSV -----------------------------------------------------------------------------------------
 
 
-def _number(value: float | None) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
-def _infinite(value: float | None) -> float:
-    return math.inf if value is None else float(value)
-
-
-def _score_json(s: Score) -> dict[str, Any]:
-    return {
-        "rmse": {n: _number(v) for n, v in s.rmse.items()},
-        "fit_percent": {n: _number(v) for n, v in s.fit_percent.items()},
-        "itae": {n: _number(v) for n, v in s.itae.items()},
-        "failed": s.failed,
-    }
-
-
 def _row_json(row: Row) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        "friction": row.friction,
-        "fractional": row.fractional,
-        "paper": row.paper,
-        "cost": _number(row.cost),
-        "parameters": row.parameters,
-        "bic_above_best": _number(row.bic),
-        "held_out_error": _number(row.error),
-        "orders": {n: {"value": value, "interval95": None if ends is None else list(ends)}
-                   for n, (value, ends) in row.orders.items()},
-        "values": dict(row.values),
-        "at_bound": list(row.at_bound),
-        "outcome": row.outcome,
-        "in_sample": {n: _score_json(s) for n, s in row.in_sample.items()},
-        "held_out": {n: _score_json(s) for n, s in row.held_out.items()},
-    }  # fmt: skip
+    orders = {n: {"value": value, "interval95": ends} for n, (value, ends) in row.orders.items()}
+    return as_json(RowBlock, vars(row) | {"error": row.error, "orders": orders})
 
 
-def _row_of(said: Mapping[str, Any]) -> Row:
-    orders = {n: (o["value"], _pair(o["interval95"])) for n, o in said["orders"].items()}
-    in_sample, held_out = ({n: _score_of(s) for n, s in said[use].items()} for use in ("in_sample", "held_out"))
-    return Row(said["friction"], said["fractional"], said["name"], said["paper"], _infinite(said["cost"]),
-               said["parameters"], _infinite(said["bic_above_best"]), orders, said["values"], tuple(said["at_bound"]),
-               in_sample, held_out, said["outcome"])  # fmt: skip
+def _row_of(block: RowBlock) -> Row:
+    own = {f.name: getattr(block, f.name) for f in fields(Row)}
+    scores = {use: {n: Score(**dict(s)) for n, s in own[use].items()} for use in ("in_sample", "held_out")}
+    return Row(**own | scores | {"orders": {n: (o.value, o.interval95) for n, o in block.orders.items()}})
 
 
 def _lines(row: Row, outputs: Sequence[str]) -> Iterator[dict[str, Any]]:
@@ -759,8 +720,8 @@ def _lines(row: Row, outputs: Sequence[str]) -> Iterator[dict[str, Any]]:
             for output in outputs:
                 yield {
                     "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
-                    "use": use, "output": output, "rmse_deg": _number(math.degrees(s.rmse[output])),
-                    "fit_percent": _number(s.fit_percent[output]), "itae_rad_s2": _number(s.itae[output]),
-                    "parameters": row.parameters, "bic_above_best": _number(row.bic), "failed": s.failed,
+                    "use": use, "output": output, "rmse_deg": json_number(math.degrees(s.rmse[output])),
+                    "fit_percent": json_number(s.fit_percent[output]), "itae_rad_s2": json_number(s.itae[output]),
+                    "parameters": row.parameters, "bic_above_best": json_number(row.bic), "failed": s.failed,
                     **{f"order_{n}": value for n, (value, _) in row.orders.items()},
                 }  # fmt: skip

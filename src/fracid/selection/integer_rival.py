@@ -22,7 +22,7 @@ is so of all there is no rival.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -169,14 +169,14 @@ def _in_words(problem: Problem) -> str:
     return f"{fixed} ({' and '.join(stay)} free, for its model gives it no integer value)" if stay else fixed
 
 
-def freed_friction(problem: Problem, prefixes: tuple[str, ...] = ("b_", "coulomb_")) -> dict[str, Free]:
+def freed_friction(problem: Problem, names: Collection[str] | None = None) -> dict[str, Free]:
     """Constants of friction that the problem fixes, freed: up to half of gravity's torque, from where they are.
 
     Parameters
     ----------
     problem : Problem
-    prefixes : tuple of str
-        How their names begin; dry friction begins a little off 0.
+    names : collection of str, optional
+        Which; None for those that an order below 1 may stand in for.  Dry friction begins a little off 0.
 
     Examples
     --------
@@ -184,18 +184,19 @@ def freed_friction(problem: Problem, prefixes: tuple[str, ...] = ("b_", "coulomb
     >>> from fracid.problem import Experiment
     >>> swing = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (swing,), {"lambda": 1.0, "mu": 1.0})
-    >>> [*freed_friction(problem, ("coulomb_",))]
-    ['coulomb_theta', 'coulomb_alpha']
+    >>> [*freed_friction(problem)]
+    ['b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha']
     """
     own = {p.name: problem.parameters.get(p.name, p.value) for p in problem.model.parameters}
     torques = {p.name: p.value for p in problem.model.parameters if p.unit == "N m"} | problem.parameter_starts
     reach = 0.5 * max((abs(torques[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
     freed = {}
-    for name, value in own.items():
-        if not name.startswith(prefixes) or not isinstance(value, float | int):
+    for name, kind in problem.model.friction.items():
+        value, wanted = own[name], kind.damps_like_an_order if names is None else name in names
+        if not wanted or not isinstance(value, float | int):
             continue
-        start = max(float(value), 2e-3 * reach) if name.startswith("coulomb_") else float(value)
-        freed[name] = Free(start, min(0.0, start), max(reach, 2 * start))
+        start = max(float(value), kind.begins * reach) if kind.begins else float(value)
+        freed[name] = Free(start, min(kind.off, start), max(reach, 2 * start))
     return freed
 
 

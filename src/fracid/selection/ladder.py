@@ -12,9 +12,10 @@ viscous + Coulomb + drag        :math:`d\,v|v|` too                   ``drag_…
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
 ==============================  ====================================  ==================================================
 
-each with every order 1, and with orders free.  *Viscous, orders free* is the paper's structure.  Where a model says
-that an order is another integer (``Model.integer_orders``) *orders 1* stands for that, and a note says so; an order
-without integer value is free in every structure.
+A model whose parameters are friction of another kind (:mod:`fracid.models.friction`) has rungs of its own above these.
+There is each rung with every order 1, and with orders free.  *Viscous, orders free* is the paper's structure.  Where a
+model says that an order is another integer (``Model.integer_orders``) *orders 1* stands for that, and a note says so;
+an order without integer value is free in every structure.
 
 What a rung frees has the range that the problem gives it, else one up to half of gravity's torque; on the rungs below
 it is 0.  All else that the problem leaves free stays so: inertias, rests (each recording its own), initial states.
@@ -38,15 +39,14 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
+from fracid.models.friction import BY_NAME, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction
 from fracid.solver.methods import METHODS
 
 __all__ = [
-    "FRICTION",
     "ORDER",
     "PAPER",
-    "RUNGS",
     "Ladder",
     "Structure",
     "has_friction",
@@ -55,12 +55,6 @@ __all__ = [
     "name_of",
     "unseen",
 ]
-
-RUNGS = {"viscous": ("b_",), "Coulomb": ("coulomb_",), "drag": ("drag_",), "cable": ("cable_", "spring_")}
-"""What each rung adds → how its parameters' names begin."""
-
-FRICTION = tuple(p for prefixes in RUNGS.values() for p in prefixes)
-"""How the names of all of them begin."""
 
 PAPER = ("viscous", True)
 """The paper's structure: its friction, and that its orders are free."""
@@ -114,7 +108,8 @@ class Structure:
         [1.0, 1.0, 0.002, 0.0001]
         """
         orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
-        friction = {u.name: 0.0 for u in self.problem.unknowns if u.kind != "order" and u.target.startswith(FRICTION)}
+        kinds = self.problem.model.friction
+        friction = {u.name: kinds[u.target].off for u in self.problem.unknowns if u.target in kinds}
         known = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
         return np.array([known.get(u.name, u.range.start) for u in self.problem.unknowns])
 
@@ -199,9 +194,8 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
         raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
     notes += missing
     notes += [f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in lost.items()]
-    alone = sorted(
-        blind - {n for names in lost.values() for n in (*names, *(["theta_rest"] if "cable" in lost else []))}
-    )
+    kinds = problem.model.friction
+    alone = sorted(blind - {n for names in lost.values() for name in names for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
     return Ladder(tuple(_structures(problem, rungs, blind)), tuple(notes))
 
@@ -232,7 +226,8 @@ def _not_1(problem: Problem) -> list[str]:
 
 def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
     """One method for all, and each recording's own rests."""
-    rests = [u.target for u in problem.unknowns if u.target.endswith("_rest") and u.target not in problem.per_recording]
+    rests = [u.target for u in problem.unknowns
+             if u.target in problem.model.rests and u.target not in problem.per_recording]  # fmt: skip
     problem = replace(problem, per_recording=(*problem.per_recording, *dict.fromkeys(rests)))
     if METHODS[problem.method].convergence_order >= 2:
         return problem, []
@@ -242,7 +237,7 @@ def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
 
 
 def has_friction(model: Model) -> bool:
-    """Whether a model has friction by the names that make a ladder.
+    """Whether a model has friction, which makes a ladder.
 
     Examples
     --------
@@ -250,24 +245,31 @@ def has_friction(model: Model) -> bool:
     >>> has_friction(rotary_pendulum())
     True
     """
-    return any(n.startswith(FRICTION) for n in model.parameter_names)
+    return bool(model.friction)
 
 
 def _rungs(problem: Problem, keep: Collection[str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
     """Rung → the parameters that it adds; and in words what the model does not have."""
-    every = {rung: [n for n in problem.model.parameter_names if n.startswith(p)] for rung, p in RUNGS.items()}
+    kinds = problem.model.friction
+    names = dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values())))
+    every = {rung: [n for n, kind in kinds.items() if kind.rung == rung] for rung in names}
     rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
     if not has_friction(problem.model):
         raise InputError(
-            f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in FRICTION)}, "
+            f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in BY_NAME)}, "
             "so there is no ladder: name the parameters of its friction so."
         )
     missing = [
-        f"The model {problem.model.name} has no parameter {' or '.join(p + '…' for p in RUNGS[rung])}: "
+        f"The model {problem.model.name} has no parameter {' or '.join(_beginnings(rung))}: "
         f"there is no rung + {rung}."
         for rung, names in every.items() if not names
     ]  # fmt: skip
     return {rung: names for rung, names in rungs.items() if names}, missing
+
+
+def _beginnings(rung: str) -> list[str]:
+    """How the names of its friction begin, where a model does not say what is friction."""
+    return [f"{beginning}…" for beginning, kind in BY_NAME.items() if kind.rung == rung]
 
 
 def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: set[str]) -> Iterable[Structure]:
@@ -290,11 +292,13 @@ def _integers(problem: Problem) -> dict[str, float | Free | Tied]:
 def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[str]) -> Problem:
     """The problem with the friction of some rungs free, of the others 0, and with its orders free."""
     ranges = freed_friction(problem, tuple(n for rung in on for n in rungs[rung]))
-    friction = [n for names in rungs.values() for n in names]
-    given = {n: _holding(v, 0.0) if n in friction else v for n, v in problem.parameters.items()}
-    off: dict[str, float | Free | Tied] = {n: 0.0 for rung, names in rungs.items() if rung not in on for n in names}
+    nothing = {n: problem.model.friction[n].off for names in rungs.values() for n in names}
+    given = {n: _holding(v, nothing[n]) if n in nothing else v for n, v in problem.parameters.items()}
+    off: dict[str, float | Free | Tied] = {
+        n: nothing[n] for rung, names in rungs.items() if rung not in on for n in names
+    }
     parameters = {**given, **ranges, **off}
-    rests = _rests(problem, parameters) if "cable" in on else {}
+    rests = _rests(problem, parameters, [n for rung in on for n in rungs[rung]])
     parameters |= rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
     orders = {n: _holding(v, problem.model.solved_at(n)) for n, v in problem.orders.items()}
@@ -304,9 +308,10 @@ def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[s
     return replace(problem, orders=orders, parameters=parameters, per_recording=own)
 
 
-def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied]) -> dict[str, Free]:
-    """The rest of the cable's spring, which each recording has for itself, where the problem does not mention it."""
-    rests = [p for p in problem.model.parameters if p.name == "theta_rest" and p.name not in parameters]
+def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied], on: Collection[str]) -> dict[str, Free]:
+    """The rest of a spring, which each recording has for itself, where the problem does not mention it."""
+    own = {rest for n in on for rest in problem.model.friction[n].rests}
+    rests = [p for p in problem.model.parameters if p.name in own and p.name not in parameters]
     return {p.name: Free(p.value, p.value - 1.0, p.value + 1.0) for p in rests}
 
 
@@ -321,8 +326,8 @@ def _instead(problem: Problem, name: str) -> str:
     if name in problem.orders:
         integer = problem.model.integer_order(name)
         return "it keeps its start" if integer is None else f"it is {integer:g}"
-    if name.startswith(FRICTION):
-        return "it is 0"
+    if name in problem.model.friction:
+        return f"it is {problem.model.friction[name].off:g}"
     if name in problem.per_recording:
         return "it is found where a recording sees it"
     return f"it keeps {problem.parameter_starts[name]:.4g}"
@@ -342,7 +347,8 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     integer = {n: v.start if (at := problem.model.solved_at(n)) is None else at
                for n, v in problem.orders.items() if isinstance(v, Free)}  # fmt: skip
     orders = {n: integer[n] if n in names and n in integer else v for n, v in problem.orders.items()}
-    parameters = {n: (0.0 if n.startswith(FRICTION) else v.start) if n in names and isinstance(v, Free) else v
+    kinds = problem.model.friction
+    parameters = {n: (kinds[n].off if n in kinds else v.start) if n in names and isinstance(v, Free) else v
                   for n, v in problem.parameters.items()}  # fmt: skip
     own = tuple(n for n in problem.per_recording if n not in names)
     return replace(problem, orders=orders, parameters=parameters, per_recording=own)

@@ -19,6 +19,10 @@ __all__ = [
 ]
 
 
+WIDE = 5
+"""A sum of autocorrelations ends at the first lag that is so many times the correlation time up to it (Sokal)."""
+
+
 def longest_stretch(known: NDArray[np.bool_]) -> slice:
     """The longest stretch without a gap.
 
@@ -67,14 +71,15 @@ def correlation_time(ρ: FloatArray) -> float:
     >>> round(correlation_time(fading), 1), round(correlation_time(swinging))
     (19.0, 1000)
     """
-    lags = np.arange(ρ.size)
+    return max(1.0, _within_window(ρ)[0], _within_window(ρ**2)[0])
 
-    def time(terms: FloatArray) -> float:
-        sums = 2 * np.cumsum(terms) - 1
-        wide_enough = np.flatnonzero(lags >= 5 * sums)
-        return float(sums[wide_enough[0] if wide_enough.size else -1])
 
-    return max(1.0, time(ρ), time(ρ**2))
+def _within_window(covariance: FloatArray) -> tuple[float, int]:
+    """The correlation time 1 + 2·Σ ρ_j up to the first lag that is :data:`WIDE` times it, and that lag [samples]."""
+    times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
+    wide_enough = np.flatnonzero(np.arange(times.size) >= WIDE * times)
+    lag = int(wide_enough[0]) if wide_enough.size else times.size - 1
+    return float(times[lag]), lag
 
 
 # --- spectrum --------------------------------------------------------------------------------------
@@ -110,9 +115,7 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     """
     n = len(scores)
     covariance = sum((products_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1))
-    times = 2 * np.cumsum(covariance) / max(covariance[0], 1e-300) - 1
-    wide_enough = np.flatnonzero(np.arange(len(times)) >= 5 * times)
-    return float(wide_enough[0] if len(wide_enough) else n // 4)
+    return float(_within_window(covariance)[1])
 
 
 def products_by_lag(s: FloatArray) -> FloatArray:

@@ -1,15 +1,48 @@
-"""The swing in a sampled signal: its period and envelope, its release, its rest at the end."""
+"""The swing in a sampled signal: its period and envelope, its release, its rest at the end.
+
+A swing goes from side to side about where the signal comes to rest, or about its median where it does not.  The
+*half-swings* are the samples at which it is first a tenth of its largest deviation beyond on the other side: neither
+noise nor an encoder's step makes one.  The *period* is twice the median time between them.  A median over swings holds
+where a spectrum does not: with a plateau before the release, with a cable that drags the rest away, and with noise,
+which dominates the spectrum of a speed.
+
+==========================  =====================================================================
+to know                     call
+==========================  =====================================================================
+how often it swings         :func:`swing_count`
+the period of one signal    :func:`swing_period`; of several together :func:`common_period`
+how large it is over time   :func:`envelope`
+where the motion begins     :func:`release_time`, :func:`swing_start`
+where it comes to rest      :func:`tail`
+==========================  =====================================================================
+"""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.signals.resolution import resolution
 
-__all__ = ["count_swings", "envelope", "release_time", "swing_frequency", "tail"]
+__all__ = [
+    "common_period",
+    "envelope",
+    "half_swings",
+    "release_time",
+    "swing_count",
+    "swing_period",
+    "swing_start",
+    "tail",
+]
+
+BEYOND = 0.1
+"""A side is reached at this part of the largest deviation."""
+
+FEWEST = 3
+"""Half-swings that make a period: one whole swing lies between them."""
 
 
 def envelope(swing: FloatArray, period: int) -> FloatArray:
@@ -28,26 +61,73 @@ def envelope(swing: FloatArray, period: int) -> FloatArray:
     return np.asarray(0.5 * (maximum_filter1d(swing, width) - minimum_filter1d(swing, width)))
 
 
-def count_swings(y: FloatArray) -> tuple[float, float, int]:
-    """How often a signal swings by over a tenth of its largest swing, its period, and where it begins [samples]."""
-    rest, _, at_rest = tail(y)
-    away = y - (rest if at_rest else float(np.median(y)))
-    side = np.sign(away) * (np.abs(away) > 0.1 * np.max(np.abs(away)))
-    there = np.flatnonzero(side)
-    turns = there[1:][np.diff(side[there]) != 0]
-    moved = np.flatnonzero(np.abs(y - y[0]) > 0.05 * np.ptp(y))
-    period = 2.0 * float(np.median(np.diff(turns))) if turns.size > 1 else math.inf
-    return turns.size / 2, period, int(moved[0]) if moved.size else 0
+def half_swings(signal: FloatArray) -> NDArray[np.intp]:
+    """The samples at which a signal has come to the other side, shape (n_half_swings,).
 
-
-def swing_frequency(signals: FloatArray, step: float) -> float:
-    """Where the spectrum of the fastest signal's speed has its peak [Hz]; three periods a record at least.
-
-    The speed knows nothing of a plateau, whose long offset would be the slowest swing of all.
+    Examples
+    --------
+    >>> half_swings(np.cos(np.pi * np.arange(400) / 100)).tolist()  # from +1 at 0 beyond −0.1 at 54, then +0.1
+    [54, 154, 254, 354]
     """
-    speed = np.diff(signals[:, np.argmax(np.std(signals, axis=0))])
-    spectrum = np.abs(np.fft.rfft(speed - np.mean(speed)))
-    return max(3, int(np.argmax(spectrum))) / (len(speed) * step)
+    rest, _, at_rest = tail(signal)
+    deviation = signal - (rest if at_rest else float(np.median(signal)))
+    side = np.sign(deviation) * (np.abs(deviation) > BEYOND * np.max(np.abs(deviation)))
+    beyond = np.flatnonzero(side)
+    return np.asarray(beyond[1:][np.diff(side[beyond]) != 0])
+
+
+def swing_count(signal: FloatArray) -> float:
+    """How many swings a signal makes: half of its half-swings.
+
+    Examples
+    --------
+    >>> swing_count(np.cos(np.pi * np.arange(400) / 100))
+    2.0
+    """
+    return half_swings(signal).size / 2
+
+
+def swing_period(signal: FloatArray) -> float:
+    """The period [samples]; infinite where there is less than a whole swing.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 100
+    >>> swing_period(0.3 + np.exp(-0.05 * t) * np.cos(2 * np.pi * t))
+    100.0
+    >>> swing_period(np.exp(-t))
+    inf
+    """
+    turns = half_swings(signal)
+    return 2.0 * float(np.median(np.diff(turns))) if turns.size >= FEWEST else math.inf
+
+
+def common_period(signals: FloatArray) -> float:
+    """The period of the signal that swings most often [samples]; infinite where none does a whole swing.
+
+    Parameters
+    ----------
+    signals : array, shape (n_samples, n_signals)
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 100
+    >>> common_period(np.column_stack([np.exp(-t), np.cos(2 * np.pi * t)]))
+    100.0
+    """
+    return swing_period(max(signals.T, key=swing_count))
+
+
+def swing_start(signal: FloatArray) -> int:
+    """The first sample that is a twentieth of the range away from the first one.
+
+    Examples
+    --------
+    >>> swing_start(np.array([1.0, 1.0, 0.99, 0.5, 0.0]))
+    3
+    """
+    moved = np.flatnonzero(np.abs(signal - signal[0]) > 0.05 * np.ptp(signal))
+    return int(moved[0]) if moved.size else 0
 
 
 HELD = 0.6

@@ -1,31 +1,39 @@
-"""The methods: a row of :data:`METHODS` for each stepping scheme.
+"""The methods: a row for each stepping scheme, and all that fracid knows of it.
 
-=================  ======  ===================  ======================================================
-method             order   history sum          loop of :mod:`fracid.solver.schemes`
-=================  ======  ===================  ======================================================
-``pi2``            2       of f, trapezoidal    ``step_pi2``: predictor, corrector sweeps, Newton
-``pi2-implicit``   2       of f, trapezoidal    ``step_pi2`` without sweeps: Newton at every step
-``pi3``            3       of f, third order    ``step_pi2`` with a parabola for predictor
-``gl``             1       of x − x(0)          ``step_gl``
-``gl-sequential``  1       of x − x(0)          ``step_gl_sequential``: each state uses those already new
-``gl-paper``       1       of x                 ``step_gl`` on raw x, right only for x(0) = 0
-=================  ======  ===================  ======================================================
+A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`METHODS`: its name, its title for help
+and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
+from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
 A loop takes f, the :class:`~fracid.solver.run.Run` and the array to fill, and returns the last good index and how the
-run ended.  A new method is a loop there and a row here; its convergence order is tested by its row.
+run ended.
+
+The loops take a second to import, so a row fetches its own when it first runs.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fracid.arrays import FloatArray
-from fracid.solver.run import Run
-from fracid.solver.schemes import step_gl, step_gl_sequential, step_pi2
+if TYPE_CHECKING:
+    from fracid.arrays import FloatArray
+    from fracid.solver.run import Run
 
-__all__ = ["METHODS", "Method"]
+__all__ = ["METHODS", "Exported", "Method"]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What the templates of :mod:`fracid.export` must know to step alike."""
+
+    words: str
+    """What it is, for the head of a file."""
+    newton: bool = False
+    """Newton's method at every step, in place of sweeps."""
+    last_first: bool = False
+    """The last state first, each with those already new."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +46,52 @@ class Method:
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[[Any, Run, FloatArray], tuple[int, int]]
     """(f, the run, out) → (last good index, how it ended); fills out, a row for each sample that is stored."""
+    title: str
+    """What one takes it for, in a phrase."""
+    follows: float = math.inf
+    """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
+    raw: bool = False
+    """Whether it sums x itself, which is right only for x(0) = 0."""
+    exported: Exported | None = None
+    """None for one that cannot be written in another language."""
+
+
+def _loops() -> Any:
+    from fracid.solver import schemes
+
+    return schemes
 
 
 METHODS = {
-    "pi2": Method("pi", 2, lambda rhs, run, out: step_pi2(rhs, run, False, out)),
-    "pi2-implicit": Method("pi", 2, lambda rhs, run, out: step_pi2(rhs, run._replace(corrections=0), False, out)),
-    "pi3": Method("pi3", 3, lambda rhs, run, out: step_pi2(rhs, run, True, out)),
-    "gl": Method("gl", 1, lambda rhs, run, out: step_gl(rhs, run, False, out)),
-    "gl-sequential": Method("gl", 1, step_gl_sequential),
-    "gl-paper": Method("gl", 1, lambda rhs, run, out: step_gl(rhs, run, True, out)),
-}
+    "pi2": Method(
+        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
+        "everything, steep friction too; at order 1 a second-order ODE solver",
+        exported=Exported("product trapezoidal rule, second order"),
+    ),
+    "pi2-implicit": Method(
+        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
+        "stiff systems: Newton's method at every step",
+        exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
+    ),
+    "pi3": Method(
+        "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),
+        "smooth systems: often a thousandth of the error, in the same time",
+        follows=2.0, exported=Exported("product rule of third order"),
+    ),
+    "gl": Method(
+        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, False, out),
+        "the paper's scheme as it should be, on x - x(0)",
+        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
+    ),
+    "gl-sequential": Method(
+        "gl", 1, lambda rhs, run, out: _loops().step_gl_sequential(rhs, run, out),
+        "the same without the anti-damping of explicit Euler",
+        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
+    ),
+    "gl-paper": Method(
+        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, True, out),
+        "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
+        follows=1.0, raw=True, exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
+    ),
+}  # fmt: skip
+"""By name, as a project file has it."""

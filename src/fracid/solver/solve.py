@@ -1,16 +1,5 @@
 """Simulate systems of fractional order: D^q x = f(t, x, u, p), Caputo, each state its own order.
 
-=================  =================  ==========================================================
-method             convergence order  what for
-=================  =================  ==========================================================
-``pi2``            2                  everything, steep friction too; at order 1 a second-order ODE solver
-``pi3``            3                  smooth systems: often a thousandth of the error, in the same time
-``pi2-implicit``   2                  stiff systems: Newton's method at every step
-``gl``             1                  the paper's scheme as it should be, on x − x(0)
-``gl-sequential``  1                  the same without the anti-damping of explicit Euler
-``gl-paper``       1 if x(0) = 0      (21)–(24) as printed, to reproduce the paper; else wrong
-=================  =================  ==========================================================
-
 :func:`solve_fde` takes any right-hand side, a plain Python function in Numba's language,
 
     def rhs(t, x, u, p, out):      # time, states, inputs, parameters; all float64
@@ -22,7 +11,7 @@ derivatives, :mod:`fracid.solver.reduction` equations of several terms.  A run t
 right-hand side is not an error: its :attr:`Trajectory.outcome` says so, its :attr:`Trajectory.fault` why, and the
 trajectory ends there.
 
-To add a method: write its loop in :mod:`fracid.solver.schemes` and its row in :mod:`fracid.solver.methods`.
+By which method, :data:`fracid.solver.methods.METHODS` says, with the order of each and what it is for.
 """
 
 from __future__ import annotations
@@ -66,7 +55,7 @@ __all__ = ["PaperSchemeWarning", "simulate", "solve_fde"]
 
 
 class PaperSchemeWarning(UserWarning):
-    """``gl-paper`` is asked for where it does not converge."""
+    """A method that sums raw x, ``gl-paper``, is asked for where it does not converge."""
 
 
 LARGEST = float(np.finfo(np.float64).max)
@@ -115,7 +104,7 @@ def solve_fde(
         u on the grid start, start + h, …, end; with a `history`, from its first sample on.
     parameters : array_like, shape (n_parameters,)
         Given to `rhs` as ``p``.
-    method : key of :data:`METHODS`
+    method : key of :data:`fracid.solver.methods.METHODS`
     memory : ``"compressed"``, ``"full"``, ``"short(L)"`` or a :class:`~fracid.solver.memory.Memory`
     tolerance : float
         Of the compressed memory: relative error of each weight.
@@ -252,9 +241,9 @@ def _solve(
     bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
     options = check_options(arguments, bounds)
     probe(rhs, x0, u[0], p)
-    if options.method == "gl-paper" and np.any(x0 != 0):
-        warnings.warn("gl-paper sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and the "
-                      "result does not converge. Type method='pi2' for the Caputo solution.",
+    if METHODS[options.method].raw and np.any(x0 != 0):
+        warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
+                      "the result does not converge. Type method='pi2' for the Caputo solution.",
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
     equation = Equation(compile_rhs(rhs), q, u, p, time_scale)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)

@@ -32,12 +32,10 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
+from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import Outcome, Trajectory
 
-__all__ = ["FOLLOWS", "STEPS_A_PERIOD", "fault_of", "linearised", "modes", "steps_a_period"]
-
-FOLLOWS = {"gl": 1.0, "gl-paper": 1.0, "gl-sequential": 1.0, "pi3": 2.0}
-"""Up to which \\|J\\|h an explicit scheme follows."""
+__all__ = ["STEPS_A_PERIOD", "fault_of", "linearised", "modes", "steps_a_period"]
 
 STEPS_A_PERIOD = 20.0
 """Fewer are too few."""
@@ -150,7 +148,7 @@ def _fault(
         return None
     found = [modes(J, gain) for J in linear]
     largest = max((float(np.max(np.abs(m))) for m in found if m.size), default=0.0)
-    if run.method in FOLLOWS and largest > FOLLOWS[run.method]:
+    if largest > _follows(run):
         return _too_stiff(run, largest)
     if away or run.outcome is Outcome.DIVERGED:
         return _runs_away(run, largest)
@@ -191,8 +189,12 @@ def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, p
     return linearised(rhs, float(run.time[k]), run.states[k], u, parameters)
 
 
+def _follows(run: Trajectory) -> float:
+    return METHODS[run.method].follows if run.method in METHODS else math.inf
+
+
 def _too_stiff(run: Trajectory, largest: float) -> Finding:
-    follows = FOLLOWS[run.method]
+    follows = _follows(run)
     q = float(np.max(run.orders))
     shorter = run.step * (0.5 * follows / largest) ** (1 / q)
     ended = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""

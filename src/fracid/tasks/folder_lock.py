@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.safety.schema import json_of
+from fracid.safety.json_files import json_of
 
 __all__ = ["FolderLock", "Json", "line_content", "refuse_links"]
 

@@ -31,7 +31,7 @@ from pathlib import Path
 from types import TracebackType
 
 from fracid.errors import InputError, Unfinished
-from fracid.safety.schema import LONGEST
+from fracid.safety.json_files import LONGEST
 from fracid.tasks.folder_lock import FolderLock, Json, line_content
 
 __all__ = ["Journal", "append_whole", "whole_lines"]

@@ -37,7 +37,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
-from fracid.models.geometry import is_pendulum
 from fracid.problem import Experiment, Problem
 from fracid.problem.problem import LIMIT
 from fracid.recording import Recording
@@ -215,7 +214,7 @@ class Twin:
             self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
             parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
             memory=self.memory, inputs=self._driven(steps, h), history=self.history,
-            limit=LIMIT if is_pendulum(self.model) else BEYOND,
+            limit=LIMIT if self.model.angles else BEYOND,
         )  # fmt: skip
         held, moving = self._held_and_moving(run)
         states = run.states[np.rint((moving - self.hold) / h).astype(int)] if self._whole(h) else run.at(moving)

@@ -22,12 +22,12 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian
+from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
 from fracid.signals.noise import noise_level
-from fracid.signals.swing import count_swings
+from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
@@ -70,9 +70,6 @@ FALLS = 1.0
 
 NEXT_TO_NOTHING = 1e-4
 """Of its size, by which an unknown may be off, however narrow its interval."""
-
-SHIFT = 1e-4
-"""Orders that move by less do not matter, however narrow their intervals."""
 
 
 def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> tuple[Finding, ...]:
@@ -149,7 +146,7 @@ def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | str, job
         return
     change = np.concatenate([(a - b).ravel() for a, b in zip(now, then, strict=True)])
     errors = np.concatenate([y.ravel() for y in now])
-    if float(np.linalg.norm(change)) < SHIFT * float(np.linalg.norm(errors)):
+    if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
         return  # moves no unknown by more than a fraction of its standard error
     everything = np.arange(len(x))
     J = jacobian(problem, x, everything, jobs=jobs)
@@ -162,7 +159,7 @@ def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | str, job
         se = math.nan if isinstance(known, str) else float(known.standard_error[i])
         half = NORMAL_95 * se
         if u.kind == "order":
-            half = max(SHIFT, half if math.isfinite(half) else 0.0)
+            half = max(LEAST_SHIFT, half if math.isfinite(half) else 0.0)
         if math.isfinite(half) and abs(shift[i]) > half:
             yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "half intervals",
                 f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times half its interval: "
@@ -181,9 +178,9 @@ def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Findin
     """Orders that are not known well, where the records have few swings."""
     if isinstance(known, str):
         return
-    longest = max(problem.experiments, key=lambda e: count_swings(largest_output(e))[0])
+    longest = max(problem.experiments, key=lambda e: swing_count(largest_output(e)))
     y = largest_output(longest)
-    swings, period, begins = count_swings(y)
+    swings, period, begins = swing_count(y), swing_period(y), swing_start(y)
     late = float(np.std(y[-(len(y) // 4 + 1) :]))
     moving = late > max(STILL_MOVING * float(np.std(y[begins:])), 3 * noise_level(y))
     if swings >= FEW_SWINGS or not moving:  # what came to rest tells no more

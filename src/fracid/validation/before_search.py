@@ -56,10 +56,11 @@ from fracid.problem.costs import COSTS
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import measure_signal
-from fracid.signals.swing import count_swings, tail
+from fracid.signals.swing import swing_count, swing_period, swing_start, tail
+from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import FOLLOWS, STEPS_A_PERIOD, linearised, modes, steps_a_period
+from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, steps_a_period
 
 __all__ = ["before", "largest_output"]
 
@@ -171,10 +172,10 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
         x[problem.model.outputs[o]] = value
     found = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
     growth = max((m.real for m in found if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
-    _, period, _ = count_swings(largest_output(e))
-    falls = growth * min(period, len(e.measured)) * e.step > 1
-    if "alpha" in posture and any(p.name == "alpha_rest" for p in problem.model.parameters):
-        yield from _off_hanging(problem, e, posture["alpha"], falls)
+    falls = growth * min(swing_period(largest_output(e)), len(e.measured)) * e.step > 1
+    pendulum = problem.model.pendulum
+    if pendulum in posture and problem.model.angles[pendulum].rest:
+        yield from _off_hanging(problem, e, posture[pendulum], falls)
     elif falls:
         yield Finding("wrong-zero", e.name, growth, 0.0, "1/s",
             f"it stays where this model does not: it would leave that posture e-fold in {1 / growth:.2g} s. A zero, or "
@@ -188,26 +189,27 @@ def _where_it_stays(y: FloatArray) -> float | None:
         return rest
     late = y[len(y) // 2 :]
     middle = float(np.median(late))
-    count, _, _ = count_swings(late)
-    return middle if count >= SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2 else None
+    return middle if swing_count(late) >= SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2 else None
 
 
 def _off_hanging(problem: Problem, e: Experiment, rest: float, falls: bool) -> Iterator[Finding]:
-    zero, own = problem.model.zero, problem.parameters.get("alpha_rest")
-    offset, reach = problem.model.parameter("alpha_rest").value, 0.0
+    zero, pendulum = problem.model.zero, problem.model.pendulum
+    name = problem.model.angles[pendulum].rest
+    own, offset, reach = problem.parameters.get(name), problem.model.parameter(name).value, 0.0
     if isinstance(own, Free):
         offset, reach = own.start, max(own.upper - own.start, own.start - own.lower)
     off = math.remainder(rest - offset - (math.pi if zero == "upright" else 0.0), 2 * math.pi)
     stays, away = f"it stays at {math.degrees(rest):.1f}°", abs(math.degrees(off))
     if falls and abs(off) > math.pi / 2:
         other = "hanging" if zero == "upright" else "upright"
-        yield Finding("wrong-zero", f"{e.name}: alpha", away, 90.0, "degrees from hanging",
-            f'{stays}, where this model, zero = "{zero}", has the pendulum upright, and falls over. Its zero may be '
-            f"wrong: add 3.14159 to the zero in alpha's table, or type zero = \"{other}\" in [model].")  # fmt: skip
+        yield Finding("wrong-zero", f"{e.name}: {pendulum}", away, 90.0, "degrees from hanging",
+            f'{stays}, where this model, zero = "{zero}", has the pendulum upright, and falls over. Its zero may '
+            f"be wrong: add 3.14159 to the zero in {pendulum}'s table, or type zero = \"{other}\" in "
+            "[model].")  # fmt: skip
     elif abs(off) > OFFSET + reach:
-        yield Finding("wrong-zero", f"{e.name}: alpha", away, math.degrees(OFFSET + reach), "degrees from hanging",
+        yield Finding("wrong-zero", f"{e.name}: {pendulum}", away, math.degrees(OFFSET + reach), "degrees from hanging",
             f'{stays}, {away:.1f}° from where this model hangs. Its zero may be wrong: type zero = "rest" in '
-            "alpha's table, or give alpha_rest a wider range.")  # fmt: skip
+            f"{pendulum}'s table, or give {name} a wider range.")  # fmt: skip
 
 
 # --- steps -------------------------------------------------------------------------------------------
@@ -220,7 +222,7 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     found = [_modes(problem, at, values, gain) for at in _measured_states(problem, e)]
     largest = max((float(np.max(np.abs(m))) for m in found if m.size), default=0.0)
     steps = float(np.median([steps_a_period(m) for m in found]))
-    follows = FOLLOWS.get(problem.method, math.inf)
+    follows = METHODS[problem.method].follows
     if largest > follows:
         more = problem.substeps * math.ceil((2 * largest / follows) ** (1 / float(np.max(orders))))
         yield Finding("stiff", e.name, largest, follows, "|J|h",
@@ -314,7 +316,8 @@ def _turned_round(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, 
 def _two_swings(problem: Problem) -> Problem | None:
     """Of the recording, every so many samples, by its rmse; None if nothing swings."""
     e = problem.experiments[0]
-    period, begins = min((count_swings(y)[1:] for y in e.measured.T if np.ptp(y) > 0), default=(math.inf, 0))
+    moving = [y for y in e.measured.T if np.ptp(y) > 0]
+    period, begins = min(((swing_period(y), swing_start(y)) for y in moving), default=(math.inf, 0))
     if not math.isfinite(period) or e.past is not None:
         return None
     every = max(1, round(period / SAMPLES))

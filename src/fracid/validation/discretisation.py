@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.covariance import Uncertainty, half_width
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.findings import Finding
 from fracid.problem import Problem
@@ -46,9 +46,6 @@ COARSE_STEP = "step"
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
-SHIFT = 1e-4
-"""Orders that move by less than this do not matter, however narrow their intervals."""
-
 
 def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there."""
@@ -64,7 +61,7 @@ def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | s
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: max(SHIFT, half_width(known, x, i)) for n, i in at.items()}
+    width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
     warning = " ".join(
         f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
         f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."

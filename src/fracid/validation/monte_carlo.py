@@ -55,8 +55,10 @@ from fracid.figures import Style, draw
 from fracid.findings import Finding
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
-from fracid.problem.costs import ABSOLUTE, COSTS, cost_from_name
+from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable, portable_memory
+from fracid.safety.schema import Block, as_json
+from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, StatisticsBlock, StudyBlock
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import integer_alternative, is_off
 from fracid.solver.methods import METHODS
@@ -129,8 +131,7 @@ class Statistics:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "name"}
-        return own | {"bias_error": self.bias_error, "coverage": self.coverage, "coverage95": self.coverage95}
+        return as_json(StatisticsBlock, self)
 
 
 @dataclass(frozen=True)
@@ -171,19 +172,7 @@ class Cell:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {
-            "level": self.level,
-            "resolution": self.resolution,
-            "counts_per_turn": self.counts,
-            "repetitions": self.repetitions,
-            "failed": self.failed,
-            "failures": dict(self.failures),
-            "stopped_short": self.stopped_short,
-            "evaluations": self.evaluations,
-            "fractional": self.fractional,
-            "unit": self.unit,
-            "unknowns": {n: s.to_json() for n, s in self.unknowns.items()},
-        }
+        return as_json(CellBlock, self)
 
 
 @dataclass(frozen=True)
@@ -201,8 +190,9 @@ class SavedStudy:
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> SavedStudy:
         """From the content of noise.json."""
-        cells = tuple(map(_cell_of, said["cells"]))
-        return cls(tuple(said["truth"]), said["cost"], cells, said["optimiser"], said["seeds"])
+        block = StudyBlock.model_validate(said)
+        cells = tuple(map(_cell_of, block.cells))
+        return cls(tuple(block.truth), block.cost_name, cells, block.optimiser, block.seeds)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
@@ -215,10 +205,14 @@ class SavedStudy:
         return draw("noise_levels", self, style=style)
 
 
-def _cell_of(said: Mapping[str, Any]) -> Cell:
-    own = {f.name: said[f.name] for f in fields(Cell) if f.name != "unknowns" and f.name in said}
-    known = [f.name for f in fields(Statistics) if f.name != "name"]
-    return Cell(**own, unknowns={n: Statistics(n, **{k: s[k] for k in known}) for n, s in said["unknowns"].items()})
+def _cell_of(block: CellBlock) -> Cell:
+    unknowns = {n: Statistics(n, **_own(Statistics, s)) for n, s in block.unknowns.items()}
+    return Cell(**_own(Cell, block) | {"unknowns": unknowns})
+
+
+def _own(record: Any, block: Block) -> dict[str, Any]:
+    """What of a block is a record's own."""
+    return {f.name: getattr(block, f.name) for f in fields(record) if f.name in type(block).model_fields}
 
 
 @dataclass(frozen=True)
@@ -251,20 +245,14 @@ class NoiseStudy:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
-        return {
+        return as_json(StudyBlock, vars(self) | {
             "model": self.problem.model.name,
             "truth": dict(zip(self.problem.names, self.truth.tolist(), strict=True)),
             "method": self.problem.method,
-            "cost": self.problem.cost_function.name,
-            "outputs": list(self.problem.outputs),
-            "optimiser": self.optimiser,
-            "seeds": self.seeds,
-            "seed": self.seed,
-            "cells": [cell.to_json() for cell in self.cells],
-            "sentences": list(self.sentences()),
-            "findings": [f.to_json() for f in self.findings],
-            "repetitions": dict(self.repetitions),
-        }
+            "cost_name": self.cost_name,
+            "outputs": self.problem.outputs,
+            "sentences": self.sentences(),
+        })  # fmt: skip
 
     def table(self) -> list[dict[str, Any]]:
         """One flat row for each unknown in each cell, for a CSV file."""
@@ -303,7 +291,8 @@ class NoiseStudy:
             yield f'the scheme {self.problem.method}, of first order (type method = "pi2" in [fit])'
         else:
             yield f"the step (type substeps = {2 * self.problem.substeps} in [fit])"
-        if self.problem.cost_function.loss is ABSOLUTE:
+        loss = self.problem.cost_function.loss
+        if loss is not None and loss.centre == "median":
             yield f'the cost {self.problem.cost_function.name}, which rounding biases (type cost = "rmse")'
         if self.problem.initial_state in ("held", "measured"):
             yield 'a first sample that is taken for the start (type initial_state = "rest")'
@@ -567,22 +556,23 @@ def repetition(
     problem, true = replace(twin.problem, experiments=read), np.array(truth)
     result, _ = search(problem, how["optimiser"], luck, starts=how["starts"], options=dict(how["options"]))
     best, at_truth = result.best, problem.cost(true)
-    found: dict[str, Any] = {"evaluations": result.evaluations, "cost_of_truth": _finite(at_truth), "failure": ""}
+    begun = {"evaluations": result.evaluations, "cost_of_truth": at_truth}
     if not math.isfinite(best.cost):
-        return found | {"failure": best.reason or "no run reached its end", "cost": None}
+        return as_json(FailedBlock, begun | {"failure": best.reason or "no run reached its end", "cost": None})
     known = uncertainty(problem, best.point)
-    return found | {
+    return as_json(RepetitionBlock, begun | {
+        "failure": "",
         "cost": best.cost,
         "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
         "standard_errors": {
-            n: None if isinstance(known, str) else _finite(float(known.standard_error[i]))
+            n: None if isinstance(known, str) else float(known.standard_error[i])
             for i, n in enumerate(problem.names)
         },
         "intervals": {
             n: None if isinstance(known, str) else known.interval(best.point, i) for i, n in enumerate(problem.names)
         },
         "fractional": _called_fractional(problem, best, known) if how["rival"] else None,
-    }
+    })  # fmt: skip
 
 
 def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool | None:
@@ -654,10 +644,6 @@ def _why(cell: Cell, s: Statistics) -> str:
     if cell.stopped_short > 0.1 * cell.repetitions:
         return f"{said}: the search stopped short in {cell.stopped_short})"
     return f"{said})"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _label(level: float, resolution: float, unit: str = "rad") -> str:

@@ -6,6 +6,8 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from fracid.files import json_number
+
 __all__ = [
     "ENOUGH",
     "NAN",
@@ -220,4 +222,4 @@ class ResidualAnalysis:
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {n: _plain(v) for n, v in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return json_number(value) if isinstance(value, float) else value

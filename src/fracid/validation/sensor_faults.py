@@ -47,7 +47,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, rows_and_scores
+from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian, rows_and_scores
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
@@ -64,9 +64,6 @@ MUCH = 0.3
 
 MOVES = 1.0
 """Half intervals by which an order may move."""
-
-SHIFT = 1e-4
-"""Orders that move by less do not matter, however narrow their intervals."""
 
 MOST = 0.6
 """Part of the squares that are left over which one fault may explain; real rigs reach 0.34."""
@@ -160,7 +157,7 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: 
 
 
 def _moves(m: Misreading) -> bool:
-    return m.half_intervals > MOVES and abs(m.shift) > SHIFT
+    return m.half_intervals > MOVES and abs(m.shift) > LEAST_SHIFT
 
 
 def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> list[Misreading]:

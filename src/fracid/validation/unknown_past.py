@@ -39,21 +39,20 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.figures import Style, draw
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
+from fracid.safety.schema import as_json
+from fracid.schemas.result import CutBlock
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
-
-SHIFT = 1e-4
-"""Orders that move by less than this do not matter, however narrow their intervals."""
 
 TURNS = 0.1
 """A turning point is a peak that stands out by this part of the signal's range."""
@@ -145,7 +144,7 @@ class CutCheck:
 
     def _moves(self, name: str) -> str:
         half = self.half_width[name]
-        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(SHIFT, half):
+        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(LEAST_SHIFT, half):
             return ""  # without an interval the order is not known anyway, and the fit says why
         far, (low, high) = self._farthest(name), self.range[name]
         by = far.shift[name]
@@ -171,19 +170,15 @@ class CutCheck:
 
     def to_json(self) -> dict[str, Any]:
         """Everything, as plain JSON values; angles in radians."""
-        return {
-            "as_fitted": {"orders": dict(self.orders), "cost": self.cost, "rmse": dict(self.levels)},
-            "half_width": dict(self.half_width),
-            "treatments": {
-                t.name: {"orders": dict(t.orders), "shift": dict(t.shift), "cost": t.cost, "rmse": dict(t.levels),
-                         "still_moving": t.stopped}
-                for t in self.treatments
-            },
-            "left_out": dict(self.left_out),
+        return as_json(CutBlock, {
+            "as_fitted": self,
+            "half_width": self.half_width,
+            "treatments": {t.name: t for t in self.treatments},
+            "left_out": self.left_out,
             "rivals": [t.name for t in self.rivals],
-            "range": {n: list(ends) for n, ends in self.range.items()},
-            "warnings": list(self.warnings),
-        }  # fmt: skip
+            "range": self.range,
+            "warnings": self.warnings,
+        })  # fmt: skip
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> CutCheck:
@@ -196,12 +191,9 @@ class CutCheck:
         >>> CutCheck.of_json(check.to_json()) == check
         True
         """
-        treatments = (
-            Treatment(name, t["orders"], t["shift"], t["cost"], t["rmse"], t["still_moving"])
-            for name, t in said["treatments"].items()
-        )
-        fit = said["as_fitted"]
-        return cls(fit["orders"], said["half_width"], fit["cost"], fit["rmse"], tuple(treatments), said["left_out"])
+        block = CutBlock.model_validate(said)
+        treatments = tuple(Treatment(name, **dict(t)) for name, t in block.treatments.items())
+        return cls(**dict(block.as_fitted), half_width=block.half_width, treatments=treatments, left_out=block.left_out)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.

@@ -1,0 +1,68 @@
+r"""What friction is to those who compare structures: which rung of the ladder frees it, and what damping it stands for.
+
+A model says of each parameter that is friction what it is, with ``friction=COULOMB.at("theta")`` in its
+:class:`~fracid.models.Parameter`; where it says nothing, the beginning of the name does (:data:`BY_NAME`).  A new
+element is its row in the parameters of its model, and its torque in the right-hand side; of a new kind also a
+:class:`Friction`.  The ladder, the integer-order rival, the regression and the linear models ask for nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+__all__ = ["BY_NAME", "COULOMB", "DRAG", "RUNGS", "SPRING", "VISCOUS", "Friction"]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """An element of friction, whose strength is one parameter.
+
+    Examples
+    --------
+    >>> stiction = Friction("stiction", power=0, begins=2e-3)
+    >>> stiction.at("alpha").joint, stiction.dry
+    ('alpha', True)
+    """
+
+    rung: str
+    """The rung of the ladder that frees it, with all others of that rung."""
+    power: float | None = None
+    """Its torque goes with |v| to this: 0 for dry friction, 1 for viscous, 2 for drag; None where it is not of the
+    speed alone, as a spring's."""
+    off: float = 0.0
+    """The value at which it is not there [the parameter's unit]."""
+    begins: float = 0.0
+    """A search begins at this part of the reach at least: at 0 a dry friction's cost has a corner."""
+    rests: tuple[str, ...] = ()
+    """Parameters that mean nothing without it, and that each recording has for itself."""
+    joint: str = ""
+    """The output that measures its joint; "" where nobody says."""
+
+    @property
+    def dry(self) -> bool:
+        """Whether it has no linear part at rest."""
+        return self.power == 0
+
+    @property
+    def damps_like_an_order(self) -> bool:
+        """Whether an order below 1 may stand in for it: viscous and dry friction."""
+        return self.power is not None and self.power <= 1
+
+    def at(self, joint: str) -> Friction:
+        """The same at a joint, which the output of that name measures."""
+        return replace(self, joint=joint)
+
+
+VISCOUS = Friction("viscous", power=1)
+
+COULOMB = Friction("Coulomb", power=0, begins=2e-3)
+
+DRAG = Friction("drag", power=2)
+
+SPRING = Friction("cable", rests=("theta_rest",))
+
+BY_NAME = {"b_": VISCOUS, "coulomb_": COULOMB, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING}
+"""How a parameter's name begins → what it is, where the model does not say."""
+
+RUNGS = tuple(dict.fromkeys(kind.rung for kind in BY_NAME.values()))
+"""Every model's first rungs, from the ground up; rungs of a model's own follow."""

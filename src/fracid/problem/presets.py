@@ -1,0 +1,20 @@
+"""What a preset of a project puts into its ``[fit]``: a new one is a row."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["PRESETS"]
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "paper": {
+        "method": "gl-paper",
+        "cost": "itae",
+        "weights": "equal",
+        "outputs": ["alpha"],
+        "per_recording": [],
+        "initial_state": "held",
+        "optimiser": "genetic",
+    }
+}
+"""By name; ``paper`` also fixes every parameter and frees the orders."""

@@ -1,0 +1,12 @@
+"""What each file of a run folder has in it, each described once: written, read and checked by it.
+
+================================  ===============================================================
+:mod:`fracid.schemas.result`      ``result.json``; ``python -m fracid.schemas`` prints its JSON Schema
+:mod:`fracid.schemas.run`         ``run.json``, ``environment.json`` and the lines of logs
+:mod:`fracid.schemas.profiles`    ``profiles.json``
+:mod:`fracid.schemas.comparison`  ``compare.json`` and its journal's lines
+:mod:`fracid.schemas.study`       ``noise.json`` and its journal's lines
+================================  ===============================================================
+
+:mod:`fracid.safety.schema` says how.
+"""
