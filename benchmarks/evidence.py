@@ -9,7 +9,7 @@ section        what it measures, and where that stands                          
 ``coverage``   how often a 95 % interval of λ and of μ holds the truth                   1 min
                (:mod:`fracid.estimation.covariance`)
 ``swing``      orders from a start in mid-swing, by how its past is treated              1 min
-               (:mod:`fracid.problem.problem`)
+               (:mod:`fracid.problem.past`)
 ``cut``        how far the orders of a real SRV02 move with the cut; its recordings     1 min
                from FRACID_RECORDINGS or ../shared/recordings (:mod:`fracid.validation.unknown_past`)
 ``start``      how often an interval holds the truth where the start is taken from a    15 s

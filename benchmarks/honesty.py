@@ -31,6 +31,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
+from fracid.errors import Failure
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.findings import Finding
@@ -182,15 +183,15 @@ def poor(problem: Problem, best: Evaluation) -> Iterator[Finding]:
     """A fit that is no better than a constant, as :func:`fracid.identify` says it."""
     for e in problem.experiments:
         y = problem.fitted(best.point, e)
-        left = np.full(e.measured.shape[1], np.inf) if isinstance(y, str) else np.std(e.measured - y, axis=0)
+        left = np.full(e.measured.shape[1], np.inf) if isinstance(y, Failure) else np.std(e.measured - y, axis=0)
         percent = float(np.min(100 * (1 - left / np.maximum(np.std(e.measured, axis=0), 1e-12))))
         if percent < POOR:
             yield Finding("cannot-explain", e.name, percent, POOR, "% fit", "")
 
 
-def off(problem: Problem, best: Evaluation, known: Uncertainty | str) -> float | None:
+def off(problem: Problem, best: Evaluation, known: Uncertainty | Failure) -> float | None:
     """Of a problem that starts at the truth."""
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         return None
     times = [abs(best.point[i] - problem.start[i]) / (NORMAL_95 * known.standard_error[i])
              for i in problem.order_indices]  # fmt: skip

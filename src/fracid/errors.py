@@ -10,17 +10,22 @@
 
 Each message is a sentence or three: what was wrong with the value, what was
 expected, what to type.  A numerical failure (a diverging run, det M = 0) is not
-an error but an outcome: see :class:`fracid.Outcome`.
+an error but an outcome, :class:`fracid.Outcome`, and what cannot give its result
+for that gives a :class:`Failure` in its place.
 """
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Collection
+from dataclasses import dataclass
+from enum import Enum
 from numbers import Integral, Real
 
 __all__ = [
     "DataError",
+    "Failure",
+    "FailureReason",
     "FracidError",
     "InputError",
     "NotTrusted",
@@ -57,6 +62,45 @@ class Unfinished(FracidError, RuntimeError):
     """Long work was cut short by something outside of it; what was done is kept, and can be gone on with."""
 
     exit_code = 1
+
+
+class FailureReason(Enum):
+    """Why there is no result; the value is the kind in words."""
+
+    RUN = "a run ends before its last sample"
+    INTERRUPTED = "the search was interrupted"
+    NOTHING_FREE = "nothing is free"
+    AT_BOUND = "every unknown lies at a bound"
+    OWN_COST = "a user's own cost is of unknown loss"
+    AT_REST = "the fit starts at rest"
+    UNCHANGED = "nothing would change"
+    NO_PAST = "there are no samples before the start"
+    NO_PLATEAU = "there is no plateau before the start"
+    NO_TURN = "there is no early turning point"
+    DRIVEN = "a driven recording has no falling amplitude"
+    FEW_SWINGS = "there are too few swings"
+    REFUSED = "the problem is refused"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """In place of a result: why there is none.
+
+    Examples
+    --------
+    >>> failure = Failure(FailureReason.RUN, "swing: diverged at t = 1.2 s")
+    >>> failure.reason is FailureReason.RUN, f"no interval: {failure}"
+    (True, 'no interval: swing: diverged at t = 1.2 s')
+    """
+
+    reason: FailureReason
+    """The kind."""
+    detail: str
+    """The sentence, without a full stop."""
+
+    def __str__(self) -> str:
+        """Give the sentence."""
+        return self.detail
 
 
 def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:

@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
@@ -158,12 +158,15 @@ def identify(
     clock.lap("search")
     found = _Findings(problem, result, made, seen=[*seen])
     if not np.isfinite(result.best.cost):
-        found.known = "every run failed"
+        found.known = Failure(FailureReason.RUN, "every run failed")
         found.warnings.append(f"No run reached its end: {result.best.reason}.")
         found.seen += failed(problem, result.best.point)
     elif not result.interrupted:
         _examine(found, name, validation, whole if cut else None, jobs, clock)
     return _fit(found, name, seed, watch.count, clock.laps)
+
+
+INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
 
 
 @dataclass
@@ -173,13 +176,13 @@ class _Findings:
     problem: Problem
     result: Result
     starts: tuple[Start, ...] = ()
-    known: Uncertainty | str = "the search was interrupted"
+    known: Uncertainty | Failure = INTERRUPTED
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     validated: dict[str, RecordingFit] = field(default_factory=dict)
     check: Discretisation | None = None
     spread: Spread | None = None
     alternative: Alternative | None = None
-    cut: CutCheck | str | None = None
+    cut: CutCheck | Failure | None = None
     warnings: list[str] = field(default_factory=list)
     seen: list[Finding] = field(default_factory=list)
     interrupted: bool = False
@@ -223,7 +226,7 @@ def _examine(
         if whole is not None:
             found.cut = cut_check(problem, x, found.known, whole=whole, jobs=jobs)
             found.warnings += (
-                [f"The cut was not checked: {found.cut}."] if isinstance(found.cut, str) else found.cut.warnings
+                [f"The cut was not checked: {found.cut}."] if isinstance(found.cut, Failure) else found.cut.warnings
             )
             clock.lap("cut")
     except KeyboardInterrupt:
@@ -285,16 +288,16 @@ def _recording(
 ) -> RecordingFit:
     """One recording beside its simulation, which is NaN where the run fails."""
     simulated = problem.fitted(x, e)
-    failed = isinstance(simulated, str)
-    values = np.full(e.measured.shape, np.nan) if isinstance(simulated, str) else simulated
+    failed = isinstance(simulated, Failure)
+    values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
     cost = np.inf if failed else problem.cost_function.value(e.time, e.measured - values)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
-        {n: estimates[f"{n} [{e.name}]"] for n in problem.own_parameters} | _release(estimates, e), e.sha256, e.units,
-        problem.model.zero,
+        {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
+        e.sha256, e.units, problem.model.zero,
     )  # fmt: skip
 
 
@@ -320,7 +323,7 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
     return _recording(alone, best.point, estimates, e, "validate"), best.reason
 
 
-def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | str) -> str:
+def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | Failure) -> str:
     """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
     at, before, after = problem.order_indices, best.point, polished.point
     moved = [abs(after[i] - before[i]) > max(1e-3, 0.5 * half_width(known, before, i)) for i in at]
@@ -334,7 +337,7 @@ def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, kno
 
 
 def _estimates(
-    problem: Problem, x: FloatArray, known: Uncertainty | str, verdicts: Mapping[str, Verdict]
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, verdicts: Mapping[str, Verdict]
 ) -> dict[str, Estimate]:
     """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
     units = {p.name: p.unit for p in problem.model.parameters}
@@ -343,12 +346,12 @@ def _estimates(
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
     free = {u.name: _estimate(u, x, i, known, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
-    return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
+    return fixed | free | {name: free[to] for name, to in problem.parametrisation.aliases.items()}
 
 
-def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | str, verdict: Verdict | None) -> Estimate:
+def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | Failure, verdict: Verdict | None) -> Estimate:
     value, kind = float(x[i]), verdict.kind if verdict else "unknown"
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         return Estimate(value, u.unit, True, identifiable=kind)
     se = float(known.standard_error[i])
     nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if known.at_bound[i] else None
@@ -367,7 +370,7 @@ SAID = {
 """How a warning says a verdict."""
 
 
-def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
+def _warnings(problem: Problem, known: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
     if METHODS[problem.method].raw:
         yield (
             f"{problem.method} sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is "
@@ -377,7 +380,7 @@ def _warnings(problem: Problem, known: Uncertainty | str, verdicts: Mapping[str,
         if order in problem.names and output not in problem.outputs:
             scored = " and ".join(problem.outputs)
             yield f"Only {scored} is scored, and {order} can hardly be seen in it: score {output} too."
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         yield f"There are no intervals: {known}."
         return
     together = [names for names in known.confounded if len(names) > 1]

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import METHODS, Uncertainty, at_bound, jacobian, sandwich, uncertainty, widening
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
@@ -155,11 +156,17 @@ def test_intervals_are_those_of_the_unknowns_off_their_bounds_alone():
 
 def test_there_is_a_sentence_where_there_is_no_interval():
     own = Cost("own", function=lambda time, residual: float(np.max(np.abs(residual))))
-    assert uncertainty(problem(clean(), cost_function=own), TRUE) == "the cost own is a user's own, of unknown loss"
+    failure = uncertainty(problem(clean(), cost_function=own), TRUE)
+    assert (failure.reason, str(failure)) == (
+        FailureReason.OWN_COST,
+        "the cost own is a user's own, of unknown loss",
+    )
     fixed = problem(clean(), orders={"lambda": 0.9, "mu": 0.95})
-    assert uncertainty(fixed, np.empty(0)) == "nothing is free"
+    assert uncertainty(fixed, np.empty(0)) == Failure(FailureReason.NOTHING_FREE, "nothing is free")
     broken = problem(clean(), parameters={"C3": 0.1})
-    assert "det M = 0" in uncertainty(broken, TRUE)
+    failure = uncertainty(broken, TRUE)
+    assert failure.reason is FailureReason.RUN
+    assert "det M = 0" in str(failure)
 
 
 def test_an_interval_is_1_96_standard_errors_to_each_side():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.parameter_verdicts import identifiability
@@ -174,7 +174,7 @@ def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
 
 def test_without_intervals_nothing_is_said_but_why():
     p = twin(orders=ORDERS)
-    found = identifiability(p, p.start, "a run fails")
+    found = identifiability(p, p.start, Failure(FailureReason.RUN, "a run fails"))
     assert {v.sentence for v in found.values()} == {"unknown: a run fails"}
 
 

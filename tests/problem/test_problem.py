@@ -14,6 +14,7 @@ from fracid.estimation.covariance import jacobian, uncertainty
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
+from fracid.problem.past import release_in_past, smooth_past
 from fracid.recording import Recording
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
@@ -163,7 +164,7 @@ def test_a_tied_value_follows_the_other_through_every_link():
     assert (value["coulomb_alpha"], value["coulomb_theta"]) == (3e-3, 3e-3)
     assert (value["drag_alpha"], value["drag_theta"]) == (2e-3, 2e-3)
     assert value["alpha_rest"] == RIG.parameter("theta_rest").value
-    assert p.aliases == {"mu": "lambda", "coulomb_alpha": "coulomb_theta"}
+    assert p.parametrisation.aliases == {"mu": "lambda", "coulomb_alpha": "coulomb_theta"}
     chain = problem(parameters={"b_alpha": Free(1e-3, 0.0, 1.0), "b_theta": Tied("b_alpha")})
     assert chain.unpack(np.array([1.0, 1.0, 5e-3]), chain.experiments[0])[1][5:7].tolist() == [5e-3, 5e-3]
 
@@ -178,8 +179,8 @@ def test_what_is_tied_to_a_recordings_own_is_its_own_too():
         twin("a"), twin("b"), orders=TRUE, per_recording=("theta_rest",),
         parameters={"theta_rest": Free(0.0, -1.0, 1.0), "alpha_rest": Tied("theta_rest")},
     )  # fmt: skip
-    assert p.own_parameters == ("theta_rest", "alpha_rest")
-    assert p.aliases == {"alpha_rest [a]": "theta_rest [a]", "alpha_rest [b]": "theta_rest [b]"}
+    assert p.parametrisation.own_parameters == ("theta_rest", "alpha_rest")
+    assert p.parametrisation.aliases == {"alpha_rest [a]": "theta_rest [a]", "alpha_rest [b]": "theta_rest [b]"}
     at = [RIG.parameter_names.index(n) for n in ("theta_rest", "alpha_rest")]
     assert [p.unpack(np.array([0.1, 0.2]), e)[1][at].tolist() for e in p.experiments] == [[0.1, 0.1], [0.2, 0.2]]
     other = p.with_shared(np.array([0.1, 0.2]), (twin("c"),))
@@ -287,12 +288,12 @@ def test_orders_of_one_need_no_past():
 
 def test_the_past_begins_with_its_release_and_holds_the_states():
     e = from_mid_swing()
-    assert abs(e.release_in_past() - 100) <= 1
-    assert from_mid_swing(plateau=0.0, cut=1.5).release_in_past() == 0
-    assert abs(from_mid_swing(noise=2e-3).release_in_past() - 100) <= 2
+    assert abs(release_in_past(e) - 100) <= 1
+    assert release_in_past(from_mid_swing(plateau=0.0, cut=1.5)) == 0
+    assert abs(release_in_past(from_mid_swing(noise=2e-3)) - 100) <= 2
     long = from_mid_swing(plateau=15.0)  # a filter that took the plateau for a slow swing would wipe out the motion
-    assert long.release_in_past() == pytest.approx(3750, abs=1)
-    assert long.smooth_past()[0][-1] == pytest.approx(e.smooth_past()[0][-1], abs=2e-3)
+    assert release_in_past(long) == pytest.approx(3750, abs=1)
+    assert smooth_past(long)[0][-1] == pytest.approx(smooth_past(e)[0][-1], abs=2e-3)
     p = Problem(SMOOTH, (e,), TRUE, initial_state="measured")
     x0 = p.unpack(p.start, e)[2]
     run = fracid.simulate(SMOOTH, orders=TRUE, initial={"alpha": 1.0}, step=STEP / 4, end=1.1)
@@ -446,10 +447,11 @@ def test_levels_that_are_estimated_do_as_well_as_levels_that_are_known():
     fit = fracid.identify(p, optimiser="least-squares")
     errors = p.errors(fit.x)[0]
     (J,) = jacobian(p, fit.x, np.arange(2))
-    weighted = p.balance([errors])[:, None] * J
+    weighted = p.criterion.balance([errors])[:, None] * J
     gradient, size = np.einsum("to,toi->i", errors, weighted), np.sqrt(np.einsum("toi,toi->i", J, weighted))
     assert np.all(np.abs(gradient / size) < 1e-3 * np.linalg.norm(errors))
-    assert p.balance([errors])[0] / p.balance([errors])[1] == pytest.approx((2e-2 / 1e-3) ** 2, rel=0.2)
+    noisy_one, quiet_one = p.criterion.balance([errors])
+    assert noisy_one / quiet_one == pytest.approx((2e-2 / 1e-3) ** 2, rel=0.2)
 
 
 def test_an_output_that_fits_without_an_error_does_not_outweigh_all_others():
@@ -513,7 +515,7 @@ def test_a_start_that_the_prior_excludes_is_refused():
 def test_each_recordings_own_value_has_the_prior():
     p = problem(twin("a"), twin("b"), orders=TRUE, per_recording=("theta_rest",),
                 parameters={"theta_rest": Free(0.0, -1.0, 1.0, Prior(0.1, 0.05))})  # fmt: skip
-    assert p.prior_residuals(np.array([0.0, 0.2])) == pytest.approx([-2.0, 2.0])
+    assert p.criterion.prior_residuals(np.array([0.0, 0.2])) == pytest.approx([-2.0, 2.0])
 
 
 def test_a_failed_run_has_no_finite_cost_for_all_its_priors():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.problem import Experiment, Free, Problem
 from fracid.tasks.simulation_cache import Memo
 
@@ -18,19 +19,21 @@ ARRAYS = {
     "awkward": np.array([[5e-324, -1.7e308], [np.inf, 1.0]]),
 }
 
+DIVERGED, ENDED = (Failure(FailureReason.RUN, detail) for detail in ("diverged at t = 3 µs", "overflow"))
+
 
 def refused():
     raise AssertionError("computed again")
 
 
-@pytest.mark.parametrize("kept", [*ARRAYS.values(), "diverged at t = 3 µs"], ids=[*ARRAYS, "reason"])
+@pytest.mark.parametrize("kept", [*ARRAYS.values(), DIVERGED], ids=[*ARRAYS, "reason"])
 def test_what_is_kept_comes_back_to_the_bit_and_in_its_order_in_memory(tmp_path, kept):
     with Memo(tmp_path / "memo") as memo:
         assert memo.get(KEY, lambda: kept) is kept
     with Memo(tmp_path / "memo") as memo:
         found = memo.get(KEY, refused)
         assert memo.computed == 0
-    if isinstance(kept, str):
+    if isinstance(kept, Failure):
         assert found == kept
     else:
         assert found.tobytes("A") == kept.tobytes("A")
@@ -67,10 +70,10 @@ def test_a_bit_that_turned_on_the_disk_is_computed_again(tmp_path):
 
 def test_another_program_or_a_restarted_machine_begins_empty(tmp_path, monkeypatch):
     with Memo(tmp_path / "memo") as memo:
-        memo.get(KEY, lambda: "old")
+        memo.get(KEY, lambda: DIVERGED)
     monkeypatch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"another machine.")
     with Memo(tmp_path / "memo") as memo:
-        assert memo.get(KEY, lambda: "new") == "new"
+        assert memo.get(KEY, lambda: ENDED) is ENDED
 
 
 def test_where_there_is_no_room_the_run_goes_on_and_the_file_goes(tmp_path):

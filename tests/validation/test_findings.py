@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
@@ -517,7 +518,7 @@ def test_runs_that_all_blow_up_say_when():
 def test_an_after_thought_of_a_perfect_twin_has_nothing():
     run = fracid.simulate(RIG, orders={"lambda": 0.97, "mu": 0.98}, initial={"alpha": 0.4}, step=STEP, end=6.0)
     exact = problem(run.states[:, [0, 2]], parameters={}, initial_state="held")
-    assert after(exact, exact.start, "not asked") == ()
+    assert after(exact, exact.start, Failure(FailureReason.INTERRUPTED, "not asked")) == ()
 
 
 # --- how it is carried ------------------------------------------------------------------------------------

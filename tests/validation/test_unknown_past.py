@@ -107,7 +107,7 @@ def test_a_treatment_is_left_out_where_it_is_done_already_or_cannot_be(initial_s
     whole = twin(end=4.0, noise=1e-3)
     at = PLATEAU + (0.0 if initial_state in ("rest", "held") else 0.7)
     problem = Problem(RIG, (cut(whole, at, past),), {"lambda": 0.9, "mu": FREE["mu"]}, initial_state=initial_state)
-    found = cut_check(problem, problem.start, "none", whole={"twin": whole} if earlier else None, budget=1)
+    found = cut_check(problem, problem.start, None, whole={"twin": whole} if earlier else None, budget=1)
     assert {t.name.split(" by ")[0] for t in found.treatments} == names
     assert set(found.left_out) == {"with the past", "without the past", "from the plateau", "cut later"} - names
     assert all(found.left_out.values())
@@ -117,13 +117,13 @@ def test_a_recording_without_an_arm_has_no_past_and_the_check_says_so():
     whole = twin(end=4.0)
     whole = replace(whole, measured=whole.measured[:, [1]])
     problem = Problem(RIG, (cut(whole, PLATEAU + 0.7),), {"lambda": 0.9, "mu": FREE["mu"]}, outputs=("alpha",))
-    found = cut_check(problem, problem.start, "none", whole={"twin": whole}, budget=1)
+    found = cut_check(problem, problem.start, None, whole={"twin": whole}, budget=1)
     assert "a past needs every angle among the outputs, which are alpha" in found.left_out["with the past"]
 
 
 def test_a_motion_that_does_not_turn_early_is_not_cut_later():
     problem = Problem(RIG, (twin(end=0.3, plateau=0.0),), {"lambda": 0.9, "mu": FREE["mu"]}, initial_state="held")
-    found = cut_check(problem, problem.start, "none")
+    found = cut_check(problem, problem.start, None)
     assert found.treatments == ()
     assert "no turning point was found in the first 25% of the record" in found.verdict
     assert found.verdict.startswith("The cut was not checked: ")
@@ -153,7 +153,7 @@ def test_what_cannot_be_checked_is_told_in_a_sentence(change, words, tmp_path):
         (tmp_path / "own.py").write_text("def spread(t, r):\n    return abs(r).max()\n", encoding="utf-8")
         change = {"cost_function": cost_from_name(str(tmp_path / change["cost_function"]))}
     problem = replace(Problem(RIG, (twin(end=2.0),), FREE), **change)
-    assert words in cut_check(problem, problem.start, "none")
+    assert words in str(cut_check(problem, problem.start, None))
 
 
 # --- in words and as JSON -----------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, Failure, InputError
 from fracid.safety.paths import refuse_mistaken
 
 if TYPE_CHECKING:
@@ -83,8 +83,8 @@ class _Profiled:
     """Profiles with what stands beside them."""
 
     profiles: Profiles
-    known: Uncertainty | str
-    bootstrap: Bootstrap | str
+    known: Uncertainty | Failure
+    bootstrap: Bootstrap | Failure
     verdicts: dict[str, Verdict]
     record: dict[str, Any]
     """The content of profiles.json."""
@@ -120,13 +120,13 @@ def _profiled(
         problem, x = _of_project(source, seed, jobs, trust)
     found = library_profile(problem, x, parameters=names, joint=joint, points=points, jobs=jobs)
     known = uncertainty(problem, found.x, jobs=jobs)
-    drawn = known if isinstance(known, str) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
+    drawn = known if isinstance(known, Failure) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
     verdicts = identifiability(problem, found.x, known, found.profiles, jobs=jobs)
-    several = len(problem.experiments) > 1 and not isinstance(known, str)
+    several = len(problem.experiments) > 1 and not isinstance(known, Failure)
     record = found.to_json() | {
         "intervals": _intervals(found, known, drawn),
         "identifiability": {n: {"verdict": v.kind, "sentence": v.sentence} for n, v in verdicts.items()},
-        "bootstrap": drawn if isinstance(drawn, str) else drawn.to_json(),
+        "bootstrap": str(drawn) if isinstance(drawn, Failure) else drawn.to_json(),
         "spread": spread(problem, found.x, jobs=jobs).to_json() if several else None,
         "seed": seed,
     }
@@ -146,17 +146,17 @@ def _of_project(path: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem,
 # ------------------------------------------------------------------ from results to files and text
 
 
-def _intervals(found: Profiles, known: Uncertainty | str, drawn: Bootstrap | str) -> dict[str, Any]:
+def _intervals(found: Profiles, known: Uncertainty | Failure, drawn: Bootstrap | Failure) -> dict[str, Any]:
     """Every unknown's intervals by every method that gave one."""
     from fracid.estimation.covariance import METHODS
     from fracid.files import json_number
 
     rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
     for i, name in enumerate(rows):
-        if not isinstance(known, str):
+        if not isinstance(known, Failure):
             rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
             rows[name]["effective_samples"] = json_number(known.effective_samples[i])
-        if not isinstance(drawn, str) and rows[name]["sandwich"] is not None:
+        if not isinstance(drawn, Failure) and rows[name]["sandwich"] is not None:
             rows[name]["bootstrap"] = drawn.interval(i)
         if name in found.profiles:
             rows[name]["profile"] = found.profiles[name].interval95
@@ -189,7 +189,7 @@ def _show(found: _Profiled, folder: Path, figure: Path, console: Console) -> Non
         table.add_row(*map(escape, shown))
     console.print(table)
     spread = found.record["spread"]
-    few = () if isinstance(found.bootstrap, str) or not found.bootstrap.warning else (found.bootstrap.warning,)
+    few = () if isinstance(found.bootstrap, Failure) or not found.bootstrap.warning else (found.bootstrap.warning,)
     for note in (*found.profiles.notes, *few, *(spread["sentences"] if spread else ())):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
     for name, verdict in found.verdicts.items():

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Experiment, Problem
@@ -126,8 +126,8 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
         one = replace(problem, experiments=(e,))
         found = refit(one, np.array([at[n] for n in one.names]))
-        known = uncertainty(one, found.point) if math.isfinite(found.cost) else found.reason
-        if isinstance(known, str):
+        known = uncertainty(one, found.point) if math.isfinite(found.cost) else None
+        if known is None or isinstance(known, Failure):
             return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
         where = [one.names.index(problem.names[i]) for i in shared]
         return found.point[where], known.standard_error[where]

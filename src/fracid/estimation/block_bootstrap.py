@@ -36,7 +36,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least, unknown_name
+from fracid.errors import Failure, InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Problem
@@ -166,7 +166,7 @@ def bootstrap(
         raise InputError("Nothing is free, so there is nothing to draw.")
     at_least("draws", draws, 2)
     errors = problem.errors(x)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         raise InputError(f"There is nothing to draw from: the run at the minimum fails: {errors}.")
     length = round(residual_bandwidth(errors)) + 1 if block is None else at_least("block", block, 1)
     length = min(length, min(map(len, errors)))
@@ -227,16 +227,16 @@ def _stepped(
 ) -> list[FloatArray]:
     """One Newton step for each draw; unknowns at their bounds stay."""
     known = uncertainty(problem, x, jobs=jobs)
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         raise InputError(f"There is no Newton step: {known}.")
     free = np.flatnonzero(~known.at_bound)
     if not len(free):
         return [x.copy() for _ in streams]
     J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, str):
+    if isinstance(J, Failure):
         raise InputError(f"There is no Newton step: {J}.")
     shape = sandwich(problem, x, free, jobs=jobs)
-    if isinstance(shape, str):
+    if isinstance(shape, Failure):
         raise InputError(f"There is no Newton step: {shape}.")
 
     median = _rests_on_median(problem)

@@ -73,6 +73,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure, FailureReason
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.qr import triangle
@@ -194,7 +195,7 @@ class Sandwich:
         return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
 
 
-def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | str:
+def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | Failure:
     """Find the covariance at the minimum x, or say why there is none.
 
     Parameters
@@ -207,8 +208,8 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
 
     Returns
     -------
-    Uncertainty or str
-        The sentence says why there is none: nothing is free, a user's own cost, a run that fails.
+    Uncertainty or Failure
+        The failure says why there is none: nothing is free, a user's own cost, a run that fails.
 
     Examples
     --------
@@ -225,14 +226,16 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     (True, ())
     """
     if not problem.names:
-        return "nothing is free"
+        return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     if problem.cost_function.loss is None:
-        return f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+        return Failure(
+            FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
+        )
     held, found = _held(problem, x, jobs)
     error = np.full(len(x), np.nan)
     if held.all():
         return Uncertainty(error, held, (), 0.0, 1.0, error)
-    if isinstance(found, str):
+    if isinstance(found, Failure):
         return found
     free = found.free
     directions = _unseen(problem, x, found)
@@ -251,7 +254,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     )
 
 
-def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | str:
+def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | Failure:
     """A⁻¹, A⁻¹SA⁻¹ and A⁻¹S₀A⁻¹ of the unknowns `free`, all others held; or why there are none.
 
     Parameters
@@ -278,13 +281,13 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     (1, 1)
     """
     seen = _seen(problem, x, free, jobs)
-    return seen if isinstance(seen, str) else _sandwich(problem, *seen, free)
+    return seen if isinstance(seen, Failure) else _sandwich(problem, *seen, free)
 
 
-def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | str:
+def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | Failure:
     """Errors of each recording at x and their derivatives by the unknowns `free`."""
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    return errors if isinstance(errors, str) else J if isinstance(J, str) else (errors, J)
+    return errors if isinstance(errors, Failure) else J if isinstance(J, Failure) else (errors, J)
 
 
 def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
@@ -345,14 +348,14 @@ def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArra
     return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
 
 
-def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | str]:
+def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | Failure]:
     """Which unknowns their bounds hold, shape (n_unknowns,), and the sandwich of all others, or why there is none."""
     near, away = _near(problem, x)
     some = np.flatnonzero(~near | (away > 0))
     if not len(some):
-        return near, "all unknowns lie at a bound"
+        return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound")
     seen = _seen(problem, x, some, jobs)
-    if isinstance(seen, str):
+    if isinstance(seen, Failure):
         return near, seen
     errors, J = seen
     found = _sandwich(problem, errors, J, some)
@@ -369,7 +372,7 @@ def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
-    loss, weights = _loss_and_weights(problem, errors)
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
     rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
@@ -381,20 +384,16 @@ def _joined(parts: list[FloatArray]) -> FloatArray:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _loss_and_weights(problem: Problem, errors: list[FloatArray]) -> tuple[Loss, list[FloatArray]]:
-    """ρ, and w of each recording, shape (n_samples, n_outputs)."""
-    loss, weight = problem.cost_function.loss, problem.cost_function.weight
+def _loss(problem: Problem) -> Loss:
+    """ρ, which only a user's own cost has not."""
+    loss = problem.cost_function.loss
     assert loss is not None
-    assert weight is not None
-    balance = problem.balance(errors)
-    shares = zip(problem.experiments, problem.shares(), strict=True)
-    return loss, [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+    return loss
 
 
 def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
     """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
-    loss, weights = _loss_and_weights(problem, errors)
-    balance = problem.balance(errors)
+    loss, weights, balance = _loss(problem), problem.criterion.sample_weights(errors), problem.criterion.balance(errors)
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
     squares = [
         (j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o]
@@ -411,9 +410,9 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     priors = [problem.unknowns[i].range.prior for i in free]
     if not any(priors):
         return np.zeros(len(free)), 0.0
-    loss, weights = _loss_and_weights(problem, errors)
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
-    level = total / problem.prior_samples
+    level = total / problem.criterion.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 
@@ -444,7 +443,7 @@ def _sparse(unseen: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
 
 
-def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | str:
+def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | Failure:
     """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
 
     Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
@@ -453,17 +452,17 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     room = np.minimum(problem.space.upper - x, x - problem.space.lower)
     steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
     here = problem.errors(x)
-    if isinstance(here, str):
+    if isinstance(here, Failure):
         return here
     J = [np.empty((*e.shape, len(free))) for e in here]
 
-    def differentiate(column: int) -> str | None:
+    def differentiate(column: int) -> Failure | None:
         step = steps * (np.arange(len(x)) == free[column])
         plus, minus = problem.errors(x + step), problem.errors(x - step)
-        if isinstance(plus, str) and isinstance(minus, str):
-            return f"the runs on both sides of the minimum fail: {plus}"
-        one_sided = isinstance(plus, str) or isinstance(minus, str)
-        high, low = (here if isinstance(side, str) else side for side in (plus, minus))
+        if isinstance(plus, Failure) and isinstance(minus, Failure):
+            return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {plus}")
+        one_sided = isinstance(plus, Failure) or isinstance(minus, Failure)
+        high, low = (here if isinstance(side, Failure) else side for side in (plus, minus))
         for j, p, m in zip(J, high, low, strict=True):
             j[..., column] = (p - m) / (np.sum(step) if one_sided else 2 * np.sum(step))
         return None
@@ -551,14 +550,14 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     return float(min(longest, min(map(len, errors)) // 4))
 
 
-def claimed_half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+def claimed_half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
-    if isinstance(known, str) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
+    if isinstance(known, Failure) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
         return half_width(known, x, i)
     return np.inf
 
 
-def half_width(known: Uncertainty | str, x: FloatArray, i: int) -> float:
+def half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half of the 95 % interval of free parameter i; 0 where there is none."""
-    interval = None if isinstance(known, str) else known.interval(x, i)
+    interval = None if isinstance(known, Failure) else known.interval(x, i)
     return 0.0 if interval is None else (interval[1] - interval[0]) / 2

@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.covariance import UNSEEN, jacobian, rows_and_scores
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
@@ -67,7 +68,7 @@ class Curvature:
     """g, of the priors too, shape (n_free,)."""
 
 
-def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | str:
+def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Curvature | Failure:
     """Find A⁻¹ and g of the unknowns `free`, or say why a run fails.
 
     Examples
@@ -83,8 +84,10 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     array([0.95])
     """
     errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    if isinstance(errors, str) or isinstance(J, str):
-        return errors if isinstance(errors, str) else str(J)
+    if isinstance(errors, Failure):
+        return errors
+    if isinstance(J, Failure):
+        return J
     rows, scores = rows_and_scores(problem, errors, J)
     prior, pull = _priors(problem, x)
     gradient = np.sum([s.sum(axis=0) for s in scores], axis=0) + pull[free]
@@ -100,14 +103,14 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
 def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What the priors add to A, on its diagonal, and to g: 2(D/n)/sd² and 2(D/n) z/sd, D/n the level of the data."""
     curved, pull = np.zeros(len(x)), np.zeros(len(x))
-    own = {i: u.range.prior for i, u in enumerate(problem.unknowns) if u.range.prior is not None}
-    rows = problem.evaluate(x).residuals if own else None
+    criterion = problem.criterion
+    rows = problem.evaluate(x).residuals if criterion.priors else None
     if rows is None:
         return curved, pull
-    level = float(np.sum(rows[: -len(own)] ** 2)) / problem.prior_samples
-    for i, p in own.items():
+    level = float(np.sum(rows[: -len(criterion.priors)] ** 2)) / criterion.prior_samples
+    for i, p in criterion.priors.items():
         curved[i], pull[i] = 2 * level / p.sd**2, 2 * level * (x[i] - p.mean) / p.sd**2
-    return curved, pull / (1 + float(np.sum(problem.prior_residuals(x) ** 2)) / problem.prior_samples)
+    return curved, pull / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
 
 
 def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[FloatArray, float]:
@@ -189,7 +192,7 @@ def start_shift(
     if problem.initial_state not in LOOSER:
         return None
     errors = problem.errors(x)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         return None
     weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
     values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(found.free)), False
@@ -205,7 +208,7 @@ def start_shift(
             k: alone.names.index(name) for k, i in enumerate(found.free) if (name := problem.names[i]) in alone.names
         }
         J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
-        if isinstance(J, str):
+        if isinstance(J, Failure):
             return None
         rows = weight * J[0].reshape(-1, len(own) + len(started))
         G = found.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
@@ -222,7 +225,7 @@ def _covariance(problem: Problem, started: list[int], noise: dict[str, FloatArra
     """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
     model, experiments = problem.model, {e.name: e for e in problem.experiments}
     outputs = {model.states[model.outputs[o]]: k for k, o in enumerate(problem.outputs)}
-    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.rates.items()}
+    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.parametrisation.rates.items()}
     sources, functionals = [], []
     for u in (problem.unknowns[i] for i in started):
         assert u.experiment is not None

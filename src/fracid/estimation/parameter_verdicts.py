@@ -33,6 +33,7 @@ from typing import Literal
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
 from fracid.problem import Problem
@@ -81,7 +82,7 @@ class Verdict:
 def identifiability(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | str | None = None,
+    known: Uncertainty | Failure | None = None,
     profiles: Mapping[str, Profile] | None = None,
     *,
     jobs: int = 1,
@@ -93,7 +94,7 @@ def identifiability(
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or str, optional
+    known : Uncertainty or Failure, optional
         What :func:`fracid.estimation.covariance.uncertainty` gave there; asked for if left out.
     profiles : mapping from names to Profile, optional
         From :func:`fracid.profile`; where there is one its word goes before the sandwich's.
@@ -119,8 +120,8 @@ def identifiability(
     {'mu': 'identifiable', 'slip_speed': 'not at all: nothing that was measured depends on it'}
     """
     known = uncertainty(problem, x, jobs=jobs) if known is None else known
-    if isinstance(known, str):
-        return {n: Verdict(n, "unknown", known) for n in problem.names}
+    if isinstance(known, Failure):
+        return {n: Verdict(n, "unknown", str(known)) for n in problem.names}
     view = _View(problem, x, known, profiles or {}, jobs)
     return {n: next(found for rule in RULES for found in rule(view, i)) for i, n in enumerate(problem.names)}
 
@@ -193,7 +194,7 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
     angles = np.array([u.kind == "initial" or u.unit == "rad" for u in problem.unknowns])
     everything = np.arange(len(x))
     J, J_half = jacobian(problem, x, everything, jobs=jobs), jacobian(smaller, np.where(angles, 0.5 * x, x), everything)
-    if isinstance(J, str) or isinstance(J_half, str):
+    if isinstance(J, Failure) or isinstance(J_half, Failure):
         return np.full(len(x), np.nan)
     norms = [np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in found]), axis=0) for found in (J, J_half)]
     return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))

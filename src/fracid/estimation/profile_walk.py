@@ -18,7 +18,7 @@ from enum import Enum
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import NORMAL_95, Sandwich, at_bound, sandwich
 from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
 from fracid.problem import Problem
@@ -139,7 +139,7 @@ class Surface:
         with self._lock:
             if tuple(free) not in self._shape:
                 found = sandwich(self.problem, self.top.point, free, jobs=self._jobs)
-                if isinstance(found, str):
+                if isinstance(found, Failure):
                     raise InputError(f"There is no threshold for the profile: {found}.")
                 self._shape[tuple(free)] = found
             return self._shape[tuple(free)]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
-from fracid.problem.problem import LIMIT
+from fracid.problem.simulator import LIMIT
 
 __all__ = ["c_model"]
 

@@ -21,7 +21,7 @@ from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
-from fracid.problem.problem import LIMIT
+from fracid.problem.simulator import LIMIT
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun

@@ -68,13 +68,11 @@ class Case:
     @classmethod
     def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
         """As :meth:`Problem.simulate` takes it."""
-        orders, values, initial, (release,) = problem._unpack(x, e)
-        steps = (len(e.measured) - 1) * problem.substeps + problem._more_steps(e)
-        past = initial[None]
-        if e.past is not None:
-            past = np.vstack([problem._past_states(e, orders, values)[:-1], initial])
-        inputs = problem._inputs_from(release, steps, e)
-        return cls(e.name, past, inputs, values, e.step / problem.substeps, steps, float(release))
+        simulator, values = problem.simulator, problem.parametrisation.unpack(x, e)
+        history, inputs = simulator.history(x, e), simulator.inputs(values.release, e)
+        past = values.initial[None] if history is None else np.vstack([history, values.initial])
+        step, steps = e.step / simulator.substeps, simulator.steps(e)
+        return cls(e.name, past, inputs, values.parameters, step, steps, values.release)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ from fracid.export.recursion import Case
 from fracid.figures import Style, draw
 from fracid.models import Model
 from fracid.problem import Problem
-from fracid.problem.problem import LIMIT
+from fracid.problem.simulator import LIMIT
 from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS

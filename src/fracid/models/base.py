@@ -46,6 +46,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -266,6 +267,36 @@ class Model:
     def order_names(self) -> tuple[str, ...]:
         """Names of the orders that have one, each once, in order of appearance."""
         return tuple(dict.fromkeys(order for order in self.orders if isinstance(order, str)))
+
+    @cached_property
+    def rates(self) -> dict[int, int]:
+        """For each state i that has one the state j with D^q x_i = x_j, found by asking the right-hand side.
+
+        Raises
+        ------
+        InputError
+            If the right-hand side fails.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().rates
+        {0: 1, 2: 3}
+        """
+        n = len(self.states)
+        x, out = np.linspace(0.1, 0.2, n), np.full(n, np.nan)  # no value twice
+        try:
+            with np.errstate(all="ignore"):
+                rhs = getattr(self.rhs, "py_func", self.rhs)
+                rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
+        except ArithmeticError:
+            return {}
+        except Exception as error:
+            raise InputError(
+                f"The right-hand side of {self.name} fails: {type(error).__name__}: {error}. x and out have {n} "
+                f"entries, u has {len(self.inputs)}, p has {len(self.parameters)}."
+            ) from error
+        return {i: j for i in range(n) for j in range(n) if out[i] == x[j]}
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.

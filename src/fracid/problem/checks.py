@@ -1,13 +1,55 @@
-"""Checks of names: of recordings, which must differ, and of choices, which must be known."""
+"""What does not fit together is refused, part by part, before anything runs."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
+from typing import get_args
+
+import numpy as np
 
 from fracid.errors import InputError, unknown_name
+from fracid.problem.costs import COSTS
+from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
+from fracid.problem.parametrisation import Parametrisation
+from fracid.problem.simulator import Simulator
+from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
+from fracid.solver.methods import METHODS
 
-__all__ = ["check_choice", "refuse_twins"]
+__all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
+
+
+def check_parametrisation(p: Parametrisation) -> None:
+    """Names, ties and bounds of the unknowns, and each recording's own data."""
+    _check_ties(p)
+    p.model.parameter_vector(p.parameter_starts)
+    p.model.state_orders(p.order_starts)
+    _check_bounds(p)
+    _check_outputs(p)
+    _check_experiments(p)
+    check_choice("initial_state", p.initial_state, get_args(InitialState))
+
+
+def check_simulator(simulator: Simulator) -> None:
+    """A method that there is, and a whole number of substeps."""
+    check_choice("method", simulator.method, METHODS)
+    if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
+        raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
+
+
+def check_criterion(criterion: Criterion) -> None:
+    """Weights that there are; levels and priors need the errors' likelihood, which a user's own cost does not tell."""
+    check_choice("weights", criterion.weights, get_args(Weights))
+    p = criterion.parametrisation
+    ranges = [*p.orders.values(), *p.parameters.values(), *(e.release_time for e in p.experiments)]
+    prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
+    what = "a prior" if prior else 'weights = "noise"' if criterion.weights == "noise" else ""
+    if what and criterion.cost_function.loss is None:
+        raise InputError(
+            f"{what} has no place beside the cost {criterion.cost_function.name!r}, a user's own, of unknown "
+            f"likelihood: take one of {', '.join(COSTS)}, or leave it out."
+        )
 
 
 def refuse_twins(experiments: Sequence[Experiment]) -> None:
@@ -32,3 +74,117 @@ def check_choice(what: str, name: str, known: Collection[str]) -> None:
     """Refuse a name that is none of the known ones."""
     if name not in known:
         raise unknown_name(what, name, known)
+
+
+def _check_ties(p: Parametrisation) -> None:
+    """A tie goes to a known name of the same kind and unit, and in no circle."""
+    known = {"order": p.model.order_names, "parameter": p.model.parameter_names}
+    for what, values in (("order", p.orders), ("parameter", p.parameters)):
+        for name, value in values.items():
+            if isinstance(value, Tied) and value.to not in known[what]:
+                raise unknown_name(f"{what} that {name} is tied to", value.to, known[what])
+            root = root_of(what, name, values)
+            if what == "parameter":
+                units = [p.model.parameter(n).unit for n in (name, root)]
+                if units[0] != units[1]:
+                    raise InputError(
+                        f"{name} [{units[0]}] cannot be tied to {root} [{units[1]}]: tie what has the same unit."
+                    )
+
+
+def _check_bounds(p: Parametrisation) -> None:
+    """Orders stay within (0, 2), parameters where the model means something, also those tied to a free one."""
+    for name, value in p.orders.items():
+        if not isinstance(value, Tied):
+            low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
+            if not 0 < low <= high < 2:
+                raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
+    for name in p.parameters:
+        constant, free = p.model.parameter(name), p.parameters.get(p.ties.get(name, name))
+        whose = f"{p.ties[name]}'s" if name in p.ties else "its"
+        if isinstance(free, Free) and not constant.lower <= free.lower < free.upper <= constant.upper:
+            raise InputError(
+                f"{name} is free in {free.lower:g} … {free.upper:g} {constant.unit}, but means something only in "
+                f"{constant.lower:g} … {constant.upper:g}: bring {whose} lower and upper into that."
+            )
+    for name in p.per_recording:
+        if name in p.ties:
+            raise InputError(f"per_recording names {name!r}, which is tied: name {p.ties[name]!r} instead.")
+        if not isinstance(p.parameters.get(name), Free):
+            raise InputError(
+                f"per_recording names {name!r}, which is not free; "
+                f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
+            )
+
+
+def _check_outputs(p: Parametrisation) -> None:
+    if not p.outputs:
+        raise InputError(f"outputs is empty: score at least one of {', '.join(p.model.outputs)}.")
+    for name in p.outputs:
+        check_choice("output", name, p.model.outputs)
+
+
+def _check_experiments(p: Parametrisation) -> None:
+    """At least one, each with its own name, a column an output, and enough samples."""
+    if not p.experiments:
+        raise InputError("A problem needs at least one recording.")
+    refuse_twins(p.experiments)
+    for e in p.experiments:
+        if e.measured.ndim != 2 or e.measured.shape[1] != len(p.outputs) or len(e.measured) < 3:
+            raise InputError(
+                f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
+                f"{len(p.outputs)} outputs: {', '.join(p.outputs)}."
+            )
+        _check_past(p, e)
+        _check_release(p, e)
+        if not (math.isfinite(e.weight) and e.weight > 0):
+            raise InputError(
+                f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
+                'left out, or validates: use = "validate".'
+            )
+        if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
+            raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
+
+
+def _check_past(p: Parametrisation, e: Experiment) -> None:
+    """A past is a motion from rest on, of which every state is known."""
+    if e.past is None:
+        return
+    if e.past.ndim != 2 or e.past.shape[1] != len(p.outputs) or not len(e.past):
+        raise InputError(
+            f"{e.name}: past has the shape {e.past.shape}; expected (n_past, {len(p.outputs)}), the outputs "
+            f"{', '.join(p.outputs)} before the first sample."
+        )
+    if not np.all(np.isfinite(e.past)) or (e.past_inputs is not None and not np.all(np.isfinite(e.past_inputs))):
+        raise InputError(f"{e.name}: a sample of its past is not a finite number; leave such samples out or fill them.")
+    known = {p.model.outputs[o] for o in p.outputs}
+    unknown = set(range(len(p.model.states))) - known - {j for i, j in p.rates.items() if i in known}
+    if unknown:
+        names = ", ".join(p.model.states[i] for i in sorted(unknown))
+        raise InputError(
+            f"{e.name}: its past does not tell {names}; a past needs every angle among the outputs, which are "
+            f"{', '.join(p.outputs)}."
+        )
+    if p.initial_state not in ("estimate", "measured"):
+        raise InputError(
+            f"{e.name} has a past, so it starts in motion, but initial_state is {p.initial_state!r}, a start at "
+            'rest; type initial_state = "estimate" (or "measured"), or leave the past out.'
+        )
+
+
+def _check_release(p: Parametrisation, e: Experiment) -> None:
+    """A release lies within the recording, and what moves already cannot be released."""
+    if e.release_time == 0.0:
+        return
+    free = isinstance(e.release_time, Free)
+    ends = (e.release_time.lower, e.release_time.upper) if isinstance(e.release_time, Free) else (e.release_time,) * 2
+    if not -e.time[-1] / 2 <= ends[0] <= ends[1] <= e.time[-1] / 2:
+        raise InputError(
+            f"{e.name}: release_time = {' … '.join(f'{v:g}' for v in dict.fromkeys(ends))} s; expected within half of "
+            f"the recording's {e.time[-1]:g} s, counted from its first sample."
+        )
+    if p.initial_state not in ("rest", "held"):
+        raise InputError(
+            f"{e.name}: a release_time{' that is free' if free else ''} needs a start at rest, but initial_state is "
+            f'{p.initial_state!r}, a start in motion; type initial_state = "rest" (or "held").'
+        )

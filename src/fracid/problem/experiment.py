@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,12 +14,8 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
-from fracid.signals.swing import common_period, release_time
 
 __all__ = ["Experiment"]
-
-CUTOFF = 10.0
-"""Of the low-pass of a past, in frequencies of the output's swing."""
 
 
 @dataclass(frozen=True)
@@ -122,52 +117,6 @@ class Experiment:
             return self.inputs
         parts = ((before, len(self.past)), (self.inputs, len(self.measured)))
         return np.vstack([u if len(u) > 1 else np.repeat(u, n, axis=0) for u, n in parts])
-
-    def release_in_past(self) -> int:
-        """The sample of the past at which the motion begins, after a plateau where there is one.
-
-        A free fall's rise is t², so its root is a line, and meets zero at the release: the speed alone is slow to tell.
-        """
-        assert self.past is not None
-        signals = np.vstack([self.past, self.measured])
-        x: FloatArray = np.asarray(signals[:, np.argmax(np.ptp(self.past, axis=0))], dtype=np.float64)
-        t: FloatArray = np.arange(len(x), dtype=np.float64) * self.step
-        found, _ = release_time(t, x)
-        if found is None:
-            return 0
-        near = round(found / self.step)
-        before = x[max(0, near - round(0.5 / self.step)) : max(1, near - round(0.02 / self.step))]
-        rise = np.abs(x - np.mean(before))
-        floor = max(4 * float(np.std(before)), 2e-3 * float(np.ptp(x)))
-        quiet = np.flatnonzero(rise[: near + round(0.2 / self.step)] < floor)
-        falling = np.arange(quiet[-1] + 1, len(x))
-        falling = falling[: max(3, int(np.argmax(rise[falling] > 10 * floor)))]
-        slope, offset = np.polyfit(falling, np.sqrt(rise[falling]), 1)
-        return int(np.clip(round(-offset / slope), 0, len(self.past) - 1)) if slope > 0 else near
-
-    def smooth_past(self, substeps: int = 1) -> tuple[FloatArray, int]:
-        """The low-passed past and the start [rad], `substeps` rows a sample, and the row of the release.
-
-        The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
-        reaches is kept.
-        """
-        assert self.past is not None
-        whole, n, release = np.vstack([self.past, self.measured]), len(self.past), self.release_in_past()
-        cutoff = CUTOFF / (self.step * min(common_period(whole), len(whole) / 3))
-        reach = math.ceil(2 / (cutoff * self.step))
-        if cutoff < 0.4 / self.step:
-            from scipy.signal import butter, sosfiltfilt
-
-            low_pass = butter(4, cutoff, fs=1 / self.step, output="sos")
-            whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
-        first = max(0, release - reach)
-        smooth, release = whole[first : n + 1], (release - first) * substeps
-        if substeps > 1:
-            from scipy.interpolate import CubicSpline
-
-            line = CubicSpline(np.arange(len(whole)), whole)
-            smooth = line(first + np.arange((n - first) * substeps + 1) / substeps)
-        return np.asarray(smooth), release
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""

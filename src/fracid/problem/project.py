@@ -19,7 +19,7 @@ Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is
 and ``scale``, its typical size.
 A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
 in ``[fit]`` outputs count by their residual's level.  With ``history = "measured"``, there or in a recording, its
-samples before ``from`` enter the memory.  :mod:`fracid.problem.problem` has the formulas.
+samples before ``from`` enter the memory.  :mod:`fracid.problem.past` has the formulas.
 
 A number fixes, a table frees, another's name ties (``mu = "lambda"``, or ``{ tie = "lambda" }``: always the
 same value), and what is left out keeps the rig's value; orders that are left out are

@@ -23,7 +23,7 @@ FAR = 5.0
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a value beforehand: a normal density; see the module's first screen for its weight."""
+    """What is known of a value beforehand: a normal density; :mod:`fracid.problem.criterion` says how it weighs."""
 
     mean: float
     sd: float

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import FracidError, InputError, NotTrusted
+from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit
 from fracid.estimation.starts import Start
@@ -111,8 +111,8 @@ class SavedRun(FitPictures):
 
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)
-        fitted = np.full(e.measured.shape, np.nan) if isinstance(run, str) else run
-        cost = np.inf if isinstance(run, str) else problem.cost_function.value(e.time, e.measured - fitted)
+        fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
+        cost = np.inf if isinstance(run, Failure) else problem.cost_function.value(e.time, e.measured - fitted)
         said = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
             {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")

@@ -16,7 +16,7 @@ dies, as 1/A, a drag makes it rise; an order that is real stays.**
 The test takes the viscous friction of a fit as it is, cuts each recording into windows of falling amplitude, and in
 each fits the orders again, with the initial state, with the constants that are no friction (a frequency must not speak
 for the damping), and with other friction that the model has, as near to its value as the fit knows it.  What came
-before a window enters its memory (:mod:`fracid.problem.problem`).  Recordings of different heights are compared as
+before a window enters its memory (:mod:`fracid.problem.past`).  Recordings of different heights are compared as
 wholes too.  With orders :math:`q_i`, standard errors :math:`s_i` and their weighted mean q,
 
 .. math::  Q = \sum_i (q_i - q)^2 / s_i^2
@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
@@ -262,18 +262,18 @@ def amplitude_test(
         )
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
     known = uncertainty(problem, x, jobs=jobs)
-    errors = {} if isinstance(known, str) else dict(zip(problem.names, known.standard_error.tolist(), strict=True))
+    errors = {} if isinstance(known, Failure) else dict(zip(problem.names, known.standard_error.tolist(), strict=True))
     found: list[Window] = []
     notes: list[str] = []
     for fitted, at, e in fits:
         spans = _spans(e, windows)
-        if isinstance(spans, str):
-            notes.append(spans)
+        if isinstance(spans, Failure):
+            notes.append(str(spans))
             continue
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
             window = _window(fitted, at, e, span, errors, jobs)
-            if isinstance(window, str):
-                notes.append(window)
+            if isinstance(window, Failure):
+                notes.append(str(window))
             else:
                 found.append(window)
     return AmplitudeTest(tuple(found), tuple(_drifts(found)), tuple(notes))
@@ -290,10 +290,10 @@ def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> t
     return whole, np.array([values[n] for n in whole.names]), e
 
 
-def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
+def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     """First and last + 1 sample of windows of equal length while the swing lives; or why there are none."""
     if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
-        return f"{e.name} is driven: it has no amplitude that falls."
+        return Failure(FailureReason.DRIVEN, f"{e.name} is driven: it has no amplitude that falls.")
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
     period = _whole_period(swing)
     size = envelope(swing, period)
@@ -301,7 +301,10 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | str:
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
     count = min(windows, int(alive / (SWINGS * period)))
     if count < 2:
-        return f"{e.name} has too few swings for windows of falling amplitude: two of {SWINGS:.0f} swings at least."
+        return Failure(
+            FailureReason.FEW_SWINGS,
+            f"{e.name} has too few swings for windows of falling amplitude: two of {SWINGS:.0f} swings at least.",
+        )
     ends = np.linspace(0, alive, count + 1).round().astype(int).tolist()
     return list(pairwise(ends))
 
@@ -365,16 +368,17 @@ def _around(value: float, span: Free) -> Free:
 
 def _window(
     problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], known: Mapping[str, float], jobs: int
-) -> Window | str:
+) -> Window | Failure:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, known), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
     best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):
-        return f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s: no order was found, the run fails."
+        window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
+        return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
     found = uncertainty(piece, best.point, jobs=jobs)
-    errors = {} if isinstance(found, str) else dict(zip(piece.names, found.standard_error.tolist(), strict=True))
+    errors = {} if isinstance(found, Failure) else dict(zip(piece.names, found.standard_error.tolist(), strict=True))
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
     sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
     told = {n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders}

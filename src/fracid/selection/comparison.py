@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
@@ -380,22 +380,22 @@ def _fit_structure(
     best, outcome = _fitted(structure, below, seed, starts, jobs)
     values = dict(zip(problem.names, best.point.tolist(), strict=True))
     errors = problem.errors(best.point)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         failed = {e.name: _score(problem, e, errors) for e in problem.experiments}
         return as_json(FittedBlock, {
-            "values": values, "cost": None, "outcome": errors, "in_sample": failed, "parameters": len(values),
+            "values": values, "cost": None, "outcome": str(errors), "in_sample": failed, "parameters": len(values),
             "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
             "squares": None, "samples": 2.0,
         })  # fmt: skip
     known = uncertainty(problem, best.point, jobs=jobs)
-    told = [] if isinstance(known, str) else [known.interval(best.point, i) for i in range(len(values))]
+    told = [] if isinstance(known, Failure) else [known.interval(best.point, i) for i in range(len(values))]
     return as_json(FittedBlock, {
         "values": values,
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": effective_samples(errors),
-        "parameters": len(values) - (0 if isinstance(known, str) else len(known.confounded)),
-        "at_bound": [] if isinstance(known, str) else [problem.names[i] for i in np.flatnonzero(known.at_bound)],
+        "parameters": len(values) - (0 if isinstance(known, Failure) else len(known.confounded)),
+        "at_bound": [] if isinstance(known, Failure) else [problem.names[i] for i in np.flatnonzero(known.at_bound)],
         "orders": {problem.names[i]: told[i] if told else None for i in problem.order_indices},
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
         "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
@@ -440,13 +440,13 @@ def _predicted(structure: Structure, values: Mapping[str, float], e: Experiment,
     elif alone.names:
         x = growing(alone, x, jobs, Watch()).best.point
     errors = alone.errors(x)
-    return _score(alone, e, errors if isinstance(errors, str) else errors[0])
+    return _score(alone, e, errors if isinstance(errors, Failure) else errors[0])
 
 
-def _score(problem: Problem, e: Experiment, error: FloatArray | str) -> dict[str, Any]:
-    if isinstance(error, str):
+def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict[str, Any]:
+    if isinstance(error, Failure):
         nothing = dict.fromkeys(problem.outputs)
-        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": error}
+        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(error)}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fracid.errors import Failure
 from fracid.estimation.horizons import Watch, growing
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
@@ -203,13 +204,13 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
 def _seen(problem: Problem, best: Evaluation, freed: Mapping[str, Free]) -> dict[str, Free]:
     """Those that change the residuals when a hundredth of their reach is added: not the arm's if it is clamped."""
     errors = problem.errors(best.point)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         return {}
     here, seen = np.concatenate([e.ravel() for e in errors]), {}
     for name, value in freed.items():
         more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
         errors = more.errors(best.point)
-        if isinstance(errors, str):  # it even ends the run
+        if isinstance(errors, Failure):  # it even ends the run
             seen[name] = value
             continue
         change = np.concatenate([e.ravel() for e in errors]) - here
@@ -222,7 +223,7 @@ def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Eva
     """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion."""
     better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival, integer.point)
     errors = better.errors(x)
-    assert not isinstance(errors, str)
+    assert not isinstance(errors, Failure)
     n = effective_samples(errors)
 
     def criterion(e: Evaluation, unknowns: int) -> float:

@@ -37,7 +37,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import Failure, InputError, unknown_name
 from fracid.models import Model
 from fracid.models.friction import BY_NAME, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
@@ -203,7 +203,7 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
 def _seen_in(e: Experiment, top: Problem) -> set[str]:
     """What a recording that is not fitted sees; nothing where the run fails."""
     alone = replace(top, experiments=(e,))
-    if isinstance(alone.errors(alone.start), str):
+    if isinstance(alone.errors(alone.start), Failure):
         return set()
     return {u.target for u in alone.unknowns} - unseen(alone, SEEN)
 
@@ -370,14 +370,14 @@ def unseen(problem: Problem, threshold: float) -> set[str]:
     step = np.where(problem.start + 2 * step > high, -step, step)
     x = np.where(problem.start == 0.0, step, problem.start)  # a spring of stiffness 0 has no rest to be seen
     here = problem.errors(x)
-    if isinstance(here, str):
+    if isinstance(here, Failure):
         return set()
     scatter = [np.std(e.measured, axis=0) for e in problem.experiments]
     floors = [np.maximum(s, 1e-3 * max(float(np.max(s)), 1e-300)) for s in scatter]  # an arm that stands still
 
     def change(target: str) -> float:
         there = problem.errors(x + step * np.array([u.target == target for u in problem.unknowns]))
-        if isinstance(there, str):
+        if isinstance(there, Failure):
             return np.inf
         return max(float(np.max(np.sqrt(np.mean((a - b) ** 2, axis=0)) / f))
                    for a, b, f in zip(here, there, floors, strict=True))  # fmt: skip

@@ -1,8 +1,8 @@
 """The swing in a sampled signal: its period and envelope, its release, its rest at the end.
 
-A swing goes from side to side about where the signal comes to rest, or about its median where it does not.  The
-*half-swings* are the samples at which it is first a tenth of its largest deviation beyond on the other side: neither
-noise nor an encoder's step makes one.  The *period* is twice the median time between them.  A median over swings holds
+A swing goes from side to side about where the signal comes to rest, or about the median of its motion where it does
+not.  The *half-swings* are the samples at which it is first a tenth of its largest deviation beyond on the other side:
+neither noise nor an encoder's step makes one.  The *period* is twice the median time between them.  A median over swings holds
 where a spectrum does not: with a plateau before the release, with a cable that drags the rest away, and with noise,
 which dominates the spectrum of a speed.
 
@@ -66,14 +66,16 @@ def half_swings(signal: FloatArray) -> NDArray[np.intp]:
 
     Examples
     --------
-    >>> half_swings(np.cos(np.pi * np.arange(400) / 100)).tolist()  # from +1 at 0 beyond −0.1 at 54, then +0.1
-    [54, 154, 254, 354]
+    >>> half_swings(np.cos(np.pi * np.arange(400) / 100)).tolist()  # it crosses at 50, 150, 250, 350
+    [56, 152, 256, 352]
     """
-    rest, _, at_rest = tail(signal)
-    deviation = signal - (rest if at_rest else float(np.median(signal)))
+    start = swing_start(signal)
+    moving = signal[start:]  # without a plateau before it, which may be longer than the swing
+    rest, _, at_rest = tail(moving)
+    deviation = moving - (rest if at_rest else float(np.median(moving)))
     side = np.sign(deviation) * (np.abs(deviation) > BEYOND * np.max(np.abs(deviation)))
     beyond = np.flatnonzero(side)
-    return np.asarray(beyond[1:][np.diff(side[beyond]) != 0])
+    return np.asarray(start + beyond[1:][np.diff(side[beyond]) != 0])
 
 
 def swing_count(signal: FloatArray) -> float:

@@ -29,14 +29,15 @@ from zlib import crc32
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure, FailureReason
 
 __all__ = ["Memo"]
 
 RECORD = struct.Struct("<16scQQI")
 """Key, kind, rows, columns, and the check sum of all that with what follows.
 
-The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it is ``T``, a text of so many
-bytes."""
+The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it is ``T``, a failure's reason
+and text in so many bytes."""
 
 
 class Memo:
@@ -102,7 +103,7 @@ class Memo:
         self.close()
         self._path.unlink(missing_ok=True)
 
-    def get(self, key: bytes, compute: Callable[[], FloatArray | str]) -> FloatArray | str:
+    def get(self, key: bytes, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
         """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
         place = self._places.get(key)
         if place is not None and (kept := self._at(key, *place)) is not None:
@@ -112,10 +113,10 @@ class Memo:
         self._keep(key, found)
         return found
 
-    def _keep(self, key: bytes, found: FloatArray | str) -> None:
+    def _keep(self, key: bytes, found: FloatArray | Failure) -> None:
         kind, rows, columns = b"T", 1, 0
-        if isinstance(found, str):
-            content: bytes | memoryview = found.encode()
+        if isinstance(found, Failure):
+            content: bytes | memoryview = f"{found.reason.name} {found.detail}".encode()
             columns = len(content)
         else:
             kind, (rows, columns) = b"C" if found.flags.c_contiguous else b"F", found.shape
@@ -139,12 +140,13 @@ class Memo:
 
     def _at(
         self, key: bytes, offset: int, size: int, kind: bytes, rows: int, columns: int, checked: int
-    ) -> FloatArray | str | None:
+    ) -> FloatArray | Failure | None:
         content = os.pread(self._file, size, offset)
         if _sum(key, kind, rows, columns, content) != checked:
             return None  # a bit has turned on the disk: it is simulated again
         if kind == b"T":
-            return content.decode()
+            reason, _, detail = content.decode().partition(" ")
+            return Failure(FailureReason[reason], detail)
         return np.frombuffer(bytearray(content)).reshape((rows, columns), order="C" if kind == b"C" else "F")
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, InputError
 from fracid.problem import Problem
 
 __all__ = ["encoder", "simulated"]
@@ -52,7 +52,7 @@ def simulated(problem: Problem, x: FloatArray, finer: int = FINER) -> Problem:
                 '"measured", and let the recording start at rest, initial_state = "rest".'
             )
         run = exact.fitted(x, e)
-        if isinstance(run, str):
+        if isinstance(run, Failure):
             raise InputError(f"The truth cannot be simulated: {run}. Give values whose run reaches the end.")
         twins.append(replace(e, measured=np.ascontiguousarray(run)))
     return replace(problem, experiments=tuple(twins))

@@ -38,7 +38,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
-from fracid.problem.problem import LIMIT
+from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory

@@ -22,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.findings import Finding
@@ -72,7 +73,7 @@ NEXT_TO_NOTHING = 1e-4
 """Of its size, by which an unknown may be off, however narrow its interval."""
 
 
-def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> tuple[Finding, ...]:
+def after(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> tuple[Finding, ...]:
     """Look at a minimum.
 
     Parameters
@@ -80,7 +81,7 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: in
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or str
+    known : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
@@ -136,13 +137,13 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
 # --- the minimum -----------------------------------------------------------------------------------------
 
 
-def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Iterator[Finding]:
+def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Iterator[Finding]:
     """Simulate with a better memory, and project the difference on the unknowns."""
     if _tolerance(problem) <= CERTIFIED or not problem.names:
         return
     tight = replace(problem, memory=compressed(TIGHTER * CERTIFIED), memo=None)
     now, then = problem.errors(x), tight.errors(x)
-    if isinstance(now, str) or isinstance(then, str):
+    if isinstance(now, Failure) or isinstance(then, Failure):
         return
     change = np.concatenate([(a - b).ravel() for a, b in zip(now, then, strict=True)])
     errors = np.concatenate([y.ravel() for y in now])
@@ -150,13 +151,13 @@ def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | str, job
         return  # moves no unknown by more than a fraction of its standard error
     everything = np.arange(len(x))
     J = jacobian(problem, x, everything, jobs=jobs)
-    if isinstance(J, str):
+    if isinstance(J, Failure):
         return
     rows = np.concatenate([j.reshape(-1, len(x)) for j in J])
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     shift = np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale
     for i, u in enumerate(problem.unknowns):
-        se = math.nan if isinstance(known, str) else float(known.standard_error[i])
+        se = math.nan if isinstance(known, Failure) else float(known.standard_error[i])
         half = NORMAL_95 * se
         if u.kind == "order":
             half = max(LEAST_SHIFT, half if math.isfinite(half) else 0.0)
@@ -174,9 +175,9 @@ def _tolerance(problem: Problem) -> float:
     return 0.0 if kind == "full" else 1.0
 
 
-def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Finding]:
+def _short_window(problem: Problem, known: Uncertainty | Failure) -> Iterator[Finding]:
     """Orders that are not known well, where the records have few swings."""
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         return
     longest = max(problem.experiments, key=lambda e: swing_count(largest_output(e)))
     y = largest_output(longest)
@@ -196,16 +197,23 @@ def _short_window(problem: Problem, known: Uncertainty | str) -> Iterator[Findin
             f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
 
 
-def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Curvature | str:
+def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
     """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
-    if isinstance(known, str):
+    if isinstance(known, Failure):
         return known
     free = np.flatnonzero(~known.at_bound)
-    return curvature(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
+    if not len(free):
+        return Failure(FailureReason.NOTHING_FREE, "nothing is free")
+    return curvature(problem, x, free, jobs=jobs)
 
 
 def noisy_start(
-    problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1, parabola: Curvature | str | None = None
+    problem: Problem,
+    x: FloatArray,
+    known: Uncertainty | Failure,
+    *,
+    jobs: int = 1,
+    parabola: Curvature | Failure | None = None,
 ) -> tuple[Finding, ...]:
     """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
 
@@ -214,11 +222,11 @@ def noisy_start(
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum, or next to it.
-    known : Uncertainty or str
+    known : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
-    parabola : Curvature or str, optional
+    parabola : Curvature or Failure, optional
         There, of the unknowns that no bound holds; found if left out.
 
     Returns
@@ -240,11 +248,11 @@ def noisy_start(
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    if isinstance(known, str) or problem.initial_state not in LOOSER:
+    if isinstance(known, Failure) or problem.initial_state not in LOOSER:
         return ()
     found = _parabola(problem, x, known, jobs) if parabola is None else parabola
     noise = _noise_at_the_start(problem, x)
-    shift = None if isinstance(found, str) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
+    shift = None if isinstance(found, Failure) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
     if shift is None:
         return ()
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -264,10 +272,10 @@ def noisy_start(
 
 
 def _stopped_short(
-    problem: Problem, x: FloatArray, known: Uncertainty | str, found: Curvature | str
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, found: Curvature | Failure
 ) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
-    if isinstance(found, str) or isinstance(known, str):
+    if isinstance(found, Failure) or isinstance(known, Failure):
         return
     step, cost = newton_step(problem, x, found)
     size = [max(abs(v), 1e-2 * min(u.range.upper - u.range.lower, 1.0))
@@ -291,7 +299,7 @@ def _stopped_short(
 def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
     """Recording → noise of its samples, no more than what the fit leaves over [rad]; empty where a run fails."""
     errors = problem.errors(x)
-    if isinstance(errors, str):
+    if isinstance(errors, Failure):
         return {}
     return {
         e.name: np.array(
@@ -303,7 +311,7 @@ def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray
 
 def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:
     fitted = problem.fitted(x, e)
-    if isinstance(fitted, str):
+    if isinstance(fitted, Failure):
         return
     for o, y, z in zip(problem.outputs, e.measured.T, fitted.T, strict=True):
         rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)

@@ -49,6 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.findings import Finding
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
@@ -252,8 +253,8 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
         for o, y in zip(problem.outputs, e.measured.T, strict=True):
             i = problem.model.outputs[o]
             x[i] = y[k]
-            if i in problem.rates:
-                x[problem.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
+            if i in problem.model.rates:
+                x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
         yield float(e.time[k]), x, e.inputs[min(k, len(e.inputs) - 1)]
 
 
@@ -339,7 +340,7 @@ def _signed(problem: Problem) -> list[str]:
 def _turned(problem: Problem, output: str) -> Problem:
     """The same with the sign of one output, and of what is known of its start, turned round."""
     e, i = problem.experiments[0], problem.model.outputs[output]
-    own = {problem.model.states[j] for j in (i, problem.rates.get(i, i))}
+    own = {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
     initial = {n: -v if n in own else v for n, v in e.initial.items()}
     return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))
@@ -360,7 +361,7 @@ def _part(problem: Problem, x: FloatArray) -> float:
     """The part of the motion that x leaves over, rms over the outputs that move; infinite if its run fails."""
     e = problem.experiments[0]
     fitted = problem.fitted(x, e)
-    if isinstance(fitted, str):
+    if isinstance(fitted, Failure):
         return math.inf
     spread = np.std(e.measured, axis=0)
     moves = spread > 1e-2 * spread.max()

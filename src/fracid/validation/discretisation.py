@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.findings import Finding
@@ -47,7 +48,7 @@ COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
 
-def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | str, jobs: int) -> Discretisation:
+def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there."""
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")

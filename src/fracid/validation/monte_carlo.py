@@ -47,8 +47,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
-from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.errors import Failure, InputError, at_least
+from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
@@ -565,17 +565,18 @@ def repetition(
         "cost": best.cost,
         "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
         "standard_errors": {
-            n: None if isinstance(known, str) else float(known.standard_error[i])
+            n: None if isinstance(known, Failure) else float(known.standard_error[i])
             for i, n in enumerate(problem.names)
         },
         "intervals": {
-            n: None if isinstance(known, str) else known.interval(best.point, i) for i, n in enumerate(problem.names)
+            n: None if isinstance(known, Failure) else known.interval(best.point, i)
+            for i, n in enumerate(problem.names)
         },
         "fractional": _called_fractional(problem, best, known) if how["rival"] else None,
     })  # fmt: skip
 
 
-def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | str) -> bool | None:
+def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | Failure) -> bool | None:
     """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
 
     None where no free order has an integer value.
@@ -583,10 +584,7 @@ def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | 
     free = [problem.unknowns[i].target for i in problem.order_indices]
     if free and all(problem.model.integer_order(n) is None for n in free):
         return None
-    intervals = {i: None if isinstance(known, str) else known.interval(best.point, i) for i in problem.order_indices}
-    half = {
-        problem.unknowns[i].target: 0.0 if ends is None else (ends[1] - ends[0]) / 2 for i, ends in intervals.items()
-    }
+    half = {problem.unknowns[i].target: half_width(known, best.point, i) for i in problem.order_indices}
     off = [i for i in problem.order_indices
            if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
     if not off:

@@ -47,6 +47,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian, rows_and_scores
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
@@ -109,7 +110,7 @@ class Misreading:
     """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
-def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> Iterator[Finding]:
+def misread(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> Iterator[Finding]:
     """Say the fault that explains most of what is left over at a minimum, if it matters.
 
     Parameters
@@ -117,7 +118,7 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: 
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or str
+    known : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
@@ -160,9 +161,9 @@ def _moves(m: Misreading) -> bool:
     return m.half_intervals > MOVES and abs(m.shift) > LEAST_SHIFT
 
 
-def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jobs: int = 1) -> list[Misreading]:
+def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> list[Misreading]:
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals."""
-    if isinstance(known, str) or not problem.names:
+    if isinstance(known, Failure) or not problem.names:
         return []
     kept = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
     if kept < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
@@ -170,9 +171,10 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | str, *, jo
     if kept < max(len(e.measured) for e in problem.experiments):
         problem = replace(problem.until(kept * max(e.step for e in problem.experiments)), memo=None)
     free = np.flatnonzero(np.isfinite(known.standard_error))
-    errors, forms = problem.errors(x), _forms(problem, x)
-    J = jacobian(problem, x, free, jobs=jobs) if len(free) else "nothing is free"
-    if isinstance(errors, str) or isinstance(J, str) or forms is None:
+    if not len(free):
+        return []
+    errors, forms, J = problem.errors(x), _forms(problem, x), jacobian(problem, x, free, jobs=jobs)
+    if isinstance(errors, Failure) or isinstance(J, Failure) or forms is None:
         return []
     if math.sqrt(np.mean(np.concatenate([np.ravel(e) for e in errors]) ** 2)) < NOTHING:
         return []
@@ -243,7 +245,7 @@ FORMS: dict[str, Callable[[Experiment, FloatArray], FloatArray]] = {
 def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[FloatArray]]] | None:
     """((code, signal), z of each recording, shape (n_samples, n_outputs)); None where a run fails."""
     fitted = [problem.fitted(x, e) for e in problem.experiments]
-    if any(isinstance(y, str) for y in fitted):
+    if any(isinstance(y, Failure) for y in fitted):
         return None
     found = []
     for k, output in enumerate(problem.outputs):
@@ -258,7 +260,7 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
 
 
 def _late_inputs(
-    problem: Problem, x: FloatArray, fitted: list[FloatArray | str]
+    problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]
 ) -> list[tuple[tuple[str, str], list[FloatArray]]]:
     """All inputs a sample later."""
     if not any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments):
@@ -269,7 +271,7 @@ def _late_inputs(
     columns = []
     for e, y in zip(late.experiments, fitted, strict=True):
         later = late.fitted(x, e)
-        if isinstance(later, str) or isinstance(y, str):
+        if isinstance(later, Failure) or isinstance(y, Failure):
             return []
         columns.append((y - later) / e.step)
     return [(("late", problem.model.inputs[0]), columns)]

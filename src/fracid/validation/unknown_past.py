@@ -38,12 +38,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.figures import Style, draw
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
+from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import as_json
@@ -216,12 +217,12 @@ class CutCheck:
 def cut_check(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | str,
+    known: Uncertainty | Failure | None,
     *,
     whole: Mapping[str, Experiment] | None = None,
     jobs: int = 1,
     budget: int = 60,
-) -> CutCheck | str:
+) -> CutCheck | Failure:
     """Fit again with something else taken for the motion before the start, and see how far the orders move.
 
     Parameters
@@ -229,8 +230,8 @@ def cut_check(
     problem : Problem
     x : ndarray, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or str
-        Of x, from :func:`fracid.estimation.covariance.uncertainty`; a string is taken for "no interval".
+    known : Uncertainty, Failure or None
+        Of x, from :func:`fracid.estimation.covariance.uncertainty`; all but the first stand for "no interval".
     whole : mapping, optional
         Recording → itself with all samples before its start (:func:`whole_records`).  A past that the problem has
         already is known without.
@@ -241,12 +242,12 @@ def cut_check(
 
     Returns
     -------
-    CutCheck or str
-        The sentence says why there is none: no order is free, a user's own cost, a run that fails.
+    CutCheck or Failure
+        The failure says why there is none: no order is free, a user's own cost, a run that fails.
 
     References
     ----------
-    The first screens of this module and of :mod:`fracid.problem.problem`.
+    The first screens of this module and of :mod:`fracid.problem.past`.
 
     Examples
     --------
@@ -261,25 +262,28 @@ def cut_check(
     (['cut later by 0.33 s'], True)
     """
     if not problem.order_indices:
-        return "no order is free"
+        return Failure(FailureReason.NOTHING_FREE, "no order is free")
     if problem.cost_function.loss is None:
-        return f"the cost {problem.cost_function.name} is a user's own, which least squares cannot refine"
-    if isinstance(failed := problem.errors(x), str):
-        return f"the fit's own run fails: {failed}"
+        return Failure(
+            FailureReason.OWN_COST,
+            f"the cost {problem.cost_function.name} is a user's own, which least squares cannot refine",
+        )
+    if isinstance(failed := problem.errors(x), Failure):
+        return Failure(FailureReason.RUN, f"the fit's own run fails: {failed}")
     records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
     names = [problem.unknowns[i].target for i in problem.order_indices]
     treatments, left_out = [], {}
     for name, treatment in TREATMENTS.items():
         try:
             other = treatment(problem, records)
-            found = other if isinstance(other, str) else _refitted(name, problem, x, other, jobs, budget)
+            found = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget)
         except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
-            found = str(error)
-        if isinstance(found, str):
-            left_out[name] = found
+            found = Failure(FailureReason.REFUSED, str(error))
+        if isinstance(found, Failure):
+            left_out[name] = str(found)
         else:
             treatments.append(found)
-    ends = [None if isinstance(known, str) else known.interval(x, i) for i in problem.order_indices]
+    ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
     return CutCheck(
         dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
         {n: None if end is None else (end[1] - end[0]) / 2 for n, end in zip(names, ends, strict=True)},
@@ -344,38 +348,42 @@ Records = Mapping[str, Experiment]
 """Recording → all that is known of it, from its first sample on, beginning with the past."""
 
 
-def _with_past(problem: Problem, records: Records) -> Problem | str:
+def _with_past(problem: Problem, records: Records) -> Problem | Failure:
     if problem.initial_state not in ("estimate", "measured"):
-        return "the fit starts at rest"
+        return Failure(FailureReason.AT_REST, "the fit starts at rest")
     if all(e.past is not None for e in problem.experiments):
-        return "as fitted"
+        return Failure(FailureReason.UNCHANGED, "as fitted")
     changed = {e.name: _onwards(records[e.name], e, 0) for e in problem.experiments
                if e.past is None and records[e.name].start < e.start}  # fmt: skip
-    return _changed(problem, changed, "estimate") if changed else "there are no samples before the start"
+    if not changed:
+        return Failure(FailureReason.NO_PAST, "there are no samples before the start")
+    return _changed(problem, changed, "estimate")
 
 
-def _without_past(problem: Problem, records: Records) -> Problem | str:
+def _without_past(problem: Problem, records: Records) -> Problem | Failure:
     del records
     changed = {e.name: replace(e, past=None, past_inputs=None) for e in problem.experiments if e.past is not None}
-    return _changed(problem, changed, "estimate") if changed else "the fit has none"
+    if not changed:
+        return Failure(FailureReason.UNCHANGED, "the fit has none")
+    return _changed(problem, changed, "estimate")
 
 
-def _from_plateau(problem: Problem, records: Records) -> Problem | str:
+def _from_plateau(problem: Problem, records: Records) -> Problem | Failure:
     if problem.initial_state not in ("estimate", "measured"):
-        return "the fit starts at rest"
+        return Failure(FailureReason.AT_REST, "the fit starts at rest")
     changed = {}
     for e in problem.experiments:
         if records[e.name].start == e.start:
-            return f"there are no samples before the start of {e.name}"
-        release = _onwards(records[e.name], e, 0).release_in_past()
+            return Failure(FailureReason.NO_PAST, f"there are no samples before the start of {e.name}")
+        release = release_in_past(_onwards(records[e.name], e, 0))
         if release * e.step < HELD:
-            return f"no plateau was found before the start of {e.name}"
+            return Failure(FailureReason.NO_PLATEAU, f"no plateau was found before the start of {e.name}")
         begun = _slice(records[e.name], release)
         changed[e.name] = replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED))
     return _changed(problem, changed, "rest")
 
 
-def _cut_later(problem: Problem, records: Records) -> Problem | str:
+def _cut_later(problem: Problem, records: Records) -> Problem | Failure:
     at_rest, changed = problem.initial_state in ("rest", "held"), {}
     for e in problem.experiments:
         k = _turning_point(e)
@@ -383,11 +391,11 @@ def _cut_later(problem: Problem, records: Records) -> Problem | str:
             knows = e.past is not None or at_rest
             changed[e.name] = _onwards(records[e.name], e, k) if knows else _slice(e, k)
     if not changed:
-        return f"no turning point was found in the first {EARLY:.0%} of the record"
+        return Failure(FailureReason.NO_TURN, f"no turning point was found in the first {EARLY:.0%} of the record")
     return _changed(problem, changed, "estimate" if at_rest else problem.initial_state)
 
 
-TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | str]] = {
+TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | Failure]] = {
     "with the past": _with_past,
     "without the past": _without_past,
     "from the plateau": _from_plateau,
@@ -454,12 +462,14 @@ def _from(inputs: FloatArray, k: int) -> FloatArray:
 # --- the refit -------------------------------------------------------------------------------------------------
 
 
-def _refitted(name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int) -> Treatment | str:
+def _refitted(
+    name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
+) -> Treatment | Failure:
     result = refined(other, _carried(problem, x, other), jobs, Watch(), tolerance=1e-5, budget=budget)
     if result.interrupted:
         raise KeyboardInterrupt
     if not math.isfinite(result.best.cost):
-        return f"no run reached its end: {result.best.reason}"
+        return Failure(FailureReason.RUN, f"no run reached its end: {result.best.reason}")
     later = max(o.start - e.start for e, o in zip(problem.experiments, other.experiments, strict=True))
     at = {other.unknowns[i].target: i for i in other.order_indices}
     before = {problem.unknowns[i].target: float(x[i]) for i in problem.order_indices}

@@ -1,0 +1,188 @@
+r"""What counts as a good fit of all recordings together: errors → one cost, and the rows of least squares.
+
+Errors are measured minus simulated [rad].  Each recording has a cost (:mod:`fracid.problem.costs`); a recording's
+`weight` w counts each of its samples as w samples.
+
+**Levels.**  The level of an output is its residual's, never asked for: the rmse with ``weights = "noise"`` is the
+geometric mean of the outputs' own,
+
+.. math::  G = \prod_o C_o^{1/m}, \qquad C_o^2 = \tfrac1N\sum_t e_{t,o}^2,
+
+the likelihood of normal errors after each σ_o was maximised out, :math:`-2\log L = 2N\sum_o\log C_o` + const
+[BD]_: an output counts by its noise, not by its amplitude or unit.  Its least-squares rows are
+:math:`(G/C_o)\,e_{t,o}`, whose weights move with x: reweighting that needs no rounds.  The same holds of
+any cost that is a sum, with Laplace's likelihood for iae and itae.  No output counts as better than its encoder,
+q/√12.
+
+**Priors.**  A :class:`Prior` is a normal density on an unknown.  With :math:`z = (x - mean)/sd` and n samples of all
+outputs, :math:`-2\log` posterior :math:`= n\log C^2 + \sum z^2`, so the cost C becomes :math:`C\sqrt{1 + \sum z^2/n}`
+(equal to first order in 1/n) and each prior is one row more, z at the level of the data's rows: where the fit is bad
+the data weigh little, and the prior holds.  It counts samples as independent: where the residual is correlated
+over k of them, the data weigh k times too much; give sd/√k.  Where :math:`z^2 > n`, that is where data and prior
+contradict each other flatly, the prior gives way as Student's t does.  Costs of Laplace's kind have
+:math:`C(1 + \sum z^2/2n)`.
+
+References
+----------
+.. [BD] G. Box, N. Draper, Biometrika 52 (1965) 355: several outputs of unknown levels.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.optimise import Evaluation
+from fracid.problem.costs import Cost
+from fracid.problem.experiment import Experiment
+from fracid.problem.parametrisation import Parametrisation
+from fracid.problem.unknowns import Prior, Weights
+from fracid.signals.resolution import resolution
+
+__all__ = ["Criterion"]
+
+FINEST = 1e-9
+"""No output's level is below this [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Criterion:
+    """Errors of all recordings → cost and rows.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Problem
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> problem = Problem(rig, (still,), {"lambda": 0.9, "mu": 0.9}, initial_state="held")
+    >>> problem.criterion(problem.start, [np.full((9, 2), 0.1)]).cost
+    0.1
+    """
+
+    parametrisation: Parametrisation
+    cost_function: Cost
+    weights: Weights
+    """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
+
+    def __call__(self, x: FloatArray, errors: list[FloatArray]) -> Evaluation:
+        """Cost and rows of the errors at x."""
+        levels = self._costs_by_output(errors)
+        cost = self._joined([self.cost_function.value(e.time, r) for e, r in self._pairs(errors)])
+        if levels is not None and math.isfinite(cost):
+            cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+        rows = self._rows(x, errors, levels) if math.isfinite(cost) else None
+        return Evaluation(x, cost * self._prior_factor(x), rows)
+
+    # --- recordings --------------------------------------------------------------------------------
+
+    @property
+    def experiments(self) -> tuple[Experiment, ...]:
+        """The recordings, in the order of the errors."""
+        return self.parametrisation.experiments
+
+    def _pairs(self, errors: list[FloatArray]) -> list[tuple[Experiment, FloatArray]]:
+        return list(zip(self.experiments, errors, strict=True))
+
+    def _joined(self, costs: list[float]) -> float:
+        """Join the recordings' costs, each by its weight."""
+        weights = [e.weight for e in self.experiments]
+        counts: list[Any] = [w * len(e.measured) for w, e in zip(weights, self.experiments, strict=True)]
+        root = self.cost_function.root
+        return self.cost_function.join([c if root else w * c for w, c in zip(weights, costs, strict=True)], counts)
+
+    def shares(self) -> list[float]:
+        """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
+        samples = [e.weight * len(e.measured) for e in self.experiments]
+        if self.cost_function.root:
+            return [math.sqrt(n / sum(samples)) for n in samples]
+        return [math.sqrt(e.weight) for e in self.experiments]
+
+    # --- levels ------------------------------------------------------------------------------------
+
+    def balance(self, errors: list[FloatArray]) -> FloatArray:
+        """By what the squares of each output count, shape (n_outputs,): 1, but (G/C_o)² with ``weights = "noise"``."""
+        levels = self._costs_by_output(errors)
+        if levels is None:
+            return np.ones(len(self.parametrisation.outputs))
+        relative = np.exp(np.mean(np.log(levels))) / levels
+        return np.asarray(relative**2 if self.cost_function.root else relative)
+
+    def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
+        """By what the loss of each sample counts, of each recording, shape (n_samples, n_outputs)."""
+        weight, balance = self.cost_function.weight, self.balance(errors)
+        assert weight is not None
+        shares = zip(self.experiments, self.shares(), strict=True)
+        return [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+
+    def levels(self, errors: list[FloatArray]) -> dict[str, float]:
+        """The level of each output's residual, rms [rad]."""
+        squares = sum(s**2 * np.mean(e**2, axis=0) for s, e in zip(self.shares(), errors, strict=True))
+        whole = sum(s**2 for s in self.shares())
+        return dict(zip(self.parametrisation.outputs, np.sqrt(squares / whole).tolist(), strict=True))
+
+    def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray | None:
+        """C_o of each output alone, at least that of its encoder's rounding; None where all count the same."""
+        if self.weights == "equal":
+            return None
+        costs = [
+            self._joined([self.cost_function.value(e.time, r[:, [o]]) for e, r in self._pairs(errors)])
+            for o in range(len(self.parametrisation.outputs))
+        ]
+        return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
+
+    @cached_property
+    def _floor(self) -> FloatArray:
+        """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
+        outputs = range(len(self.parametrisation.outputs))
+        steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
+        rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
+        return np.array([
+            self._joined([self.cost_function.value(e.time, np.full((len(e.measured), 1), r)) for e in self.experiments])
+            for r in rounding
+        ])  # fmt: skip
+
+    # --- rows --------------------------------------------------------------------------------------
+
+    def _rows(self, x: FloatArray, errors: list[FloatArray], levels: FloatArray | None) -> FloatArray | None:
+        """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
+        recordings = [self.cost_function.rows(e.time, r) for e, r in self._pairs(errors)]
+        rows = [share * r for share, r in zip(self.shares(), recordings, strict=True) if r is not None]
+        if not rows:
+            return None
+        if levels is not None:
+            balance = np.sqrt(self.balance(errors))
+            rows = [(r.reshape(-1, len(balance)) * balance).ravel() for r in rows]
+            rows.append(balance * (self._floor if self.cost_function.root else np.sqrt(self._floor)))
+        if self.priors:
+            total = sum(float(np.sum(r**2)) for r in rows)
+            rows.append(math.sqrt(total / self.prior_samples) * self.prior_residuals(x))
+        return np.concatenate(rows)
+
+    # --- priors ------------------------------------------------------------------------------------
+
+    @property
+    def priors(self) -> dict[int, Prior]:
+        """Unknown → its prior, of those that have one."""
+        return self.parametrisation.priors
+
+    def prior_residuals(self, x: FloatArray) -> FloatArray:
+        """z = (x − mean)/sd of the unknowns that have a prior, shape (n_priors,)."""
+        return np.array([(x[i] - prior.mean) / prior.sd for i, prior in self.priors.items()])
+
+    @cached_property
+    def prior_samples(self) -> float:
+        """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
+        n = sum(e.weight * e.measured.size for e in self.experiments)
+        return n if self.cost_function.loss is None else self.cost_function.loss.likelihood_factor * n
+
+    def _prior_factor(self, x: FloatArray) -> float:
+        if not self.priors:
+            return 1.0
+        factor = 1 + float(np.sum(self.prior_residuals(x) ** 2)) / self.prior_samples
+        return math.sqrt(factor) if self.cost_function.root else factor

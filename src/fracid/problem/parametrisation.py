@@ -1,0 +1,262 @@
+r"""The unknowns x: which they are, where a search of them starts, and what each recording's run takes from them.
+
+Each order and parameter is a number (fixed), :class:`Free` within bounds, or :class:`Tied` to another.  The
+unknowns x, in this order, are
+
+1. the free orders, λ and μ of (25), and the free parameters, which all recordings share,
+2. for each recording the parameters named in `per_recording`, which it has for itself,
+3. for each recording its initial state, unless that is taken as measured, and
+4. its release time, where that is free: until then the initial state is held, then the motion begins.
+
+``initial_state`` is one of
+
+=============  ====================================================================================
+``estimate``   the scored outputs and their rates are free: the start may be in motion
+``rest``       the scored outputs are free, their rates are 0: a held plateau
+``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
+``held``       nothing is free: outputs as measured, rates 0: the paper's release
+=============  ====================================================================================
+
+States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
+The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.models import Model
+from fracid.optimise import Space
+from fracid.problem.experiment import Experiment
+from fracid.problem.past import Past
+from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
+
+__all__ = ["Parametrisation", "RunValues"]
+
+TURNS = 100.0
+"""No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
+
+
+class RunValues(NamedTuple):
+    """What the run of one recording takes from x."""
+
+    orders: FloatArray
+    """Of each state, shape (n_states,)."""
+    parameters: FloatArray
+    """p, shape (n_parameters,)."""
+    initial: FloatArray
+    """x at the release, shape (n_states,)."""
+    release: float
+    """When the motion begins, from the first sample [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parametrisation:
+    """Between the unknowns x and what the model has by name.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Problem
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": Tied("lambda")}
+    >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), orders, initial_state="held")
+    >>> unknowns = problem.parametrisation
+    >>> unknowns.names, unknowns.aliases, unknowns.unpack(np.array([0.8]), still).orders.tolist()
+    (('lambda',), {'mu': 'lambda'}, [0.8, 0.8, 0.8, 0.8])
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    orders: Mapping[str, Value]
+    """One per order's name."""
+    parameters: Mapping[str, Value]
+    """Those that differ from the model's own values."""
+    per_recording: tuple[str, ...]
+    """Names of free parameters that each recording has for itself."""
+    outputs: tuple[str, ...]
+    """Which outputs are scored: the columns of what was measured."""
+    initial_state: InitialState
+    pasts: Mapping[str, Past]
+    """Of the recordings that start in motion and have one, by name."""
+
+    # --- x and its space ---------------------------------------------------------------------------
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """The entries of x, in order."""
+        units = {p.name: p.unit for p in self.model.parameters}
+        shared = [Unknown(n, "", "order", n, None, v) for n, v in self.orders.items() if isinstance(v, Free)]
+        own = []
+        for name, value in self.parameters.items():
+            if isinstance(value, Free) and name not in self.per_recording:
+                shared.append(Unknown(name, units[name], "parameter", name, None, value))
+        for e in self.experiments:
+            for name in self.per_recording:
+                value = self.parameters[name]
+                assert isinstance(value, Free)
+                own.append(Unknown(f"{name} [{e.name}]", units[name], "parameter", name, e.name, value))
+            own += self._initial_unknowns(e)
+            if isinstance(e.release_time, Free):
+                own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", e.name, e.release_time))
+        return (*shared, *own)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(u.name for u in self.unknowns)
+
+    @property
+    def order_indices(self) -> tuple[int, ...]:
+        """Which of the unknowns are orders."""
+        return tuple(i for i, u in enumerate(self.unknowns) if u.kind == "order")
+
+    @property
+    def start(self) -> FloatArray:
+        """Where the search starts, shape (n_unknowns,)."""
+        return np.array([u.range.start for u in self.unknowns])
+
+    @property
+    def space(self) -> Space:
+        """The unknowns with their bounds, for an optimiser."""
+        lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
+        scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
+        return Space(self.names, lower, upper, self.start, None if np.all(np.isnan(scale)) else scale)
+
+    @cached_property
+    def priors(self) -> dict[int, Prior]:
+        """Unknown → its prior, of those that have one."""
+        return {i: u.range.prior for i, u in enumerate(self.unknowns) if u.range.prior is not None}
+
+    # --- from x to a run ---------------------------------------------------------------------------
+
+    def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
+        """Orders per state, parameters, initial state and release of one recording."""
+        vectors = [v.copy() for v in self._fixed[e.name]]
+        for value, unknown, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
+            if unknown.experiment in (None, e.name):
+                vectors[vector][where] = value
+        orders, parameters, initial, release = vectors
+        if e.past is not None and self.initial_state == "measured":
+            rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
+            initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
+        return RunValues(orders, parameters, initial, float(release[0]))
+
+    @cached_property
+    def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:
+        """For each recording what :meth:`unpack` starts from: every value at its own start."""
+        return {
+            e.name: (*self._model_starts, self._initial_guess(e), np.array([start_of(e.release_time)]))
+            for e in self.experiments
+        }
+
+    @cached_property
+    def _places(self) -> tuple[tuple[int, list[int]], ...]:
+        """Where each unknown goes: which of the vectors of :meth:`unpack`, and its entries there."""
+        kinds: dict[str, tuple[Any, ...]] = {
+            "order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states,
+            "time": ("release_time",),
+        }  # fmt: skip
+        return tuple(
+            ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
+            for u in self.unknowns
+        )
+
+    # --- values and ties ---------------------------------------------------------------------------
+
+    @cached_property
+    def order_starts(self) -> dict[str, float]:
+        """Every order where the search starts, fixed and tied ones too."""
+        roots = {n: root_of("order", n, self.orders) for n in self.orders}
+        return {n: start_of(self.orders[root]) for n, root in roots.items() if root in self.orders}
+
+    @cached_property
+    def parameter_starts(self) -> dict[str, float]:
+        """Each of `parameters` where the search starts, fixed and tied ones too [SI]."""
+        own = {p.name: p.value for p in self.model.parameters}
+        return {
+            n: start_of((own | {**self.parameters})[root_of("parameter", n, self.parameters)]) for n in self.parameters
+        }
+
+    @property
+    def _model_starts(self) -> tuple[FloatArray, FloatArray]:
+        """Orders per state and parameters where the search starts."""
+        return self.model.state_orders(self.order_starts), self.model.parameter_vector(self.parameter_starts)
+
+    @cached_property
+    def ties(self) -> dict[str, str]:
+        """Each tied order and parameter with the one that it follows in the end, which is tied to none."""
+        return {
+            n: root_of(what, n, values)
+            for what, values in (("order", self.orders), ("parameter", self.parameters))
+            for n, v in values.items() if isinstance(v, Tied)
+        }  # fmt: skip
+
+    @cached_property
+    def own_parameters(self) -> tuple[str, ...]:
+        """The parameters that each recording has for itself: those of `per_recording`, and what is tied to them."""
+        return (*self.per_recording, *(n for n, root in self.ties.items() if root in self.per_recording))
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """By what name a result calls a tied value, and the unknown that it is: ``{"mu": "lambda"}``."""
+        return {
+            n if u.experiment is None else f"{n} [{u.experiment}]": u.name
+            for n, root in self.ties.items() for u in self.unknowns
+            if u.target == root and u.kind == ("order" if n in self.orders else "parameter")
+        }  # fmt: skip
+
+    # --- the initial state -------------------------------------------------------------------------
+
+    def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
+        if self.initial_state in ("measured", "held"):
+            return []
+        guess = self._initial_guess(e).tolist()
+        units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
+        sizes = dict(zip(units, self.sizes(e).tolist(), strict=True))
+        reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
+        if self.initial_state == "estimate":
+            reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
+        unknowns = []
+        for i, (width, unit) in sorted(reach.items()):
+            state = self.model.states[i]
+            if state not in e.initial:
+                around = Free(guess[i], guess[i] - width, guess[i] + width)
+                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
+        return unknowns
+
+    def _initial_guess(self, e: Experiment) -> FloatArray:
+        """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
+        x0 = np.zeros(len(self.model.states))
+        for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
+            i = self.model.outputs[name]
+            x0[i] = value
+            if self.initial_state in ("estimate", "measured") and i in self.rates:
+                x0[self.rates[i]] = slope
+        if e.past is not None:
+            x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
+        for name, value in e.initial.items():
+            x0[self.model.states.index(name)] = value
+        return x0
+
+    @cached_property
+    def rates(self) -> dict[int, int]:
+        """For each scored output's state i the state j with D^q x_i = x_j."""
+        scored = [self.model.outputs[name] for name in self.outputs]
+        return {i: self.model.rates[i] for i in scored if i in self.model.rates}
+
+    def sizes(self, e: Experiment) -> FloatArray:
+        """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).
+
+        Ranges and limits that are made for angles count in it: a pressure of 10⁵ Pa has not run away.
+        """
+        greatest = np.max(np.abs(e.measured), axis=0, initial=0.0)
+        angle = np.array([e.units.get(n, "rad") == "rad" for n in self.outputs]) & (greatest <= TURNS)
+        return np.where(angle, 1.0, np.maximum(greatest, 1.0))

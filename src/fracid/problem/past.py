@@ -1,0 +1,136 @@
+r"""What came before a start in motion: the memory that a recording brings along.
+
+**A start in motion** has a past, and its memory belongs into the equations: :math:`D^q x` sums over all that was.
+An experiment with a `past`, the samples before its start, gives it in three steps:
+
+1. the release in the past, with which the memory begins: of a plateau on which a hand holds the rig the equations know
+   nothing, nor does it leave a memory (:func:`release_in_past`);
+2. past and recording together, low-passed with zero phase at :data:`CUTOFF` swings (:func:`smooth_past`);
+3. the states: each scored output of order q is the state x of the past and :math:`x_j = τ_0^{q-1} D^q x` its rate's,
+   with the orders of the moment (:meth:`Past.states`).
+
+The start itself is as `initial_state` says, ``estimate`` or ``measured``; the latter takes :math:`x_j` from the past.
+Without a past the memory begins at the start, as if the rig had stood still in that posture and was struck.  Twins
+with orders 0.9, 0.95, 4096 counts and 10⁻³ rad of noise, cut 1.3 s after the release, 6.7 s fitted, found λ − 0.9,
+μ − 0.95 (``python benchmarks/evidence.py swing`` prints them again; :mod:`fracid.validation.unknown_past` does the like
+for any fit):
+
+============================ =============== =============== =============== ===============
+twin                         ``estimate``    with its past   ``measured``    from plateau
+============================ =============== =============== =============== ===============
+60°, viscous friction        +.044, +.0006   +.000, −.0000   −.006, +.0001   +.000, −.0000
+60°, dry friction too        −.004, −.0005   −.000, +.0000   +.001, +.0000   +.001, +.0000
+20°, dry friction too        −.065, −.0005   +.005, −.0000   +.009, +.0001   +.003, −.0000
+60°, dry, 10⁻² rad of noise  +.007, −.0005   +.016, +.0001   −.026, −.0003   +.005, +.0000
+============================ =============== =============== =============== ===============
+
+``measured`` takes the noise of the start for truth, and its intervals promise many times too much; where the noise is
+as strong as in the last row the past mends μ alone.  Best is a start cut at the plateau.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.models import Model
+from fracid.problem.experiment import Experiment
+from fracid.signals.swing import common_period, release_time
+from fracid.solver.operators import derivative
+from fracid.solver.solve import time_scale
+
+__all__ = ["Past", "release_in_past", "smooth_past"]
+
+CUTOFF = 10.0
+"""Of the low-pass of a past, in frequencies of the output's swing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The past of one experiment as states on the grid of a run."""
+
+    experiment: Experiment
+    model: Model
+    outputs: tuple[str, ...]
+    """The scored ones, in the order of the columns of the past."""
+    substeps: int
+    """Steps per sample."""
+
+    @cached_property
+    def release(self) -> int:
+        """The sample of the past with which the memory begins."""
+        return release_in_past(self.experiment)
+
+    def states(self, orders: FloatArray, parameters: FloatArray) -> FloatArray:
+        """The states from the release to the start, `substeps` a sample, shape (n, n_states)."""
+        return self._states(tuple(orders.tolist()), time_scale(self.model, parameters))
+
+    @cached_property
+    def _states(self) -> Callable[[tuple[float, ...], float], FloatArray]:
+        outputs, release = smooth_past(self.experiment, self.substeps)
+        step = self.experiment.step / self.substeps
+
+        @lru_cache(maxsize=32)  # the orders stay while a search tries the constants
+        def states(orders: tuple[float, ...], unit: float) -> FloatArray:
+            past = np.zeros((len(outputs), len(orders)))
+            for name, signal in zip(self.outputs, outputs.T, strict=True):
+                i = self.model.outputs[name]
+                past[:, i] = signal
+                rise = derivative(signal - signal[0], orders[i], step, kind="rl")  # at rest before
+                past[1:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise[1:]
+            return past[release:]
+
+        return states
+
+
+def release_in_past(e: Experiment) -> int:
+    """The sample of the past at which the motion begins, after a plateau where there is one.
+
+    A free fall's rise is t², so its root is a line, and meets zero at the release: the speed alone is slow to tell.
+    """
+    assert e.past is not None
+    signals = np.vstack([e.past, e.measured])
+    x: FloatArray = np.asarray(signals[:, np.argmax(np.ptp(e.past, axis=0))], dtype=np.float64)
+    t: FloatArray = np.arange(len(x), dtype=np.float64) * e.step
+    rough, _ = release_time(t, x)
+    if rough is None:
+        return 0
+    near = round(rough / e.step)
+    before = x[max(0, near - round(0.5 / e.step)) : max(1, near - round(0.02 / e.step))]
+    rise = np.abs(x - np.mean(before))
+    floor = max(4 * float(np.std(before)), 2e-3 * float(np.ptp(x)))
+    quiet = np.flatnonzero(rise[: near + round(0.2 / e.step)] < floor)
+    falling = np.arange(quiet[-1] + 1, len(x))
+    falling = falling[: max(3, int(np.argmax(rise[falling] > 10 * floor)))]
+    slope, offset = np.polyfit(falling, np.sqrt(rise[falling]), 1)
+    return int(np.clip(round(-offset / slope), 0, len(e.past) - 1)) if slope > 0 else near
+
+
+def smooth_past(e: Experiment, substeps: int = 1) -> tuple[FloatArray, int]:
+    """The low-passed past and the start [rad], `substeps` rows a sample, and the row of the release.
+
+    The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
+    reaches is kept.
+    """
+    assert e.past is not None
+    whole, n, release = np.vstack([e.past, e.measured]), len(e.past), release_in_past(e)
+    cutoff = CUTOFF / (e.step * min(common_period(whole), len(whole) / 3))
+    reach = math.ceil(2 / (cutoff * e.step))
+    if cutoff < 0.4 / e.step:
+        from scipy.signal import butter, sosfiltfilt
+
+        low_pass = butter(4, cutoff, fs=1 / e.step, output="sos")
+        whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
+    first = max(0, release - reach)
+    smooth, release = whole[first : n + 1], (release - first) * substeps
+    if substeps > 1:
+        from scipy.interpolate import CubicSpline
+
+        line = CubicSpline(np.arange(len(whole)), whole)
+        smooth = line(first + np.arange((n - first) * substeps + 1) / substeps)
+    return np.asarray(smooth), release

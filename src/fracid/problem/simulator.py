@@ -1,0 +1,171 @@
+"""From the unknowns x to what the model measures: each recording's run, on its own grid.
+
+A trajectory is stepped on the recording's own grid, or `substeps` times finer.  A run that diverges gives no outputs
+but its reason.
+
+A release time τ lies between samples as well: the run starts at τ, on its own grid, and is read at the samples
+by :meth:`Trajectory.at`, which follows τ smoothly; inputs keep the recording's clock.  It needs ``rest`` or
+``held``, for a motion that is under way can begin anywhere.
+
+With a `memo` nothing is simulated twice: outputs are kept under a hash of all that they depend on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure, FailureReason
+from fracid.problem.experiment import Experiment
+from fracid.problem.parametrisation import Parametrisation
+from fracid.problem.unknowns import Free
+from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.memory import Memory
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import integrate, time_scale
+from fracid.solver.trajectory import Trajectory
+from fracid.tasks.simulation_cache import Memo
+
+__all__ = ["Simulator"]
+
+LIMIT = 1e4
+"""A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """(x, experiment) → trajectory and outputs.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Problem
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), {"lambda": 0.9, "mu": 0.9})
+    >>> problem.simulator.outputs(problem.start, still).shape
+    (9, 2)
+    """
+
+    parametrisation: Parametrisation
+    method: str
+    memory: Memory
+    substeps: int
+    """Steps per sample of the recording."""
+    memo: Memo | None
+    """Has what was simulated before, and keeps what will be."""
+
+    def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
+        """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
+        errors = []
+        for e in self.parametrisation.experiments:
+            outputs = self.outputs(x, e)
+            if isinstance(outputs, Failure):
+                return outputs
+            errors.append(e.measured - outputs)
+        return errors
+
+    def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
+        """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
+        if self.memo is None:
+            return self._outputs(x, e)
+        return self.memo.get(self._key(x, e), lambda: self._outputs(x, e))
+
+    def _outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
+        run = self.trajectory(x, e)
+        if not run.completed:
+            return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
+        columns = [self.parametrisation.model.outputs[n] for n in self.parametrisation.outputs]
+        if e.release_time == 0.0:
+            return run.states[:: self.substeps, columns]
+        moving = e.time >= run.time[0]
+        held = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
+        return np.vstack([held, run.at(e.time[moving])[:, columns]])
+
+    def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
+        """Simulate one recording from its release on, on its grid divided by `substeps`."""
+        model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
+        past = self.parametrisation.pasts.get(e.name)
+        history = None if past is None else past.states(orders, parameters)[:-1]
+        return integrate(
+            Equation(
+                compile_rhs(model.rhs), orders, self.inputs(release, e), parameters, time_scale(model, parameters)
+            ),
+            InitialCondition(initial, time=release, history=history),
+            e.step / self.substeps,
+            self.steps(e),
+            Options(self.method, self.memory, limit=self._limits[e.name]),
+        )
+
+    # --- the grid of a run -------------------------------------------------------------------------
+
+    def steps(self, e: Experiment) -> int:
+        """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
+        earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
+        return (len(e.measured) - 1) * self.substeps + math.ceil(max(0.0, -earliest) * self.substeps / e.step)
+
+    def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
+        """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
+        past = self.parametrisation.pasts.get(e.name)
+        return None if past is None else past.states(*self.parametrisation.unpack(x, e)[:2])[:-1]
+
+    def inputs(self, release: float, e: Experiment) -> FloatArray:
+        """The inputs on the grid of a run from `release`; before the first and after the last sample they stay."""
+        u = self._inputs[e.name]
+        if len(u) == 1 or e.release_time == 0.0:
+            return u
+        at = release * self.substeps / e.step + np.arange(self.steps(e) + 1)
+        return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+
+    @cached_property
+    def _inputs(self) -> dict[str, FloatArray]:
+        """Each recording's inputs on the grid of its steps from the release in its past on, linear between samples."""
+
+        def refined(u: FloatArray) -> FloatArray:
+            if self.substeps == 1 or len(u) == 1:
+                return np.ascontiguousarray(u)
+            at = np.arange((len(u) - 1) * self.substeps + 1) / self.substeps
+            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+
+        return {e.name: refined(e.all_inputs)[self._first(e) :] for e in self.parametrisation.experiments}
+
+    def _first(self, e: Experiment) -> int:
+        """The step of the past with which the memory begins."""
+        past = self.parametrisation.pasts.get(e.name)
+        return 0 if past is None or len(e.all_inputs) == 1 else past.release * self.substeps
+
+    @cached_property
+    def _limits(self) -> dict[str, float]:
+        """Recording → the state beyond which a run has diverged."""
+        sizes = {e.name: self.parametrisation.sizes(e) for e in self.parametrisation.experiments}
+        return {name: LIMIT * float(np.max(size, initial=1.0)) for name, size in sizes.items()}
+
+    # --- what the memo goes by ---------------------------------------------------------------------
+
+    def _key(self, x: FloatArray, e: Experiment) -> bytes:
+        """A hash of all that the simulation of one recording depends on."""
+        digest = self._constant[e.name].copy()
+        digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
+        for vector in self.parametrisation.unpack(x, e):
+            digest.update(np.ascontiguousarray(vector).data)
+        return bytes(digest.digest())
+
+    @cached_property
+    def _constant(self) -> dict[str, Any]:
+        """For each recording the hash of what no unknown changes."""
+        p = self.parametrisation
+        model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
+        how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
+               p.outputs, self.method, self.memory.name, self.substeps, p.initial_state)  # fmt: skip
+        digests = {}
+        for e in p.experiments:
+            arrays = [self._inputs[e.name], *([] if e.past is None else [e.past, e.measured])]
+            digests[e.name] = blake2b(repr((how, [a.shape for a in arrays])).encode(), digest_size=16)
+            for array in arrays:
+                digests[e.name].update(np.ascontiguousarray(array).data)
+        return digests
