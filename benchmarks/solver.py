@@ -25,14 +25,15 @@ from fracid.models import RIGS
 from fracid.optimise import OPTIMISERS, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.compilation import RHS_SIGNATURE
 from fracid.solver.memory import compressed, full
-from fracid.solver.methods import METHODS
 from fracid.solver.operators import gl_weights
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate
 
 STEP, STEPS = 1e-3, 20_000
+PI2 = Options("pi2", compressed())
 ORDERS = np.array([0.8623, 0.8623, 0.9146, 0.9146])
 START = np.array([0.0, 0.0, np.radians(10), 0.0])
 VISCOUS = {"C1": 2.2e-3, "C3": 1.6e-3, "C4": 0.127 * 9.81 * 0.15, "C6": 2.18e-3, "J_theta": 4.02e-3,
@@ -54,7 +55,8 @@ class Run:
     def __call__(self, method: str, memory=compressed(), steps: int = STEPS, orders=None) -> np.ndarray:  # noqa: B008
         self.count += 1
         q = ORDERS + 1e-9 * self.count if orders is None else orders
-        return integrate(self.rhs, q, START, np.zeros(4), self.u, self.p, STEP, steps, METHODS[method], memory).states
+        equation = Equation(self.rhs, q, self.u, self.p)
+        return integrate(equation, InitialCondition(START), STEP, steps, Options(method, memory)).states
 
     def plain(self, orders: np.ndarray, loop: Callable) -> np.ndarray:
         weights = np.array([gl_weights(q, STEPS + 1) for q in orders])
@@ -136,7 +138,7 @@ def against_the_right_hand_side(name: str, run: Run) -> None:
     at_most("gl / its 20,000 evaluations of f", gl / f_gl, 3)
     row("gl / forward Euler, which has no memory", f"{gl / least:.2f} x")
     at_most("pi2 / gl", pi2 / gl, 2)
-    finer = integrate(f, ORDERS, START, np.zeros(4), run.u, run.p, STEP / 4, 4 * STEPS, METHODS["pi2"], compressed())
+    finer = integrate(Equation(f, ORDERS, run.u, run.p), InitialCondition(START), STEP / 4, 4 * STEPS, PI2)
     angles = [0, 2]
     error = np.abs(finer.states[::4, angles] - run("pi2", orders=ORDERS)[:, angles]).max()
     check("pi2: angles against those of a step of a quarter [rad]", error, 1e-4)
@@ -202,8 +204,7 @@ def a_derivative(run: Run) -> None:
     start, orders = np.r_[START, np.zeros(4)], np.r_[ORDERS, ORDERS]
 
     def augmented() -> np.ndarray:
-        return integrate(along, orders, start, np.zeros(8), run.u, p.copy(), STEP, STEPS, METHODS["pi2"],
-                         compressed()).states  # fmt: skip
+        return integrate(Equation(along, orders, run.u, p.copy()), InitialCondition(start), STEP, STEPS, PI2).states
 
     alone, both = times_of(lambda: run("pi2", orders=ORDERS), augmented, repeat=20)
     row("variational equation, f differenced / a run", f"{(both - alone) / alone:.2f} x")

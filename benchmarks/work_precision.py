@@ -53,6 +53,7 @@ from scipy.interpolate import CubicSpline
 
 import fracid
 import fracid.solver.memory
+from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import memory_from_name
 from fracid.solver.operators import gl_weights
 
@@ -256,8 +257,9 @@ def solve_fde(method: str, memory: str) -> Callable[[Case, int], Points]:
 
 def core(method: str, memory: str) -> Callable[[Case, int], Points]:
     def solve(case: Case, steps: int) -> Points:
-        run = engine.integrate(case.compiled, case.orders, case.x0, case.slope, np.zeros((1, 0)), case.p,
-                               case.end / steps, steps, engine.METHODS[method], memory_from_name(memory))  # fmt: skip
+        equation = Equation(case.compiled, case.orders, np.zeros((1, 0)), case.p)
+        initial, options = InitialCondition(case.x0, case.slope), Options(method, memory_from_name(memory))
+        run = engine.integrate(equation, initial, case.end / steps, steps, options)
         return _whole(run, steps)
 
     return solve

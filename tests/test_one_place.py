@@ -102,15 +102,15 @@ initial = { phi = 0.5 }
 """
 
 
-def euler(rhs, orders, past, slope, gain, u, p, start, h, steps, every, *_):
+def euler(rhs, run, out):
     """Step forward at order 1, in plain Python: the loop of a method."""
-    states, x, f = _[-1], past[-1].copy(), np.zeros(len(slope))
-    for n in range(1, steps + 1):
-        rhs(start + (n - 1) * h, x, u[0], p, f)
-        x += gain * f
-        if n % every == 0:
-            states[n // every] = x
-    return steps, 0
+    x, f = run.past[-1].copy(), np.zeros(len(run.slope))
+    for n in range(1, run.steps + 1):
+        rhs(run.start + (n - 1) * run.h, x, run.u[0], run.p, f)
+        x += run.gain * f
+        if n % run.every == 0:
+            out[n // run.every] = x
+    return run.steps, 0
 
 
 def add(package, folder, name, text, patch):

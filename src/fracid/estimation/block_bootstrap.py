@@ -43,7 +43,7 @@ from fracid.problem import Problem
 from fracid.problem.portable import Portable, portable_memory
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import run_tasks
+from fracid.tasks.tasks import Execution
 
 __all__ = ["Bootstrap", "bootstrap", "resampled"]
 
@@ -174,8 +174,7 @@ def bootstrap(
     x = np.asarray(x, dtype=np.float64)
     drawn: Sequence[FloatArray | None]
     if variant == "refit":
-        drawn = _refitted(problem, x, errors, length, streams, executor=executor, jobs=jobs, journal=journal,
-                          progress=progress)  # fmt: skip
+        drawn = _refitted(problem, x, errors, length, streams, Execution(executor, jobs, journal, progress))
     else:
         drawn = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
     good = [point for point in drawn if point is not None]
@@ -253,12 +252,12 @@ def _stepped(
 
 
 def _refitted(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], **how: Any
+    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], execution: Execution
 ) -> list[FloatArray | None]:
     """A few steps of least squares for each draw; None where every run fails."""
     same = Portable(replace(problem, memory=portable_memory(problem.memory.name)))
     tasks = [Task(f"draw {i}", (same, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
-    return [None if point is None else np.array(point) for point in run_tasks(_redrawn, tasks, **how).values()]
+    return [None if point is None else np.array(point) for point in execution.run(_redrawn, tasks).values()]
 
 
 def _redrawn(

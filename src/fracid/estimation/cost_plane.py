@@ -1,4 +1,8 @@
-"""The cost over a plane of two parameters, drawn as a map."""
+"""The cost over a plane of two orders, all other parameters fixed, drawn as a map.
+
+A long narrow valley shows two orders that compensate each other; a minimum at the edge shows a bound.  The plane is a
+cut, not a profile: other parameters are not re-estimated, so its valleys are narrower than the intervals.
+"""
 
 from __future__ import annotations
 

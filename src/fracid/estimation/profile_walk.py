@@ -1,4 +1,11 @@
-"""The walk along a profile: one parameter moves outwards, all others are re-estimated at each point."""
+"""The walk along a profile: one parameter moves outwards, all others are re-estimated at each point.
+
+With V the cost (the sum of squares) and V* its minimum, the rise of V at a point, scaled by the sandwich so that it
+is χ² with one degree of freedom where residuals are correlated too, reaches 3.84 at the ends of the 95 % interval.
+:func:`walk` goes from the minimum to one side in steps of √rise of equal size, each a :func:`refit` from the last
+point extrapolated, until the rise passes 3.84, the bound is reached, runs fail, or the steps are spent (:class:`End`);
+:func:`crossing` interpolates, linear in √rise.  :class:`Surface` is V about the minimum with its scale.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""What an estimation returns: an Estimate for each value, a RecordingFit for each recording."""
+"""What an estimation returns: an :class:`Estimate` for each value, a :class:`RecordingFit` for each recording.
+
+An estimate has its 95 % interval by the sandwich of :mod:`fracid.estimation.covariance`, which allows for correlated
+residuals, and beside it the interval as if they were white: the ratio of the two is what the correlation costs.
+A recording's fit has measured and simulated outputs on the recording's own clock, and the values that belong to this
+recording alone, such as its initial angle.  Both are records of numbers; nothing here computes them.
+"""
 
 from __future__ import annotations
 

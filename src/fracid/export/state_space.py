@@ -50,6 +50,7 @@ from fracid.figures import Style, draw
 from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.simulator import LIMIT
+from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
@@ -459,9 +460,8 @@ class IntegerModel:
         p = _moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
-        run = integrate(compile_rhs(self.model.rhs), self.orders, linear.about, np.zeros(len(self.orders)), u, p, h,
-                        points, METHODS["pi2"], compressed(), limit=LIMIT,
-                        time_scale=time_scale(self.model, p))  # fmt: skip
+        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p))
+        run = integrate(equation, InitialCondition(linear.about), h, points, Options("pi2", compressed(), limit=LIMIT))
         found = np.full((points + 1, len(linear.rows)), np.nan)
         found[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
         return found

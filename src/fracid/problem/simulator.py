@@ -25,8 +25,8 @@ from fracid.errors import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.unknowns import Free
+from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import Memory
-from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
@@ -91,12 +91,16 @@ class Simulator:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""
         model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
         past = self.parametrisation.pasts.get(e.name)
+        history = None if past is None else past.states(orders, parameters)[:-1]
         return integrate(
-            compile_rhs(model.rhs), orders, initial, np.zeros_like(initial), self.inputs(release, e), parameters,
-            e.step / self.substeps, self.steps(e), METHODS[self.method], self.memory, limit=self._limits[e.name],
-            time_scale=time_scale(model, parameters), name=self.method, start=release,
-            history=None if past is None else past.states(orders, parameters)[:-1],
-        )  # fmt: skip
+            Equation(
+                compile_rhs(model.rhs), orders, self.inputs(release, e), parameters, time_scale(model, parameters)
+            ),
+            InitialCondition(initial, time=release, history=history),
+            e.step / self.substeps,
+            self.steps(e),
+            Options(self.method, self.memory, limit=self._limits[e.name]),
+        )
 
     # --- the grid of a run -------------------------------------------------------------------------
 

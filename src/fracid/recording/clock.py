@@ -1,4 +1,15 @@
-"""The clock of a recording: which column or rate gives the time, in which unit."""
+"""The clock of a recording: which column or rate gives the time, and in which unit.
+
+In this order, the first that applies:
+
+1. what the caller names: ``{column = 0, unit = "ms"}`` or ``{rate = 1000}``;
+2. a rate in the header of a file with one column (``sample_rate`` over ``1000``);
+3. of the columns whose name means time, or else of all, the one that increases most evenly.
+
+The unit is the caller's, the header's, or s.  Rows without a time stamp are left out, and a first stamp beyond twelve
+days is a date, from which time is then counted.  Every guess is a sentence for the report.  What is no clock at all is
+refused here; jitter, gaps and repeated stamps are measured (:mod:`fracid.recording.measures`) and reported.
+"""
 
 from __future__ import annotations
 

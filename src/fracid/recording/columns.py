@@ -1,4 +1,10 @@
-"""Which columns of a table are signals, in which units, and which are left out."""
+"""Which columns of a table are signals, in which units, and which are left out.
+
+Where the caller names no columns, signals are all that vary; the clock, blank columns, constant columns and a second
+clock are left out, and the report names them.  A unit is the channel's own, or the header's, or, with a sentence
+that says so, rad (rad/s for a velocity).  A column that is asked for twice, or is the clock, is refused
+(:func:`refuse_shared`); blanks of a held signal take the last value before them (:func:`hold_blanks`).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Load a recording from a file, or inspect one that may be unfit."""
+"""Load a recording from a file: table, clock, columns, units, report.
+
+=========================  ==========================================================================
+:func:`load_recording`     raises :class:`~fracid.errors.DataError` for a recording that is unfit to fit
+:func:`inspect_recording`  returns it with a report that says why it is unfit
+=========================  ==========================================================================
+
+Both keep the file's SHA-256, and refuse a file that changes while it is read.
+"""
 
 from __future__ import annotations
 

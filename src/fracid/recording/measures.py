@@ -1,4 +1,15 @@
-"""Measures of a recording: of its clock (rate, jitter, gaps) and of each signal (resolution, noise, rest)."""
+"""Measures of a recording: of its clock (step, jitter, gaps) and of each signal (resolution, noise, rest).
+
+======================  ================================================================================
+:func:`measure_clock`   the median step h; a gap is a difference of more than 1.5 h; jitter is the
+                        scatter of all other differences
+:func:`measure_signal`  the resolution q, the spacing of the lattice on which the values lie; 2π/q as a
+                        number of encoder counts; noise by third differences; the mean of the last 5 %
+                        of the samples, and whether they are at rest
+======================  ================================================================================
+
+They state numbers and judge nothing: :mod:`fracid.recording.faults` turns them into findings.
+"""
 
 from __future__ import annotations
 

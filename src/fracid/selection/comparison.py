@@ -63,7 +63,7 @@ from fracid.selection.bic import STRONG, effective_samples, schwarz
 from fracid.selection.ladder import Ladder, Structure, ladder
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import run_tasks
+from fracid.tasks.tasks import Execution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -266,7 +266,7 @@ def compare(
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
     seed, starts = 1 if seed is None else seed, starts or 1
     folds = _folds(base, others, leave_one_out)
-    study = _Study(origin, folds, leave_one_out, seed, starts, executor, jobs, journal, progress)
+    study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     found = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
@@ -466,10 +466,7 @@ class _Study:
     leave_one_out: bool
     seed: int
     starts: int
-    executor: str
-    jobs: int
-    journal: Journal | None
-    progress: Callable[[Progress], None] | None
+    execution: Execution
     done: int = 0
 
     def ladder(self, fold: str) -> Ladder:
@@ -499,16 +496,16 @@ class _Study:
     ) -> tuple[Any, ...]:
         below = {n: found[fold, n]["values"] for n in s.below if found[fold, n]["cost"] is not None}
         return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
-                max(1, self.jobs // beside))  # fmt: skip
+                max(1, self.execution.jobs // beside))  # fmt: skip
 
     def _run(self, work: Callable[..., Any], tasks: list[Task]) -> dict[str, Any]:
-        before = self.done
+        before, progress = self.done, self.execution.progress
 
-        def told(p: Progress) -> None:
-            if self.progress is not None:
-                self.progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
+        def over_all(p: Progress) -> None:
+            if progress is not None:
+                progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
 
-        ended = run_tasks(work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=told)
+        ended = replace(self.execution, progress=over_all).run(work, tasks)
         self.done += len(tasks)
         return ended
 
@@ -517,7 +514,7 @@ class _Study:
         rows = [row for row in found.rows if row.paper] + [found.best(fractional=True)]
         names = dict.fromkeys(row.name for row in rows if math.isfinite(row.cost))
         tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
-                                              dict(found[name].values), max(1, self.jobs // len(names))))
+                                              dict(found[name].values), max(1, self.execution.jobs // len(names))))
                  for name in names]  # fmt: skip
         ended = self._run(_test_amplitude, tasks)
         return {name: AmplitudeTest.of_json(ended[f"amplitude | {name}"]) for name in names}

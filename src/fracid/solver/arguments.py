@@ -1,10 +1,22 @@
-"""The arguments of a simulation, checked: orders, initial state, grid, inputs, history, bounds."""
+"""The arguments of a simulation: as the caller gives them, their checks, and the records that a checked run is made of.
+
+:class:`Arguments` are those of :func:`fracid.solve_fde`, unchecked.  Each ``check_…`` looks at one or two of them and
+returns the arrays that the loops take, or raises :class:`~fracid.errors.InputError` with the value, what was expected
+and what to type.  What is checked goes on as three records, grouped by who sets them:
+
+=====================  ==================================================================================
+:class:`Equation`      τ₀^(q−1)·D^q x = f(t, x, u, p), with its inputs and parameters: the model's
+:class:`InitialCondition`  x(start), ẋ(start) and the samples before: the recording's
+:class:`Options`       method, memory and where a run ends: the user's, the same for all runs of a fit
+=====================  ==================================================================================
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,20 +24,25 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.solver.methods import METHODS, Method
+from fracid.solver.memory import Memory, memory_from_name
+from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
 
 __all__ = [
+    "Arguments",
+    "Equation",
+    "InitialCondition",
+    "Options",
     "check_bounds",
     "check_history",
     "check_initial_and_orders",
     "check_inputs",
+    "check_options",
     "check_times",
     "count_steps",
-    "find_method",
     "named_states",
 ]
 
@@ -35,6 +52,89 @@ MOST_STEPS = 1e15
 
 class StepWarning(UserWarning):
     """The step was shortened so that the end is a whole number of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """What :func:`fracid.solve_fde` is given beside the right-hand side, unchecked; it documents each."""
+
+    orders: ArrayLike
+    initial: ArrayLike
+    step: float
+    end: float
+    start: float = 0.0
+    inputs: ArrayLike | None = None
+    parameters: ArrayLike = ()
+    method: str = "pi2"
+    memory: str | Memory = "compressed"
+    tolerance: float = 1e-10
+    corrections: int = 1
+    corrected: bool = True
+    history: ArrayLike | None = None
+    every: int = 1
+    times: ArrayLike | None = None
+    bounds: ArrayLike | None = None
+    limit: float = 1e100
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A system τ₀^(q−1)·D^q x = f(t, x, u, p) with all that it depends on."""
+
+    rhs: Any
+    """f, compiled: rhs(t, x, u, p, out)."""
+    orders: FloatArray
+    """q, the order of each state, shape (n_states,)."""
+    inputs: FloatArray
+    """u on the grid from the first known sample on, shape (n_samples, n_inputs), or one row for all."""
+    parameters: FloatArray
+    """p, shape (n_parameters,)."""
+    time_scale: float = 1.0
+    """τ₀ [s], which keeps the units of f where an order is not 1."""
+
+    def gain(self, step: float) -> FloatArray:
+        """h^q τ₀^(1−q): what f weighs in one step, shape (n_states,)."""
+        gain: FloatArray = step**self.orders * self.time_scale ** (1 - self.orders)
+        return gain
+
+
+@dataclass(frozen=True)
+class InitialCondition:
+    """What is known before a run begins."""
+
+    values: FloatArray
+    """x(start), shape (n_states,)."""
+    slope: FloatArray | None = None
+    """ẋ at the first known sample, for orders above 1, shape (n_states,); None for zero."""
+    time: float = 0.0
+    """The start [s]."""
+    history: FloatArray | None = None
+    """States at start − n_past h, …, start − h, shape (n_past, n_states); None for none."""
+
+    @property
+    def known(self) -> FloatArray:
+        """All states that are known, one row a step, the last at the start: shape (n_past + 1, n_states)."""
+        return self.values[None] if self.history is None else np.vstack([self.history, self.values])
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is solved, what is stored, and where it ends."""
+
+    method: str
+    """Key of :data:`~fracid.solver.methods.METHODS`."""
+    memory: Memory
+    """How the history is summed."""
+    corrections: int = 1
+    """Corrector sweeps of ``pi2`` and ``pi3``."""
+    corrected: bool = True
+    """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
+    every: int = 1
+    """Every so many samples one is stored."""
+    limit: float = 1e100
+    """A state beyond ±limit ends the run as diverged."""
+    bounds: FloatArray | None = None
+    """Lowest and highest value of each state, shape (n_states, 2); the run ends with the first sample outside."""
 
 
 def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
@@ -161,10 +261,18 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
     return u
 
 
-def find_method(name: str, corrections: int) -> Method:
-    """The method of that name; its number of corrections is checked too."""
-    if name not in METHODS:
-        raise InputError(f"There is no method {name!r}; type one of {', '.join(METHODS)}.")
+def check_options(arguments: Arguments, bounds: FloatArray | None) -> Options:
+    """Method, memory and what is stored."""
+    method, corrections, every = arguments.method, arguments.corrections, arguments.every
+    for name in ("tolerance", "limit"):
+        value = getattr(arguments, name)
+        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu" or not value > 0:
+            raise InputError(f"{name} = {value!r}: expected a number above 0.")
+    if method not in METHODS:
+        raise InputError(f"There is no method {method!r}; type one of {', '.join(METHODS)}.")
     if not (isinstance(corrections, int | np.integer) and corrections >= 1):
         raise InputError(f"corrections = {corrections!r}: give a whole number of at least 1.")
-    return METHODS[name]
+    memory = memory_from_name(arguments.memory, arguments.tolerance)
+    if not (isinstance(every, int | np.integer) and every >= 1):
+        raise InputError(f"every = {every!r}: give a whole number of at least 1.")
+    return Options(method, memory, corrections, arguments.corrected, every, arguments.limit, bounds)

@@ -289,8 +289,8 @@ inline = nb.njit(nogil=True, error_model="numpy", forceinline=True, no_cpython_w
 @inline
 def look_ahead(n, head, window, sums, ahead, kernels):
     """Compute H of the steps n … n + 7 from the samples before n; window[i, head − k] is v_i^{n−k}."""
-    table, M = kernels.table, kernels.modes
-    start, forget, enter, collect, foresee = _columns(kernels.lags, M)
+    table = kernels.table
+    start, _, enter, _, foresee = _columns(kernels.lags, kernels.modes)
     for i in range(len(kernels.of)):
         r = kernels.of[i]
         L, modes = kernels.sizes[r, 0], kernels.sizes[r, 1]
@@ -303,7 +303,7 @@ def look_ahead(n, head, window, sums, ahead, kernels):
                     sums[i, m] = table[r, enter + m] * window[i, head - n]
             else:
                 slope = kernels.own[r, 1] * sums[i, 1]  # of the linear part: older samples' age grows by eight
-                _collect(i, r, modes, head - L - BLOCK, window, sums, table, forget, collect, M)
+                _collect(i, r, head - L - BLOCK, window, sums, kernels)
                 sums[i, 0] += slope
             total = _add(total, _all(1.0), _sum(sums, i, 0, 1, table, r, foresee, BLOCK, modes))
         _store(ahead, i, 0, total)
@@ -323,12 +323,14 @@ def _sum(values, i, at, by, table, r, column, stride, count):
 
 
 @inline
-def _collect(i, r, modes, oldest, window, sums, table, forget, collect, M):
+def _collect(i, r, oldest, window, sums, kernels):
     """Take the eight samples that leave the exact lags into the sums: Y ← Y + (z⁸ − 1) Y + Σ z^(7−j) v_j."""
+    table, M = kernels.table, kernels.modes
+    _, forget, _, collect, _ = _columns(kernels.lags, M)
     v0, v1, v2, v3 = _quartet(window, i, oldest)
     v4, v5, v6, v7 = _quartet(window, i, oldest + 4)
     one = _all(1.0)
-    for m in range(0, modes, BLOCK):
+    for m in range(0, kernels.sizes[r, 1], BLOCK):
         y, at = _load(sums, i, m), collect + m
         a = _add(_all(0.0), y, _load(table, r, forget + m))
         a = _add(_add(a, v0, _load(table, r, at)), v1, _load(table, r, at + M))

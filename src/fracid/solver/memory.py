@@ -1,7 +1,7 @@
 r"""The history sum of a fractional system: kept whole, cut short, or compressed.
 
-Every scheme of :mod:`fracid.simulate` needs, at each step n and for each state, one sum over
-the whole past,
+Every scheme of :mod:`fracid.solver.schemes` needs, at each step n and for each state, one sum over the
+whole past,
 
 .. math::  H_n = \sum_{k=1}^{n} w_k\, v_{n-k},
 
@@ -17,8 +17,8 @@ with the weights of one of three kernels, all in units of the step:
          bound
 =======  ==========================================================================================
 
-A :class:`Kernel` keeps the first L weights exactly and the rest as a sum of decaying exponentials,
-:math:`w_k \approx \sum_m c_m z_m^k` for :math:`k > L`.  The three memories are three fillings of it:
+A :class:`~fracid.solver.weights.Kernel` keeps the first L weights exactly and the rest as a sum of decaying
+exponentials, :math:`w_k \approx \sum_m c_m z_m^k` for :math:`k > L`.  The three memories are three fillings of it:
 
 =================  ===================  ==============  =======================================
 memory             exact weights        exponentials    error
@@ -30,41 +30,12 @@ memory             exact weights        exponentials    error
 
 so one compiled loop serves all, and a step costs O(L + modes) instead of O(n).
 
-**How the compression works.**  With :math:`a = 1 - q` for ``pi`` and :math:`a = 1 + q` for ``gl``,
-
-.. math::
-
-    \frac{t^{q-1}}{\Gamma(q)} = \frac{\sin \pi q}{\pi} \int_0^\infty s^{a-1} e^{-st}\,ds, \qquad
-    w_k = -\frac{\sin \pi q}{\pi} \int_0^\infty s^{a-1}
-          \Big(\frac{1-e^{-s}}{s}\Big)^{q} e^{-s(k-q)}\,ds .
-
-Put :math:`s = e^u` and sum over a grid of spacing Δ.  Three errors share the tolerance, 78 : 10 : 10:
-
-1. *Spacing.* By Poisson's formula the relative error at every lag is
-   :math:`2\,|\Gamma(a + 2\pi i/\Delta)/\Gamma(a)|`, about :math:`e^{-\pi^2/\Delta}`: 0.4 gives 10⁻¹⁰.
-2. *Upper end.* The exact lags see to nodes with large :math:`e^{s L}`.  The last node that is kept stands for
-   all beyond it: its place is their mean in 1/(s + σ), which leaves an error of second order.
-3. *Lower end.* The grid below :math:`s_J = \theta/n` is infinite, and for q → 1 its weights do not decay
-   (a fixed range of nodes is silently wrong there).  But :math:`e^{-st}` is nearly a polynomial in s
-   for s t ≤ θ, and all moments of that part of the grid are geometric series,
-   :math:`M_k = \Delta s_J^{a+k} / (1 - e^{-\Delta(a+k)})`.  So a Gauss–Radau rule does for all of it: the
-   constant s = 0 and five inner nodes, exact for polynomials of degree 10.  Its remainder, which sets θ, is known
-   too: the inner nodes are the roots of a little q-Jacobi polynomial, whose norm has a closed form.  For ``pi``
-   and 1 < q < 2 the integral diverges at zero; the same series gives :math:`M_0` its finite part, which is what
-   the kernel :math:`t^{q-1}` needs (Hadamard), and a double node at zero (a constant and a ramp in k) keeps the
-   rule well conditioned up to q = 2, where the ramp is all that remains.
-
-:meth:`Memory.certificate` computes the three from a kernel as built, and holds it against the exact weights;
-``docs/memory.md`` has the derivation and the tables.
+**What the compression costs.**  :mod:`fracid.solver.exponentials` chooses the exponentials by a quadrature whose three
+errors share the tolerance; :meth:`Memory.certificate` bounds each from the kernel as built, and compares it with the
+exact weights (:mod:`fracid.solver.certificate`).  ``docs/memory.md`` has the derivation and the tables.
 
 References
 ----------
-.. [Lubich] C. Lubich, A. Schädler, *Fast convolution for nonreflecting boundary conditions*,
-   SIAM J. Sci. Comput. 24 (2002): history by exponentials.
-.. [McLean] W. McLean, *Exponential sum approximations for* :math:`t^{-\beta}`, 2018: the substitution
-   :math:`s = e^u` and its Poisson error.
-.. [Koekoek] R. Koekoek, P. A. Lesky, R. F. Swarttouw, *Hypergeometric Orthogonal Polynomials and Their
-   q-Analogues*, 2010, section 14.12: the little q-Jacobi polynomials.
 .. [Diethelm] K. Diethelm, N. Ford, A. Freed, *Detailed error analysis for a fractional Adams
    method*, Numer. Algorithms 36 (2004): the product-trapezoidal weights.
 """

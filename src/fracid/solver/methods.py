@@ -4,6 +4,9 @@ A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`M
 and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
 from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
+A loop takes f, the :class:`~fracid.solver.run.Run` and the array to fill, and returns the last good index and how the
+run ended.
+
 The loops take a second to import, so a row fetches its own when it first runs.
 """
 
@@ -12,7 +15,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fracid.arrays import FloatArray
+    from fracid.solver.run import Run
 
 __all__ = ["METHODS", "Exported", "Method"]
 
@@ -37,8 +44,8 @@ class Method:
     """Which kernel it sums with: ``gl``, ``pi`` or ``pi3`` (:mod:`fracid.solver.memory`)."""
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
-    run: Callable[..., tuple[int, int]]
-    """(the loops' common arguments, corrections, corrected, out) → (last good index, how it ended)."""
+    run: Callable[[Any, Run, FloatArray], tuple[int, int]]
+    """(f, the run, out) → (last good index, how it ended); fills out, a row for each sample that is stored."""
     title: str
     """What one takes it for, in a phrase."""
     follows: float = math.inf
@@ -57,32 +64,32 @@ def _loops() -> Any:
 
 METHODS = {
     "pi2": Method(
-        "pi", 2, lambda *run: _loops().step_pi2(*run[:-3], False, *run[-3:]),
+        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
         "everything, steep friction too; at order 1 a second-order ODE solver",
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
-        "pi", 2, lambda *run: _loops().step_pi2(*run[:-3], False, 0, *run[-2:]),
+        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
         "stiff systems: Newton's method at every step",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
     ),
     "pi3": Method(
-        "pi3", 3, lambda *run: _loops().step_pi2(*run[:-3], True, *run[-3:]),
+        "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),
         "smooth systems: often a thousandth of the error, in the same time",
         follows=2.0, exported=Exported("product rule of third order"),
     ),
     "gl": Method(
-        "gl", 1, lambda *run: _loops().step_gl(*run[:-3], False, run[-1]),
+        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, False, out),
         "the paper's scheme as it should be, on x - x(0)",
         follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
     ),
     "gl-sequential": Method(
-        "gl", 1, lambda *run: _loops().step_gl_sequential(*run[:-3], run[-1]),
+        "gl", 1, lambda rhs, run, out: _loops().step_gl_sequential(rhs, run, out),
         "the same without the anti-damping of explicit Euler",
         follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
     ),
     "gl-paper": Method(
-        "gl", 1, lambda *run: _loops().step_gl(*run[:-3], True, run[-1]),
+        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, True, out),
         "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
         follows=1.0, raw=True, exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
     ),

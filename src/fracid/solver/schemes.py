@@ -33,19 +33,17 @@ sample; where it leaves the `bounds` that the caller gave, with the first sample
 is stored.
 """
 
-# ruff: noqa: ARG001 (the schemes share one list of arguments, which not all of them need)
-
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numba import types
 
 from fracid.solver.compilation import RHS, helper, when_called
-from fracid.solver.history import BLOCK, KERNELS, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
-from fracid.solver.starting import START, gauss_jordan, start_together
+from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
+from fracid.solver.run import RUN
+from fracid.solver.starting import gauss_jordan, start_together
 
 __all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
 
@@ -59,27 +57,7 @@ and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
 
-LARGEST = float(np.finfo(np.float64).max)
-"""No limit is larger, so that a state within it is a number."""
-
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-
-_RUN = (
-    RHS,
-    _vector,  # orders
-    _matrix,  # past: known states, one row a step, the last is that at the start
-    _vector,  # slope, first derivatives at the first known sample (0 where an order is at most 1)
-    _vector,  # gain, h^q of each state
-    _matrix,  # u, inputs on the grid from the first known sample on: a row a step, or one row for all
-    _vector,  # p, parameters
-    types.float64,  # start, the time of the last known state
-    types.float64,  # h
-    types.int64,  # steps
-    types.int64,  # every: which samples are stored
-    types.float64,  # limit
-    _matrix,  # bounds: lowest and highest value of each state
-    KERNELS,
-)
+_matrix = types.float64[:, ::1]
 
 _ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run ended
 
@@ -118,10 +96,11 @@ def _outside(x, bounds):
     return False
 
 
-@when_called(_ENDED(*_RUN, types.boolean, _matrix))
-def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, raw, out):
+@when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
+def step_gl(rhs, run, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
-    m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
     mode = flush_denormals()
@@ -156,10 +135,11 @@ def step_gl(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit,
     return last, how
 
 
-@when_called(_ENDED(*_RUN, _matrix))
-def step_gl_sequential(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, out):
+@when_called(_ENDED(RHS, RUN, _matrix))
+def step_gl_sequential(rhs, run, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    m, states, limit = len(past) - 1, len(slope), min(limit, LARGEST)
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
     mode = flush_denormals()
@@ -242,6 +222,8 @@ def _slow(x, last, f, known, newest, scale):
     return next_move > max(SLOW * moved, SETTLED)
 
 
+# The arguments of Newton's method are not grouped: a NamedTuple of arrays has its references counted at each call of a
+# function that is not inlined, which costs ``pi2-implicit`` 14 % of a step.
 @helper
 def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
@@ -296,26 +278,11 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, t
     return kept
 
 
-def _pi(
-    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections, corrected,
-    out,
-):  # fmt: skip
+@when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
+def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    m, limit = len(past) - 1, min(limit, LARGEST)
-    begun = start_together(rhs, orders, past, slope, gain, u, p, start - m * h, h, m + steps, limit, corrected, third)
-    return _go_on(rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third,
-                  corrections, *begun, out)  # fmt: skip
-
-
-step_pi2: Callable[..., tuple[int, int]] = _pi
-
-
-@when_called(_ENDED(*_RUN, types.boolean, types.int64, *START, _matrix))
-def _go_on(
-    rhs, orders, past, slope, gain, u, p, start, h, steps, every, limit, bounds, kernels, third, corrections,
-    begun, x0, together, knots, parabolas, out,
-):  # fmt: skip
-    """Step from the start that was solved together."""
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _ = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, third)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     given = max(m, together + 1)  # the first step whose state is not known before
@@ -346,7 +313,7 @@ def _go_on(
         for i in range(states):  # predict: f goes on in a straight line, or in a parabola
             known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
-            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= given else begun[n, i]
+            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= given else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
         sweeps = 0 if n < given else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):

@@ -27,19 +27,24 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.solver.arguments import (
+    Arguments,
+    Equation,
+    InitialCondition,
+    Options,
     check_bounds,
     check_history,
     check_initial_and_orders,
     check_inputs,
+    check_options,
     check_times,
     count_steps,
-    find_method,
     named_states,
 )
 from fracid.solver.history import Kernels, forget_mode, stack
-from fracid.solver.memory import Memory, memory_from_name
-from fracid.solver.methods import Method
+from fracid.solver.memory import Memory
+from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
+from fracid.solver.run import Run
 from fracid.solver.stiffness import fault_of
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 
@@ -52,6 +57,9 @@ __all__ = ["PaperSchemeWarning", "simulate", "solve_fde"]
 class PaperSchemeWarning(UserWarning):
     """A method that sums raw x, ``gl-paper``, is asked for where it does not converge."""
 
+
+LARGEST = float(np.finfo(np.float64).max)
+"""No limit is larger, so that a state within it is a number."""
 
 _OUTCOMES = (Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.LEFT)  # by the loops' codes
 
@@ -145,11 +153,12 @@ def solve_fde(
     >>> bool(abs(on.states - run.states[500:]).max() < 1e-14)
     True
     """
-    return _solve(
-        rhs, orders, initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters, method=method,
-        memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected, history=history, every=every,
-        times=times, bounds=bounds, limit=limit,
+    arguments = Arguments(
+        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters,
+        method=method, memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected,
+        history=history, every=every, times=times, bounds=bounds, limit=limit,
     )  # fmt: skip
+    return _solve(rhs, arguments)
 
 
 def simulate(
@@ -199,14 +208,14 @@ def simulate(
     values = model.parameter_vector(parameters)
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
-    return _solve(
-        model.rhs,
-        model.state_orders(orders) if isinstance(orders, Mapping) else orders,
-        named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
-        step=step, end=end, inputs=inputs, parameters=values, time_scale=time_scale(model, values),
+    arguments = Arguments(
+        orders=model.state_orders(orders) if isinstance(orders, Mapping) else orders,
+        initial=named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
+        step=step, end=end, inputs=inputs, parameters=values,
         bounds=named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
-        size=(len(model.states), len(model.inputs)), **options,
+        **options,
     )  # fmt: skip
+    return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
 
 
 def time_scale(model: Model, values: FloatArray) -> float:
@@ -217,99 +226,67 @@ def time_scale(model: Model, values: FloatArray) -> float:
 
 def _solve(
     rhs: RightHandSide,
-    orders: ArrayLike,
-    initial: ArrayLike,
-    *,
-    step: float,
-    end: float,
-    start: float = 0.0,
-    inputs: ArrayLike | None = None,
-    parameters: ArrayLike = (),
-    method: str = "pi2",
-    memory: str | Memory = "compressed",
-    tolerance: float = 1e-10,
-    corrections: int = 1,
-    corrected: bool = True,
-    history: ArrayLike | None = None,
-    every: int = 1,
-    times: ArrayLike | None = None,
-    bounds: ArrayLike | None = None,
-    limit: float = 1e100,
+    arguments: Arguments,
     time_scale: float = 1.0,
     size: tuple[int, int] | None = None,
 ) -> Trajectory:
-    """Check everything, then run."""
+    """Check everything, then run; `size` is the number of states and of inputs, where it is known."""
     states, n_inputs = size or (None, None)
-    x0, slope, q = check_initial_and_orders(initial, orders, states)
-    past = check_history(history, x0)
-    exact = history is not None or (inputs is not None and len(np.atleast_1d(inputs)) > 1)
-    h, steps = count_steps(step, start, end, exact)
+    x0, slope, q = check_initial_and_orders(arguments.initial, arguments.orders, states)
+    past, inputs = check_history(arguments.history, x0), arguments.inputs
+    exact = arguments.history is not None or (inputs is not None and len(np.atleast_1d(inputs)) > 1)
+    h, steps = count_steps(arguments.step, arguments.start, arguments.end, exact)
     u = check_inputs(inputs, len(past) + steps, n_inputs)
-    p = vector("parameters", parameters)
-    box, wanted = check_bounds(bounds, x0), check_times(times, start, end)
-    for name, value in (("tolerance", tolerance), ("limit", limit)):
-        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu" or not value > 0:
-            raise InputError(f"{name} = {value!r}: expected a number above 0.")
-    chosen, kept = find_method(method, corrections), memory_from_name(memory, tolerance)
-    if not (isinstance(every, int | np.integer) and every >= 1):
-        raise InputError(f"every = {every!r}: give a whole number of at least 1.")
+    p = vector("parameters", arguments.parameters)
+    bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
+    options = check_options(arguments, bounds)
     probe(rhs, x0, u[0], p)
-    if chosen.raw and np.any(x0 != 0):
-        warnings.warn(f"{method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and the "
-                      "result does not converge. Type method='pi2' for the Caputo solution.",
+    if METHODS[options.method].raw and np.any(x0 != 0):
+        warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
+                      "the result does not converge. Type method='pi2' for the Caputo solution.",
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
-    trajectory = integrate(
-        compile_rhs(rhs), q, x0, slope, u, p, h, steps, chosen, kept, corrections=corrections, corrected=corrected,
-        limit=limit, name=method, start=start, history=past, every=every, bounds=box, time_scale=time_scale,
-    )  # fmt: skip
-    trajectory = replace(trajectory, fault=fault_of(trajectory, compile_rhs(rhs), h**q * time_scale ** (1 - q), u, p))
-    if wanted is None:
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale)
+    trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
+    trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
+    if times is None:
         return trajectory
-    within = wanted[wanted <= trajectory.time[-1] + 1e-9 * h]
+    within = times[times <= trajectory.time[-1] + 1e-9 * h]
     return replace(trajectory, time=within, states=trajectory.at(within))
 
 
-def integrate(
-    rhs: Any,
-    orders: FloatArray,
-    initial: FloatArray,
-    slope: FloatArray,
-    inputs: FloatArray,
-    parameters: FloatArray,
-    step: float,
-    steps: int,
-    method: Method,
-    memory: Memory,
-    *,
-    corrections: int = 1,
-    corrected: bool = True,
-    limit: float = 1e100,
-    time_scale: float = 1.0,
-    name: str = "",
-    start: float = 0.0,
-    history: FloatArray | None = None,
-    every: int = 1,
-    bounds: FloatArray | None = None,
-) -> Trajectory:
+def integrate(equation: Equation, initial: InitialCondition, step: float, steps: int, options: Options) -> Trajectory:
     """Run a compiled right-hand side with everything checked already: the core of :func:`solve_fde`."""
-    past = initial[None] if history is None else np.vstack([history, initial])
-    states = _room(steps, every, len(initial))
-    states[0] = initial
-    gain = step**orders * time_scale ** (1 - orders)
-    kernels = _kernels(memory, method.family, orders, steps + len(past) - 1)
-    box = np.tile((-np.inf, np.inf), (len(initial), 1)) if bounds is None else bounds
+    past, states, method = initial.known, len(initial.values), METHODS[options.method]
+    out = _room(steps, options.every, states)
+    out[0] = initial.values
+    run = Run(
+        orders=equation.orders,
+        gain=equation.gain(step),
+        u=equation.inputs,
+        p=equation.parameters,
+        past=past,
+        slope=np.zeros(states) if initial.slope is None else initial.slope,
+        start=float(initial.time),
+        h=float(step),
+        steps=int(steps),
+        every=int(options.every),
+        limit=min(float(options.limit), LARGEST),
+        bounds=np.tile((-np.inf, np.inf), (states, 1)) if options.bounds is None else options.bounds,
+        kernels=_kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
+        corrections=int(options.corrections),
+        corrected=bool(options.corrected),
+    )
     try:
-        last, how = method.run(rhs, orders, past, slope, gain, inputs, parameters, start, step, steps, every, limit,
-                               box, kernels, corrections, corrected, states)  # fmt: skip
+        last, how = method.run(equation.rhs, run, out)
     except Exception as error:
         forget_mode()
-        raise InputError(f"The right-hand side {name_of(rhs)} fails on the way: {type(error).__name__}: {error}. "
-                         f"Here x and out have {len(initial)} entries, u has {inputs.shape[1]}, "
-                         f"p has {len(parameters)}.") from None  # fmt: skip
-    kept = max(0, last) // every + 1
+        raise InputError(f"The right-hand side {name_of(equation.rhs)} fails on the way: {type(error).__name__}: "
+                         f"{error}. Here x and out have {states} entries, u has {equation.inputs.shape[1]}, "
+                         f"p has {len(equation.parameters)}.") from None  # fmt: skip
+    kept = max(0, last) // options.every + 1
     return Trajectory(
-        start + np.arange(kept, dtype=np.float64) * (step * every), states[:kept], _OUTCOMES[how], step, name,
-        memory.name, orders, start - step * (len(past) - 1),
+        initial.time + np.arange(kept, dtype=np.float64) * (step * options.every), out[:kept], _OUTCOMES[how], step,
+        options.method, options.memory.name, equation.orders, initial.time - step * (len(past) - 1),
     )  # fmt: skip
 
 

@@ -53,6 +53,7 @@ References
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -60,10 +61,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.compilation import helper
 from fracid.solver.weights import third_weights, trapezoidal_weights, zeta
 
-__all__ = ["errors_of_powers", "exponents", "gauss_jordan", "knots_up_to", "start_together"]
+__all__ = ["START", "Start", "errors_of_powers", "exponents", "gauss_jordan", "knots_up_to", "start_together"]
 
 Expansion = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 
@@ -84,12 +85,25 @@ SUMMED = 32
 
 _alone = nb.njit(nogil=True, error_model="numpy")  # for those that Python calls too
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
-_RUN = types.float64, types.float64, types.int64, types.float64, types.boolean, types.boolean
+class Start(NamedTuple):
+    """The first steps, and what corrects the later ones."""
 
-START = _matrix, _vector, types.int64, types.int64[::1], types.float64[:, :, ::1]
-"""What :func:`start_together` returns."""
+    known: FloatArray
+    """States that are known, from the first sample of the past on, (n_known, n_states)."""
+    x0: FloatArray
+    """x⁰ of the formulas, (n_states,)."""
+    together: int
+    """s, how many steps were solved together; 0 where nothing is to be corrected."""
+    knots: NDArray[np.int64]
+    """Steps between which the corrections are parabolas, an odd number of them."""
+    parabolas: FloatArray
+    """:math:`\\sum_m c_m E_{σ_m}` between the knots (:func:`_parabolas`), (n_pieces, n_states, 3)."""
+
+
+START = types.NamedTuple(
+    (types.float64[:, ::1], types.float64[::1], types.int64, types.int64[::1], types.float64[:, :, ::1]), Start
+)
 
 
 @_alone
@@ -241,24 +255,23 @@ def _inverse_gamma(x: float) -> float:
 # --- the start -------------------------------------------------------------------------------------
 
 
-@when_called(types.Tuple(START)(RHS, _vector, _matrix, *[_vector] * 2, _matrix, _vector, *_RUN))
-def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, corrected, third):
-    """Solve the first steps together, and give what corrects the later ones.
+@helper
+def start_together(rhs, run, third):
+    """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    Returns the states that are known then, (n, n_states), from the first sample of the past on, x⁰, s, the knots, and
-    :math:`\\sum_m c_m E_{σ_m}` of each state between them (:func:`_parabolas`); zeros where nothing is to be corrected.
     ``pi3`` (`third`) has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents.
     """
-    m, states = len(past) - 1, len(slope)
-    plain = past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3))
-    if not (corrected or third):
+    past, orders = run.past, run.orders
+    m, states, steps = len(past) - 1, len(orders), len(past) - 1 + run.steps
+    plain = Start(past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3)))
+    if not (run.corrected or third):
         return plain
-    sigma, A = np.zeros(0), _jacobian(rhs, past[0], gain, u, p, t0)
-    if corrected:
-        powers = _powers_of_time(rhs, past[0], slope, u, p, t0, h)
-        sigma = exponents(_orders_that_move(rhs, orders, past[0], A, u, p, t0, powers), powers, third)
+    sigma, A = np.zeros(0), _jacobian(rhs, run)
+    if run.corrected:
+        powers = _powers_of_time(rhs, run)
+        sigma = exponents(_orders_that_move(rhs, run, A, powers), powers, third)
     s = max(len(sigma), 2) if third else len(sigma)
-    if s == 0 or (steps < s and len(u) > 1):  # no inputs are known beyond the end
+    if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
         return plain
     knots = knots_up_to(steps + 8)
     fit = _fit_of_powers(sigma, s)
@@ -278,7 +291,7 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
         for i in range(states):
             x[n, i] = past[min(n, m), i]
     base = past[0].copy()
-    if not _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
+    if not _solve_together(rhs, run, x, f, A, M, base):
         return plain
     C = np.zeros((states, len(knots)))
     for i in range(states):
@@ -292,7 +305,7 @@ def start_together(rhs, orders, past, slope, gain, u, p, t0, h, steps, limit, co
             bend, rise = f[2, i] - 2 * f[1, i] + f[0, i], f[1, i] - f[0, i]
             for n in range(len(knots)):
                 C[i, n] -= bend * ends[i, n, 0] + rise * ends[i, n, 1]
-    return x, base, s, knots, _parabolas(knots, C)
+    return Start(x, base, s, knots, _parabolas(knots, C))
 
 
 @helper
@@ -316,15 +329,22 @@ def _parabolas(knots, C):
 
 
 @helper
-def _powers_of_time(rhs, x0, slope, u, p, t0, h):
+def _first_time(run):
+    """Time of the first known sample, the t = 0 of the formulas."""
+    return run.start - (len(run.past) - 1) * run.h
+
+
+@helper
+def _powers_of_time(rhs, run):
     """Measure the powers of t with which f(t, x_0 + t·slope) begins, one a state; 0 where it does not depend on t."""
-    states, e = len(x0), 1e-6 * h
-    powers, x, now = np.zeros(states), x0.copy(), u[0].copy()
+    x0, t0 = run.past[0], _first_time(run)
+    states, e = len(x0), 1e-6 * run.h
+    powers, x, now = np.zeros(states), x0.copy(), run.u[0].copy()
     f = np.zeros((3, states))
     for k in range(3):
         for i in range(states):
-            x[i] = x0[i] + slope[i] * (k * e)
-        rhs(t0 + k * e, x, now, p, f[k])
+            x[i] = x0[i] + run.slope[i] * (k * e)
+        rhs(t0 + k * e, x, now, run.p, f[k])
     for i in range(states):
         once, twice = abs(f[1, i] - f[0, i]), abs(f[2, i] - f[0, i])
         if once > 1e-11 * abs(f[0, i]) and twice > once:
@@ -333,11 +353,12 @@ def _powers_of_time(rhs, x0, slope, u, p, t0, h):
 
 
 @helper
-def _orders_that_move(rhs, orders, x0, A, u, p, t0, powers):
+def _orders_that_move(rhs, run, A, powers):
     """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
+    orders, x0, t0, u = run.orders, run.past[0], _first_time(run), run.u
     states, f, later = len(orders), np.zeros(len(orders)), np.zeros(len(orders))
-    rhs(t0, x0.copy(), u[0].copy(), p, f)
-    rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), p, later)
+    rhs(t0, x0.copy(), u[0].copy(), run.p, f)
+    rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), run.p, later)
     moves = np.zeros(states, np.bool_)
     for i in range(states):
         moves[i] = f[i] != 0.0 or later[i] != 0.0 or powers[i] > 0.0
@@ -397,8 +418,9 @@ def _starting_weights(q, E, fit, third):
 
 
 @helper
-def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
+def _solve_together(rhs, run, x, f, A, M, base):
     """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles."""
+    slope, gain, u, h, t0, m = run.slope, run.gain, run.u, run.h, _first_time(run), len(run.past) - 1
     s, states = len(f) - 1, len(slope)
     now = u[0].copy()
     if not _spectral_radius(A) <= 1.0:
@@ -418,7 +440,7 @@ def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
         for n in range(s + 1):
             for c in range(len(now) if len(u) > 1 else 0):
                 now[c] = u[n, c]
-            rhs(t0 + n * h, x[n], now, p, f[n])
+            rhs(t0 + n * h, x[n], now, run.p, f[n])
         moved = 0.0
         for n in range(m, s + 1):
             for i in range(states):
@@ -436,7 +458,7 @@ def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
                     change += W[(n - 1) * states + i, size + c] * residual[c]
                 x[n, i] += change
                 moved = max(moved, abs(change) / (1e-3 + abs(x[n, i])))
-                if not abs(x[n, i]) <= limit:
+                if not abs(x[n, i]) <= run.limit:
                     return False
         if moved < 1e-14:
             return True
@@ -444,18 +466,19 @@ def _solve_together(rhs, x, f, A, M, m, base, slope, gain, u, p, t0, h, limit):
 
 
 @helper
-def _jacobian(rhs, x0, gain, u, p, t0):
+def _jacobian(rhs, run):
     """h^q ∂f/∂x at the start, by central differences."""
-    states, x, now = len(x0), x0.copy(), u[0].copy()
+    x0, t0 = run.past[0], _first_time(run)
+    states, x, now = len(x0), x0.copy(), run.u[0].copy()
     A, f = np.zeros((states, states)), np.zeros((2, states))
     for c in range(states):
         d = 1e-6 * (0.01 + abs(x0[c]))
         for side in range(2):
             x[c] = x0[c] + (d if side else -d)
-            rhs(t0, x, now, p, f[side])
+            rhs(t0, x, now, run.p, f[side])
         x[c] = x0[c]
         for i in range(states):
-            A[i, c] = gain[i] * (f[1, i] - f[0, i]) / (2 * d)
+            A[i, c] = run.gain[i] * (f[1, i] - f[0, i]) / (2 * d)
     return A
 
 

@@ -1,4 +1,22 @@
-"""The weights of the memory, exactly: of the derivative (18), (19), and of the trapezoidal integral."""
+r"""The exact weights of the history sums, and the kernel that holds them.
+
+In units of the step, for an order q, with v the sample that is k steps old:
+
+=======  ======================  =====================================================================
+family   sums v =                weights
+=======  ======================  =====================================================================
+``gl``   x − x(0)                Grünwald–Letnikov (18), (19): :math:`w_0 = 1`,
+                                 :math:`w_k = (1 - (1 + q)/k)\,w_{k-1}`
+``pi``   f(t, x)                 product trapezoidal (:func:`trapezoidal_weights`), :math:`b_k`, and
+                                 :math:`a_n` for the sample at the start
+``pi3``  f(t, x)                 those of ``pi`` for :math:`f - δ^2 f/12` (:func:`third_weights`)
+=======  ======================  =====================================================================
+
+A :class:`Kernel` holds the first L + 1 of them exactly and the rest as :math:`\sum_m c_m z_m^{k-L-1}`; with all of
+them exact it is the full memory (:func:`exact_kernel`), with none after L the short one, and
+:mod:`fracid.solver.exponentials` makes the compressed one.  Differences that cancel for large k (second differences of
+:math:`k^{q+1}`) are taken from their series, so that every weight has full relative precision.
+"""
 
 # mypy: disallow-untyped-decorators=False
 

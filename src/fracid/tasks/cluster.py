@@ -1,4 +1,9 @@
-"""Repetitions on the workers of a Dask scheduler."""
+"""Repetitions on the workers of a Dask scheduler.
+
+The shared part of the job is a task of the cluster itself, so that Dask rebuilds it where a worker dies; tasks are
+sent and results fetched in batches, a few for each of the cluster's threads.  A lost worker's tasks are Dask's to
+repeat; a lost scheduler, or none of its workers for a minute, ends the study, whose journal has what was done.
+"""
 
 from __future__ import annotations
 

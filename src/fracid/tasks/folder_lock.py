@@ -1,4 +1,9 @@
-"""A lock on a folder: one process writes into it at a time."""
+"""A lock on a run folder: one process writes into it at a time.
+
+The operating system holds the lock on the file ``.lock`` for as long as it is open, so a process that is killed
+releases it; the file names the process and machine for the message of the next.  One process may take it several times.
+A folder with links in it is refused (:func:`refuse_links`), since writing there could overwrite a file elsewhere.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,16 @@
-"""A task, the job that a worker gets of it, and how it ended."""
+"""A task, the job that a worker gets of it, and how it ended.
+
+========================  ================================================================================
+:class:`Task`             one repetition: its key, and the arguments of the work
+:class:`Job`              the work and the arguments that all tasks share: sent to each worker once
+:func:`perform`           does the work in this process, :func:`perform_elsewhere` in another
+:class:`Ended`            JSON text, or the traceback as text: passes between any two processes
+:class:`Stopped`          why a study cannot continue
+========================  ================================================================================
+
+Linear algebra runs on one thread (:func:`one_blas_thread`): a sum split over threads rounds differently, and results
+would depend on the machine's number of cores.
+"""
 
 from __future__ import annotations
 

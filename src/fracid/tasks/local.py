@@ -1,4 +1,10 @@
-"""Repetitions on this machine: on threads or on processes."""
+"""Repetitions on this machine: on threads or on processes.
+
+At most 2 × `jobs` tasks are submitted at once, so that a study of millions waits in this process and not in a queue.
+Processes are spawned, not forked: a fork of a process with threads may hang.  A worker that dies takes its pool along;
+the tasks under way then run one by one, alone, and the one that kills its worker again is named.  Ctrl-C reaches the
+parent only, and workers end when their parent is gone.
+"""
 
 from __future__ import annotations
 

@@ -28,6 +28,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 from fracid.errors import InputError, Unfinished, at_least
 from fracid.tasks.cluster import on_cluster
@@ -36,7 +37,7 @@ from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
 
-__all__ = ["EXECUTORS", "executor_from_name", "run_tasks"]
+__all__ = ["EXECUTORS", "Execution", "executor_from_name", "run_tasks"]
 
 
 def run_tasks(
@@ -101,6 +102,33 @@ def run_tasks(
         except Stopped as stopped:
             raise Unfinished(f"{stopped} {_kept(len(done), len(tasks), journal)}") from stopped.__cause__
     return {t.key: done[t.key] for t in tasks}
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a study's repetitions run: the options of :func:`run_tasks`, passed on as one.
+
+    Examples
+    --------
+    >>> import math
+    >>> Execution(jobs=2).run(math.hypot, [Task("3, 4", (3.0, 4.0))])
+    {'3, 4': 5.0}
+    """
+
+    executor: str = "threads"
+    """Where: see the module's table."""
+    jobs: int = 1
+    """Threads or processes; a cluster has its own."""
+    journal: Journal | None = None
+    """Results of before, and the place of new ones."""
+    progress: Callable[[Progress], None] | None = None
+    """Called at the beginning and after each repetition."""
+
+    def run(self, work: Work, tasks: Sequence[Task]) -> dict[str, Json]:
+        """Do the tasks; as :func:`run_tasks`."""
+        return run_tasks(
+            work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=self.progress
+        )
 
 
 def _kept(done: int, total: int, journal: Journal | None) -> str:

@@ -1,4 +1,17 @@
-"""Checks after the search: is the result an artefact of step, memory, window or start?"""
+"""Checks after the search: is the result an artefact of memory, window, start or search?
+
+Each compares the shift that a fault could cause with the interval of the parameter that it would move:
+
+* a memory looser than it could be: the simulation with a tighter one, the difference projected on the parameters;
+* few swings beside an order that is not known well;
+* a start that is taken from noisy samples: its noise projected on the parameters;
+* a search that stopped short: a Newton step on the parabola of the cost lowers it further;
+* misread sensors (:mod:`fracid.validation.sensor_faults`);
+* a residual that is large beside noise and motion: the structure may be inadequate.
+
+:func:`after` returns the findings; :func:`failed` explains a run that does not reach its end.  The step has a check of
+its own (:mod:`fracid.validation.discretisation`).
+"""
 
 from __future__ import annotations
 

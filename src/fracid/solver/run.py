@@ -1,0 +1,71 @@
+"""One run as the compiled loops take it: orders, inputs, what is known before, grid, limits, weights.
+
+For :math:`D^{q_i} x_i = f_i(t, x, u, p)`, state i of order q_i and step weight g_i = h^{q_i}.  Nothing in a
+:class:`Run` changes while a loop runs; what changes (the state, f, the history) is the loop's own.
+
+Two rules keep it free of cost.  A loop unpacks it in its first line, since Numba counts a reference each time that a
+loop reads an array from a NamedTuple (12 % of a step of ``gl``).  And f is an argument of its own, since Numba turns a
+compiled function into a function pointer only as an argument, not as an entry.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import types
+
+from fracid.arrays import FloatArray
+from fracid.solver.history import KERNELS, Kernels
+
+__all__ = ["RUN", "Run"]
+
+
+class Run(NamedTuple):
+    """One run, as the compiled loops take it; its letters are those of the formulas in :mod:`fracid.solver.schemes`."""
+
+    orders: FloatArray
+    """q, the order of each state, (n_states,)."""
+    gain: FloatArray
+    """g, h^q of each state, (n_states,)."""
+    u: FloatArray
+    """Inputs on the grid from the first known sample on, (n_past + steps + 1, n_inputs), or one row for all."""
+    p: FloatArray
+    """Parameters, (n_parameters,)."""
+
+    past: FloatArray
+    """Known states, one row a step, (n_past + 1, n_states); the last is that at `start`."""
+    slope: FloatArray
+    """First derivatives at the first known sample, 0 where an order is at most 1, (n_states,)."""
+    start: float
+    """Time of the last known state [s]."""
+
+    h: float
+    """Step [s]."""
+    steps: int
+    """Steps from `start` to the end."""
+    every: int
+    """Every so many samples one is stored."""
+    limit: float
+    """A state beyond ±limit ends the run as diverged."""
+    bounds: FloatArray
+    """Lowest and highest value of each state, (n_states, 2)."""
+
+    kernels: Kernels
+    """Weights of the history sums."""
+    corrections: int
+    """Corrector sweeps of ``pi2`` and ``pi3``; 0 for Newton's method at every step."""
+    corrected: bool
+    """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
+
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+
+RUN = types.NamedTuple(
+    (
+        *(_vector, _vector, _matrix, _vector),
+        *(_matrix, _vector, types.float64),
+        *(types.float64, types.int64, types.int64, types.float64, _matrix),
+        *(KERNELS, types.int64, types.boolean),
+    ),
+    Run,
+)
