@@ -140,6 +140,6 @@ def test_columns_and_folders_with_a_terminals_commands_are_shown_without(capsys,
 def test_a_tables_heading_is_one_cell_and_no_formula(name):
     recording = RecordingFit("swing", "fit", np.arange(2.0), {name: np.zeros(2)}, {name: np.zeros(2)}, 1.0, {}, {},
                              units={name: "V"})  # fmt: skip
-    rows = list(csv.reader(io.StringIO(_csv(recording, {}), newline="")))
+    rows = list(csv.reader(io.StringIO(_csv(recording, {}, {}), newline="")))
     assert [len(row) for row in rows] == [4, 4, 4]
     assert rows[0][1] == csv_cell(f"{name} measured [V]")

@@ -16,7 +16,7 @@ from fracid.errors import InputError
 from fracid.safety.json_files import json_of, text_of
 from fracid.safety.schema import Block, Interval, Number, fault_of, lines_of
 from fracid.schemas.comparison import fault_of_fitted
-from fracid.schemas.run import EvaluationLine
+from fracid.schemas.run_record import EvaluationLine
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines

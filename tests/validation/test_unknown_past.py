@@ -161,7 +161,9 @@ def test_what_cannot_be_checked_is_told_in_a_sentence(change, words, tmp_path):
 
 
 def made(half, shift, level=0.1, more=(), **options):
-    t = Treatment("with the past", {"mu": 1.0 + shift}, {"mu": shift}, 0.1, {"alpha": level}, options.get("stopped"))
+    t = Treatment(
+        "with the past", {"mu": 1.0 + shift}, {"mu": shift}, 0.1, {"alpha": level}, options.get("stopped", False)
+    )
     return CutCheck({"mu": 1.0}, {"mu": half}, 0.1, {"alpha": 0.1}, (t, *more), {})
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import fracid
 import program
+import twins
 from fracid.errors import InputError
 from program import RELEASE
 
@@ -19,8 +20,8 @@ def swing(tmp_path_factory):
     folder = tmp_path_factory.mktemp("swing")
     rig = fracid.rotary_pendulum()
     run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.35}, step=0.01, end=2.0)
-    theta, alpha = (run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))).T
-    np.savez(folder / "swing.npz", time=0.01 * np.arange(201), theta=theta, alpha=alpha)
+    angles = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((201, 2))
+    twins.write(folder / "swing.csv", angles, 0.01)
     (folder / "rig.toml").write_text(RELEASE, encoding="utf-8")
     return folder
 

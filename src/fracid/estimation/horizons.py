@@ -5,7 +5,6 @@ short part of the record, and lengthens it as long as the fit holds."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -173,7 +172,6 @@ def horizons(problem: Problem) -> Iterator[float]:
 
 
 def _first_horizon(e: Experiment) -> float:
-    """One swing [s], of which a whole number fills the record; a sixteenth of a record that does not swing."""
-    period = common_period(e.measured)
-    swings = round((len(e.time) - 1) / period) if math.isfinite(period) else 16
-    return float(e.time[-1]) / max(1, swings)
+    """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings."""
+    swings = round((len(e.time) - 1) / common_period(e.measured))
+    return float(e.time[-1]) / (swings if swings >= 3 else 16)

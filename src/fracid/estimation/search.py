@@ -39,7 +39,7 @@ from fracid.optimise import Evaluation, Optimiser, Outcome, Result, optimiser_fr
 from fracid.problem import Problem
 from fracid.problem.portable import Portable, portable_memory
 from fracid.safety.schema import as_json
-from fracid.schemas.run import EndBlock
+from fracid.schemas.run_record import EndBlock
 from fracid.tasks.job import Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks

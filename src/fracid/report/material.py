@@ -21,7 +21,7 @@ from fracid.safety.schema import Block, lines_of, read_as
 from fracid.schemas.comparison import ComparisonBlock
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.result import ResultBlock
-from fracid.schemas.run import EnvironmentBlock, EvaluationLine
+from fracid.schemas.run_record import EnvironmentBlock, EvaluationLine
 from fracid.units import SHOWN_UNITS
 from fracid.validation.residuals import residual_analysis
 

@@ -38,7 +38,7 @@ from fracid.files import write_text
 from fracid.runs.environment import machine, versions
 from fracid.safety.schema import as_json, read_as
 from fracid.schemas.result import ResultBlock
-from fracid.schemas.run import EnvironmentBlock, RunBlock
+from fracid.schemas.run_record import EnvironmentBlock, RunBlock
 from fracid.tasks.folder_lock import FolderLock, Json
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 from fracid.errors import InputError
 from fracid.files import json_number
 from fracid.safety.schema import fault_of, read_as
-from fracid.schemas.run import EnvironmentBlock, FitOptions
+from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun

@@ -4,7 +4,8 @@ A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`M
 and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
 from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
-A loop takes f, the :class:`~fracid.solver.run.Run` and the array to fill, and returns the last good index and how the
+A loop takes f, the :class:`~fracid.solver.loop_arguments.Run` and the array to fill, and returns the last good index
+and how the
 run ended.
 
 The loops take a second to import, so a row fetches its own when it first runs.
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
-    from fracid.solver.run import Run
+    from fracid.solver.loop_arguments import Run
 
 __all__ = ["METHODS", "Exported", "Method"]
 

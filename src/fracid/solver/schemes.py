@@ -42,7 +42,7 @@ from numba import types
 
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
-from fracid.solver.run import RUN
+from fracid.solver.loop_arguments import RUN
 from fracid.solver.starting import gauss_jordan, start_together
 
 __all__ = ["step_gl", "step_gl_sequential", "step_pi2"]

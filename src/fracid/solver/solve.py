@@ -41,10 +41,10 @@ from fracid.solver.arguments import (
     named_states,
 )
 from fracid.solver.history import Kernels, forget_mode, stack
+from fracid.solver.loop_arguments import Run
 from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
-from fracid.solver.run import Run
 from fracid.solver.stiffness import fault_of
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 

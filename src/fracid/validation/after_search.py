@@ -98,7 +98,9 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs
     >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.99}, initial={"alpha": 0.3}, step=4e-3, end=4.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="measured")
-    >>> [f.code for f in after(problem, problem.start, "not asked")]         # order 1 does not explain it
+    >>> from fracid.errors import Failure, FailureReason
+    >>> none = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
+    >>> [f.code for f in after(problem, problem.start, none)]         # order 1 does not explain it
     ['cannot-explain', 'cannot-explain']
     """
     found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]

@@ -15,7 +15,7 @@ from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import file_stems
 from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
-from fracid.schemas.run import StudyLine
+from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import Comparison, compare
 from fracid.selection.ladder import ladder
 from fracid.tasks.folder_lock import FolderLock

@@ -33,7 +33,7 @@ from fracid.runs.folder import (
     refuse_anothers,
     write_result,
 )
-from fracid.schemas.run import fault_of_end
+from fracid.schemas.run_record import fault_of_end
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.simulation_cache import Memo

@@ -17,7 +17,7 @@ from fracid.runs.folder import JOURNAL, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, reproduce
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import Block, lines_of, read_as
-from fracid.schemas.run import StudyLine
+from fracid.schemas.run_record import StudyLine
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.workflows.observer import SILENT, Observer

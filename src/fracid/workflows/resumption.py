@@ -25,7 +25,7 @@ from fracid.runs.folder import JOURNAL, RUN, RunState, run_state
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.result import ResultBlock
-from fracid.schemas.run import EnvironmentBlock, FitOptions
+from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
 from fracid.workflows.fit import FinishedRun, run
 from fracid.workflows.observer import SILENT, Observer
