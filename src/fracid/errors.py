@@ -103,7 +103,7 @@ class Failure:
         return self.detail
 
 
-def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:
+def unknown_name(what: str, name: object, names: Collection[str]) -> InputError:
     """Return the error for a name that is not one of the known ones, with the closest of them.
 
     Examples
@@ -113,8 +113,8 @@ def unknown_name(what: str, name: object, known: Collection[str]) -> InputError:
     >>> print(unknown_name("parameter", "J_teta", ("J_theta", "C1")))
     unknown parameter 'J_teta': did you mean J_theta?  The known ones are J_theta, C1
     """
-    close = difflib.get_close_matches(str(name), known, n=2, cutoff=0.55)
-    everything = ", ".join(known) if known else "none"
+    close = difflib.get_close_matches(str(name), names, n=2, cutoff=0.55)
+    everything = ", ".join(names) if names else "none"
     if not close:
         return InputError(f"unknown {what} {name!r}; the known ones are {everything}")
     return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")

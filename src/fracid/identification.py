@@ -153,17 +153,17 @@ def identify(
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
     clock.lap("look")
-    result, made = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
+    result, attempts = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                           options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    found = _Findings(problem, result, made, seen=[*seen])
+    analysis = _Findings(problem, result, attempts, seen=[*seen])
     if not np.isfinite(result.best.cost):
-        found.known = Failure(FailureReason.RUN, "every run failed")
-        found.warnings.append(f"No run reached its end: {result.best.reason}.")
-        found.seen += failed(problem, result.best.point)
+        analysis.known = Failure(FailureReason.RUN, "every run failed")
+        analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
+        analysis.seen += failed(problem, result.best.point)
     elif not result.interrupted:
-        _examine(found, name, validation, whole if cut else None, jobs, clock)
-    return _fit(found, name, seed, watch.count, clock.laps)
+        _examine(analysis, name, validation, whole if cut else None, jobs, clock)
+    return _fit(analysis, name, seed, watch.count, clock.laps)
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
@@ -189,48 +189,51 @@ class _Findings:
 
 
 def _examine(
-    found: _Findings, name: str, validation: tuple[Experiment, ...], whole: Mapping[str, Experiment] | None, jobs: int,
+    analysis: _Findings, name: str, validation: tuple[Experiment, ...], whole: Mapping[str, Experiment] | None,
+    jobs: int,
     clock: _Clock,
 ) -> None:  # fmt: skip
     """The steps after the search; `whole` is None where the cut is not to be checked."""
-    problem, x = found.problem, found.result.best.point
+    problem, x = analysis.problem, analysis.result.best.point
     unpolished = optimiser_from_name(name).keeps_its_own
     try:
-        found.known = uncertainty(problem, x, jobs=jobs)
-        found.verdicts = identifiability(problem, x, found.known, jobs=jobs)
+        analysis.known = uncertainty(problem, x, jobs=jobs)
+        analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
         clock.lap("uncertainty")
-        found.seen += [
-            f for f in after(problem, x, found.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
+        analysis.seen += [
+            f for f in after(problem, x, analysis.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
         ]  # whose polishing says more, below
         clock.lap("honesty")
         for e in validation:
-            found.validated[e.name], reason = _validate(problem, x, e, jobs)
-            found.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+            analysis.validated[e.name], reason = _validate(problem, x, e, jobs)
+            analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         clock.lap("validation")
-        found.check = discretisation_check(problem, x, found.known, jobs)
-        found.warnings.append(found.check.warning)
-        found.seen += coarse_step(problem, found.check)
+        analysis.check = discretisation_check(problem, x, analysis.known, jobs)
+        analysis.warnings.append(analysis.check.warning)
+        analysis.seen += coarse_step(problem, analysis.check)
         clock.lap("discretisation")
         if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
-            found.spread = spread(problem, x, jobs=jobs)
-            found.warnings += found.spread.sentences()
+            analysis.spread = spread(problem, x, jobs=jobs)
+            analysis.warnings += analysis.spread.sentences()
         clock.lap("spread")
         if unpolished and problem.cost_function.loss is not None:
             polished = uninterrupted(refined(problem, x, jobs, Watch())).best
-            found.warnings.append(_stopped_short(problem, found.result.best, polished, found.known))
+            analysis.warnings.append(_stopped_short(problem, analysis.result.best, polished, analysis.known))
         clock.lap("polish")
-        widths = {problem.unknowns[i].target: claimed_half_width(found.known, x, i) for i in problem.order_indices}
-        found.alternative = integer_alternative(problem, found.result.best, widths, jobs=jobs)
-        found.warnings.append(found.alternative.warning if found.alternative else "")
+        widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, x, i) for i in problem.order_indices}
+        analysis.alternative = integer_alternative(problem, analysis.result.best, widths, jobs=jobs)
+        analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
         clock.lap("alternative")
         if whole is not None:
-            found.cut = cut_check(problem, x, found.known, whole=whole, jobs=jobs)
-            found.warnings += (
-                [f"The cut was not checked: {found.cut}."] if isinstance(found.cut, Failure) else found.cut.warnings
+            analysis.cut = cut_check(problem, x, analysis.known, whole=whole, jobs=jobs)
+            analysis.warnings += (
+                [f"The cut was not checked: {analysis.cut}."]
+                if isinstance(analysis.cut, Failure)
+                else analysis.cut.warnings
             )
             clock.lap("cut")
     except KeyboardInterrupt:
-        found.interrupted = True
+        analysis.interrupted = True
 
 
 IMITATION = "may stand in for friction that the model lacks"
@@ -240,28 +243,29 @@ CHANCE = "no different from {:g} as far as the recordings can tell"
 """The verdict on orders at whose integer value the same model is as good."""
 
 
-def _fit(found: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
-    problem, best, known = found.problem, found.result.best, found.known
-    estimates = _estimates(problem, best.point, known, found.verdicts)
-    if found.alternative is not None and found.alternative.warning:
-        for n in found.alternative.orders:
-            verdict = IMITATION if found.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
+def _fit(analysis: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
+    problem, best, precision = analysis.problem, analysis.result.best, analysis.known
+    estimates = _estimates(problem, best.point, precision, analysis.verdicts)
+    if analysis.alternative is not None and analysis.alternative.warning:
+        for n in analysis.alternative.orders:
+            verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
-    outcome = Outcome.INTERRUPTED if found.interrupted else found.result.outcome
+    outcome = Outcome.INTERRUPTED if analysis.interrupted else analysis.result.outcome
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
-    seen = (*found.seen, *_misfits(fitted, len(found.starts)))
-    said = (*(str(f) for f in seen if f.code != COARSE_STEP), *_warnings(problem, known, found.verdicts),
-            *found.warnings)  # fmt: skip
+    findings = (*analysis.seen, *_misfits(fitted, len(analysis.starts)))
+    messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *_warnings(problem, precision, analysis.verdicts),
+            *analysis.warnings)  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        recordings=fitted | found.validated, starts=found.starts,
-        alternative=found.alternative, spread=found.spread, cut=found.cut if isinstance(found.cut, CutCheck) else None,
-        discretisation=found.check, uncertainty=known if isinstance(known, Uncertainty) else None,
+        recordings=fitted | analysis.validated, starts=analysis.starts,
+        alternative=analysis.alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
+        CutCheck) else None,
+        discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
-        warnings=tuple(w for w in said if w), findings=tuple(seen),
+        warnings=tuple(w for w in messages if w), findings=tuple(findings),
     )  # fmt: skip
 
 
@@ -288,9 +292,9 @@ def _recording(
 ) -> RecordingFit:
     """One recording beside its simulation, which is NaN where the run fails."""
     simulated = problem.fitted(x, e)
-    failed = isinstance(simulated, Failure)
+    failure = isinstance(simulated, Failure)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failed else problem.cost_function.value(e.time, e.measured - values)
+    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
@@ -318,16 +322,16 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
         best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), jobs, quiet)).best
     else:
         best = uninterrupted(growing(alone, alone.start, jobs, quiet)).best
-    known = uncertainty(alone, best.point, jobs=jobs)
-    estimates = _estimates(alone, best.point, known, identifiability(alone, best.point, known, jobs=jobs))
+    precision = uncertainty(alone, best.point, jobs=jobs)
+    estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
     return _recording(alone, best.point, estimates, e, "validate"), best.reason
 
 
-def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, known: Uncertainty | Failure) -> str:
+def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, precision: Uncertainty | Failure) -> str:
     """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
     at, before, after = problem.order_indices, best.point, polished.point
-    moved = [abs(after[i] - before[i]) > max(1e-3, 0.5 * half_width(known, before, i)) for i in at]
-    if polished.cost > 0.999 * best.cost and not any(moved):
+    shifts = [abs(after[i] - before[i]) > max(1e-3, 0.5 * half_width(precision, before, i)) for i in at]
+    if polished.cost > 0.999 * best.cost and not any(shifts):
         return ""
     changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
     return (
@@ -337,27 +341,28 @@ def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, kno
 
 
 def _estimates(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, verdicts: Mapping[str, Verdict]
+    problem: Problem, x: FloatArray, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]
 ) -> dict[str, Estimate]:
     """Every order and parameter by name, and every unknown by its own; what is tied as that which it follows."""
     units = {p.name: p.unit for p in problem.model.parameters}
     starts = problem.order_starts | {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
-    given = {**problem.orders, **problem.parameters}
+    values = {**problem.orders, **problem.parameters}
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
-             if not isinstance(given.get(problem.ties.get(n, n)), Free)}  # fmt: skip
-    free = {u.name: _estimate(u, x, i, known, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
+             if not isinstance(values.get(problem.ties.get(n, n)), Free)}  # fmt: skip
+    free = {u.name: _estimate(u, x, i, precision, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
     return fixed | free | {name: free[to] for name, to in problem.parametrisation.aliases.items()}
 
 
-def _estimate(u: Unknown, x: FloatArray, i: int, known: Uncertainty | Failure, verdict: Verdict | None) -> Estimate:
+def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failure, verdict: Verdict | None) -> Estimate:
     value, kind = float(x[i]), verdict.kind if verdict else "unknown"
-    if isinstance(known, Failure):
+    if isinstance(precision, Failure):
         return Estimate(value, u.unit, True, identifiable=kind)
-    se = float(known.standard_error[i])
-    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if known.at_bound[i] else None
+    se = float(precision.standard_error[i])
+    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if precision.at_bound[i] else None
     return Estimate(
-        value, u.unit, True, se if np.isfinite(se) else None, known.interval(x, i), bool(known.at_bound[i]), nearer,
-        kind, verdict.reason if verdict else "", known.interval(x, i, "white"),
+        value, u.unit, True, se if np.isfinite(se) else None, precision.interval(x, i), bool(precision.at_bound[i]),
+        nearer,
+        kind, verdict.reason if verdict else "", precision.interval(x, i, "white"),
     )  # fmt: skip
 
 
@@ -370,7 +375,7 @@ SAID = {
 """How a warning says a verdict."""
 
 
-def _warnings(problem: Problem, known: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
+def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
     if METHODS[problem.method].raw:
         yield (
             f"{problem.method} sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is "
@@ -380,10 +385,10 @@ def _warnings(problem: Problem, known: Uncertainty | Failure, verdicts: Mapping[
         if order in problem.names and output not in problem.outputs:
             scored = " and ".join(problem.outputs)
             yield f"Only {scored} is scored, and {order} can hardly be seen in it: score {output} too."
-    if isinstance(known, Failure):
-        yield f"There are no intervals: {known}."
+    if isinstance(precision, Failure):
+        yield f"There are no intervals: {precision}."
         return
-    together = [names for names in known.confounded if len(names) > 1]
+    together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
     for v in verdicts.values():

@@ -52,5 +52,5 @@ def with_unit(value: float, unit: str = "rad", form: str = ".3g") -> str:
     >>> with_unit(0.5, "rad/s", ".1f"), with_unit(-2.0, "m")
     ('28.6°/s', '-2 m')
     """
-    shown, factor = shown_unit(unit)
-    return f"{factor * value:{form}}{shown if shown.startswith('°') else f' {shown}'.rstrip()}"
+    display_unit, factor = shown_unit(unit)
+    return f"{factor * value:{form}}{display_unit if display_unit.startswith('°') else f' {display_unit}'.rstrip()}"

@@ -214,7 +214,7 @@ def test_a_start_off_the_minimum_is_refined_first():
 
 def test_a_minimum_is_left_alone_where_nothing_is_gained():
     clamped = pendulum(fracid.rotary_pendulum("stepper-freeswing"))
-    mu = refit(clamped, clamped.start, held=[0]).point[1]
+    mu = refit(clamped, clamped.start, fixed=[0]).point[1]
     assert profile(clamped, np.array([0.77, mu]), points=4).x[0] == 0.77
 
 

@@ -131,7 +131,7 @@ def typed(*words: object) -> str:
     return shlex.join(["fracid", *map(str, words)])
 
 
-def each_once(option: str, given: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Collect what an option says of several names; the same name twice is a slip, and which is meant is not known.
 
     Raises
@@ -143,12 +143,12 @@ def each_once(option: str, given: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     >>> each_once("--order", [("mu", 1.0), ("lambda", 0.9)])
     {'mu': 1.0, 'lambda': 0.9}
     """
-    said: dict[str, Any] = {}
-    for name, value in given:
-        if name in said:
-            raise InputError(f"{option} says {name} twice, {said[name]} and {value}; say it once.")
-        said[name] = value
-    return said
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values:
+            raise InputError(f"{option} says {name} twice, {values[name]} and {value}; say it once.")
+        values[name] = value
+    return values
 
 
 def one_place(executor: str | None, scheduler: str | None) -> str | None:
@@ -177,15 +177,15 @@ def say_next(console: Any, *steps: tuple[str, str]) -> None:
         console.print(f"{heading:8} {escape(command)}  [dim]{escape(why)}[/dim]", soft_wrap=True)
 
 
-def open_page(page: Path, asked: bool | None) -> bool:
+def open_page(page: Path, choice: bool | None) -> bool:
     """Open a page in the browser; gives whether one took it.
 
     If nobody asked, only where somebody looks on: on a terminal with a display, and not in continuous integration.
     """
     shows = sys.platform in ("darwin", "win32") or "DISPLAY" in os.environ or "WAYLAND_DISPLAY" in os.environ
-    if asked is None:
-        asked = shows and sys.stdout.isatty() and "CI" not in os.environ
-    if not (asked and shows):
+    if choice is None:
+        choice = shows and sys.stdout.isatty() and "CI" not in os.environ
+    if not (choice and shows):
         return False
     import webbrowser
 
@@ -196,10 +196,10 @@ def table(*headings: str, fold: Collection[str] | None = None) -> Any:
     """Make a table without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
     from rich.table import Table
 
-    made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for heading in headings:
-        made.add_column(heading, overflow="fold", no_wrap=fold is not None and heading not in fold)
-    return made
+        grid.add_column(heading, overflow="fold", no_wrap=fold is not None and heading not in fold)
+    return grid
 
 
 @app.callback(

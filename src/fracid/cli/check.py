@@ -82,16 +82,16 @@ def check(
     else:
         print_check(recording, figure)
     if recording.report.level != "unfit" and not json_:
-        said = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
-        say_next(new_console(), (typed("init", file, *_again(said)), "writes a project of it, which runs as it is"))
+        options = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
+        say_next(new_console(), (typed("init", file, *_again(options)), "writes a project of it, which runs as it is"))
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 
 
-def _again(said: Mapping[str, Any]) -> list[str]:
+def _again(options: Mapping[str, Any]) -> list[str]:
     """The options that were given, as words."""
     words: list[str] = []
-    for option, value in said.items():
+    for option, value in options.items():
         for one in value if isinstance(value, list) else [] if value is None else [value]:
             words += [option, f"{one:.15g}" if isinstance(one, float) else str(one)]
     return words
@@ -193,8 +193,8 @@ def _print_signals(console: Console, report: Report) -> None:
     )
     if narrowest + len("(-1.09°") > console.width:
         for row in rows:
-            said = ", ".join(f"{name} {value}" for name, value in row.items() if name != "signal")
-            console.print(f"[bold]{escape(row['signal'])}[/bold]: {escape(said)}")
+            text = ", ".join(f"{name} {value}" for name, value in row.items() if name != "signal")
+            console.print(f"[bold]{escape(row['signal'])}[/bold]: {escape(text)}")
         return
     table = new_table(*rows[0], fold=("rest",))
     for row in rows:
@@ -220,10 +220,10 @@ def _sketch(time: NDArray[np.float64], signal: NDArray[np.float64], width: int, 
     """Draw a signal over time in Braille dots, `width` by `height` characters."""
     import numpy as np
 
-    seen = np.isfinite(signal) & np.isfinite(time)
-    if seen.sum() < 2 or np.ptp(time[seen]) == 0 or np.ptp(signal[seen]) == 0:
+    mask = np.isfinite(signal) & np.isfinite(time)
+    if mask.sum() < 2 or np.ptp(time[mask]) == 0 or np.ptp(signal[mask]) == 0:
         return ["(constant)"]
-    t, x = time[seen], signal[seen]
+    t, x = time[mask], signal[mask]
     across = ((t - t.min()) / np.ptp(t) * (2 * width - 1)).astype(int)
     down = ((x.max() - x) / np.ptp(x) * (4 * height - 1)).round().astype(int)
     cells = np.zeros((height, width), dtype=int)

@@ -101,70 +101,71 @@ def compare(
 def _show(finished: FinishedComparison, console: Console) -> None:
     from rich.markup import escape
 
-    found = finished.comparison
+    comparison = finished.comparison
 
-    fitted = [*found.rows[0].in_sample]
+    fitted = [*comparison.rows[0].in_sample]
     console.print(f"[bold]fitted[/bold]: {escape(', '.join(fitted))}", soft_wrap=True)
-    _print_structures(console, found)
-    held_out = [*found.held_out]
+    _print_structures(console, comparison)
+    held_out = [*comparison.held_out]
     groups = {f"the mean of {len(held_out)}": held_out} if len(held_out) > MOST else {n: [n] for n in held_out}
     for title, names in groups.items():
         console.print(f"[bold]held out[/bold]: {escape(title)}", soft_wrap=True)
-        _print_scores(console, found, names)
-    for note in found.notes:
+        _print_scores(console, comparison, names)
+    for note in comparison.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
-    for name, test in found.amplitude.items():
+    for name, test in comparison.amplitude.items():
         console.print(f"[bold]amplitude[/bold]: {escape(name)}", soft_wrap=True)
         for sentence in test.sentences:
             console.print(f"  {escape(sentence)}", soft_wrap=True)
-    console.print(f"[bold]{escape(found.verdict)}[/bold]", soft_wrap=True)
+    console.print(f"[bold]{escape(comparison.verdict)}[/bold]", soft_wrap=True)
     figures = [path for path in finished.figures if path.suffix == ".png"]
     for what, path in (("result", finished.path), ("table", finished.table), *(("figure", p) for p in figures)):
         console.print(f"{what:8} {escape(str(path))}", soft_wrap=True)
 
 
-def _print_structures(console: Console, found: Comparison) -> None:
+def _print_structures(console: Console, comparison: Comparison) -> None:
     """In sample: the orders, how many parameters, what they are worth, and how near the fit comes."""
-    orders = [*found.rows[0].orders]
-    table = new_table("", "orders", *orders, "unknowns", "BIC", *found.outputs, "ITAE")
-    for row in found.rows:
+    orders = [*comparison.rows[0].orders]
+    table = new_table("", "orders", *orders, "unknowns", "BIC", *comparison.outputs, "ITAE")
+    for row in comparison.rows:
         values = [_order(*row.orders[n]) if row.fractional else "" for n in orders]
         table.add_row(*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–",
-                      *_scores(found, [*row.in_sample.values()]))  # fmt: skip
+                      *_scores(comparison, [*row.in_sample.values()]))  # fmt: skip
     console.print(table)
     console.print(
-        f"  [dim]angles: RMSE and fit; ITAE in ° s²; BIC above the lowest, of {found.effective_samples:.0f} effective "
+        f"  [dim]angles: RMSE and fit; ITAE in ° s²; BIC above the lowest, of {comparison.effective_samples:.0f} "
+        f"effective "
         "samples; ← the paper's structure[/dim]",
         soft_wrap=True,
     )
 
 
-def _print_scores(console: Console, found: Comparison, names: Sequence[str]) -> None:
-    table = new_table("", "orders", *found.outputs, "ITAE")
-    for row in found.rows:
-        table.add_row(*_structure(row), *_scores(found, [row.held_out[n] for n in names if n in row.held_out]))
+def _print_scores(console: Console, comparison: Comparison, names: Sequence[str]) -> None:
+    table = new_table("", "orders", *comparison.outputs, "ITAE")
+    for row in comparison.rows:
+        table.add_row(*_structure(row), *_scores(comparison, [row.held_out[n] for n in names if n in row.held_out]))
     console.print(table)
 
 
 def _structure(row: Row) -> tuple[str, str]:
     """What its rung adds, and its orders."""
-    added = row.friction.split(" + ")
-    return ("+ " if len(added) > 1 else "") + added[-1], ("free ←" if row.paper else "free") if row.fractional else "1"
+    terms = row.friction.split(" + ")
+    return ("+ " if len(terms) > 1 else "") + terms[-1], ("free ←" if row.paper else "free") if row.fractional else "1"
 
 
 def _order(value: float, ends: tuple[float, float] | None) -> str:
     return f"{value:.4f}" if ends is None else f"{value:.4f} ± {(ends[1] - ends[0]) / 2:.2g}"
 
 
-def _scores(found: Comparison, scores: Sequence[Score]) -> list[str]:
+def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:
     """RMSE and fit of each output, and the ITAE of all: the mean over recordings."""
     if not scores or any(s.failed for s in scores):
         return ["fails"]
     mean = {
-        kind: {n: sum(getattr(s, kind)[n] for s in scores) / len(scores) for n in found.outputs}
+        kind: {n: sum(getattr(s, kind)[n] for s in scores) / len(scores) for n in comparison.outputs}
         for kind in ("rmse", "fit_percent", "itae")
     }
-    near = [f"{degrees(mean['rmse'][n]):.3g}° {_percent(mean['fit_percent'][n])}" for n in found.outputs]
+    near = [f"{degrees(mean['rmse'][n]):.3g}° {_percent(mean['fit_percent'][n])}" for n in comparison.outputs]
     return [*near, f"{degrees(sum(mean['itae'].values())):.4g}"]
 
 

@@ -97,8 +97,8 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
         typed = [ctx.params.get("run"), ctx.params.get("source"), *ctx.args]
         results = (_result(Path(word)) for word in typed if word)
         result: Any = next(filter(None, results), {})
-        named = ((block, result.get(block)) for block in blocks)
-        names = [n for block, said in named if isinstance(said, dict) for n in said if _shown(block, said[n])]
+        blocks_of = ((block, result.get(block)) for block in blocks)
+        names = [n for block, entry in blocks_of if isinstance(entry, dict) for n in entry if _shown(block, entry[n])]
         return [name for name in names if name.startswith(incomplete)]
 
     return complete
@@ -113,6 +113,6 @@ def _result(run: Path) -> Any:
     return content if isinstance(content, dict) else None
 
 
-def _shown(block: str, said: Any) -> bool:
+def _shown(block: str, entry: Any) -> bool:
     """Of orders and parameters those that were free."""
-    return block == "recordings" or (isinstance(said, dict) and said.get("free") is True)
+    return block == "recordings" or (isinstance(entry, dict) and entry.get("free") is True)

@@ -80,11 +80,11 @@ def demo(
         echo_json(results)
 
 
-def _truth(ran: FinishedRun) -> list[str]:
+def _truth(run: FinishedRun) -> list[str]:
     """Say how far each order is from the one that the twin was made with."""
     sentences = []
     for name, true in TRUE_ORDERS.items():
-        e = ran.fit.orders[name]
+        e = run.fit.orders[name]
         off = f"{name}: true {true}, found {e.value:.4f}, off by {e.value - true:+.2g}"
         if e.interval95 is not None:
             inside = e.interval95[0] <= true <= e.interval95[1]

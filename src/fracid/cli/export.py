@@ -56,18 +56,18 @@ def export(
     from fracid.export import export_run
     from fracid.runs.saved import load_run
 
-    found = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
+    bundle = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:
-        record = {"files": [str(path) for path in found.files], "notes": list(found.notes)}
+        record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
         echo_json(record)
         return
     from rich.markup import escape
 
     console = new_console()
-    for note in found.notes:
+    for note in bundle.notes:
         console.print(escape(note), soft_wrap=True)
-    for path in found.files:
+    for path in bundle.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)
-    if model := next((path for path in found.files if path.name == "model.m"), None):
+    if model := next((path for path in bundle.files if path.name == "model.m"), None):
         command = f"cd {shlex.quote(str(model.parent))} && octave --eval '[t, x] = model(); plot(t, x)'"
         say_next(console, (command, "or in MATLAB: [t, x] = model();"))

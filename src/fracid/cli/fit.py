@@ -93,104 +93,104 @@ def fit(
 # ------------------------------------------------------------------ from results to text
 
 
-def tell_fit(ran: FinishedRun, *, json_: bool) -> None:
+def tell_fit(run: FinishedRun, *, json_: bool) -> None:
     """Print the result, and end with the command's exit code."""
     if json_:
-        echo_json(ran.result)
+        echo_json(run.result)
     else:
         console = new_console()
-        show_fit(ran, console)
-        if isfinite(ran.fit.cost) and not ran.interrupted and not ran.undrawn:
-            _say_next(ran, console)
-    if ran.undrawn:
-        say_undrawn(ran)
-    if not isfinite(ran.fit.cost):
+        show_fit(run, console)
+        if isfinite(run.fit.cost) and not run.interrupted and not run.undrawn:
+            _say_next(run, console)
+    if run.undrawn:
+        say_undrawn(run)
+    if not isfinite(run.fit.cost):
         raise typer.Exit(DataError.exit_code)
-    if ran.interrupted:
-        sys.stderr.write(f"Interrupted; fracid resume {ran.folder}{' --trust' * bool(ran.project.own_code)} goes on.\n")
+    if run.interrupted:
+        sys.stderr.write(f"Interrupted; fracid resume {run.folder}{' --trust' * bool(run.project.own_code)} goes on.\n")
         raise typer.Exit(1)
 
 
-def say_undrawn(ran: FinishedRun) -> None:
+def say_undrawn(run: FinishedRun) -> None:
     """Say what is there and what is not, and end with 1 after Ctrl-C, else with 2."""
     sys.stderr.write(
-        f"{printable(ran.undrawn)} The result is whole, in {ran.folder / 'result.json'}; its figures or the report are "
-        f"missing. To draw them: {typed('resume', ran.folder, *['--trust'] * bool(ran.project.own_code))}\n"
+        f"{printable(run.undrawn)} The result is whole, in {run.folder / 'result.json'}; its figures or the report are "
+        f"missing. To draw them: {typed('resume', run.folder, *['--trust'] * bool(run.project.own_code))}\n"
     )
-    raise typer.Exit(1 if ran.interrupted else InputError.exit_code)
+    raise typer.Exit(1 if run.interrupted else InputError.exit_code)
 
 
-def _say_next(ran: FinishedRun, console: Console) -> None:
+def _say_next(run: FinishedRun, console: Console) -> None:
     from fracid.selection.ladder import has_friction
 
-    trust = ["--trust"] * bool(ran.project.own_code)
-    ladder = [(typed("compare", ran.project.path, *trust), "do the orders help, or is it friction?")]
+    trust = ["--trust"] * bool(run.project.own_code)
+    ladder = [(typed("compare", run.project.path, *trust), "do the orders help, or is it friction?")]
     say_next(
         console,
-        (typed("report", ran.folder, "--open", *trust), "look at the page"),
-        (typed("resid", ran.folder, *trust), "what is left over: noise, or something that the model lacks?"),
-        *ladder * has_friction(ran.project.problem.model),
+        (typed("report", run.folder, "--open", *trust), "look at the page"),
+        (typed("resid", run.folder, *trust), "what is left over: noise, or something that the model lacks?"),
+        *ladder * has_friction(run.project.problem.model),
     )
 
 
-def show_fit(ran: FinishedRun, console: Console) -> None:
+def show_fit(run: FinishedRun, console: Console) -> None:
     """Print the tables, the warnings and where everything is."""
     from rich.markup import escape
 
-    p, found = ran.fit.problem, ran.fit
+    p, fit = run.fit.problem, run.fit
     console.print(
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
-        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {found.optimiser}, {found.evaluations} evaluations, "
-        f"{ran.seconds:.1f} s: {escape(found.outcome)}",
+        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations, "
+        f"{run.seconds:.1f} s: {escape(fit.outcome)}",
         soft_wrap=True,
     )
-    _print_estimates(console, found)
-    _print_recordings(console, found)
-    if len(found.starts) > 1:
-        console.print(f"  starts: {escape(_starts(found))}", soft_wrap=True)
-    for note in (*ran.project.notes, *found.warnings):
+    _print_estimates(console, fit)
+    _print_recordings(console, fit)
+    if len(fit.starts) > 1:
+        console.print(f"  starts: {escape(_starts(fit))}", soft_wrap=True)
+    for note in (*run.project.notes, *fit.warnings):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    if found.discretisation is not None:
-        console.print(f"  discretisation: {escape(_discretisation(found))}", soft_wrap=True)
-    if found.cut is not None and not found.cut.warnings:
-        console.print(f"  cut: {escape(found.cut.verdict)}", soft_wrap=True)
-    elif found.cut is None and _begins_in_motion(found):
+    if fit.discretisation is not None:
+        console.print(f"  discretisation: {escape(_discretisation(fit))}", soft_wrap=True)
+    if fit.cut is not None and not fit.cut.warnings:
+        console.print(f"  cut: {escape(fit.cut.verdict)}", soft_wrap=True)
+    elif fit.cut is None and _begins_in_motion(fit):
         console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
-    if found.alternative is not None and not found.alternative.warning:
-        console.print(f"  integer order: {escape(_rival(found.alternative))}", soft_wrap=True)
-    elif found.alternative is None and (without := _without_integers(found)):
+    if fit.alternative is not None and not fit.alternative.warning:
+        console.print(f"  integer order: {escape(_rival(fit.alternative))}", soft_wrap=True)
+    elif fit.alternative is None and (without := _without_integers(fit)):
         console.print(
             f"  integer order: no rival was tried: the model gives {escape(without)} no integer value", soft_wrap=True
         )
-    console.print(f"result   {escape(str(ran.folder / 'result.json'))}", soft_wrap=True)
-    for path in ran.figures:
+    console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
+    for path in run.figures:
         if path.suffix in (".png", ".html"):
             what = "report" if path.suffix == ".html" else "figure"
             console.print(f"{what}   {escape(str(path))}", soft_wrap=True)
 
 
-def _print_estimates(console: Console, found: Fit) -> None:
+def _print_estimates(console: Console, fit: Fit) -> None:
     from rich.markup import escape
 
     table = new_table("", "value", "95 % interval", "unit", "")
-    shown = {**found.orders, **{n: e for n, e in found.parameters.items() if e.free}}
-    for recording in found.recordings.values():
-        own = f" [{recording.name}]" if len(found.recordings) > 1 else ""
-        shown |= {f"{n}{own}": e for n, e in recording.parameters.items()}
-    for name, e in shown.items():
+    estimates = {**fit.orders, **{n: e for n, e in fit.parameters.items() if e.free}}
+    for recording in fit.recordings.values():
+        own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
+        estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
+    for name, e in estimates.items():
         verdict = "" if e.identifiable == "identifiable" else e.identifiable
         table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
     console.print(table)
 
 
-def _print_recordings(console: Console, found: Fit) -> None:
+def _print_recordings(console: Console, fit: Fit) -> None:
     from rich.markup import escape
 
-    outputs, cost = found.problem.outputs, found.problem.cost_function.name
+    outputs, cost = fit.problem.outputs, fit.problem.cost_function.name
     table = new_table(
         "recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"
     )
-    for r in found.recordings.values():
+    for r in fit.recordings.values():
         scores = [
             text for n in outputs for text in (with_unit(r.rmse[n], r.unit(n), ".4g"), f"{r.fit_percent[n]:.2f} %")
         ]
@@ -204,8 +204,8 @@ def _digits(value: float, e: Estimate) -> str:
         return f"{e.bound:.6g}"
     if e.standard_error is None or not e.standard_error > 0 or value == 0:
         return f"{value:.6g}"
-    wanted = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
-    return f"{value:.{min(12, max(2, wanted))}g}"
+    precision = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
+    return f"{value:.{min(12, max(2, precision))}g}"
 
 
 def _interval(e: Estimate) -> str:
@@ -216,41 +216,39 @@ def _interval(e: Estimate) -> str:
     return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
 
 
-def _begins_in_motion(found: Fit) -> bool:
+def _begins_in_motion(fit: Fit) -> bool:
     """Whether an order is free, and the speed at some start was found to be other than zero."""
-    speeds = [
-        e for r in found.recordings.values() if r.use == "fit" for n, e in r.initial.items() if n.startswith("D^")
-    ]
+    speeds = [e for r in fit.recordings.values() if r.use == "fit" for n, e in r.initial.items() if n.startswith("D^")]
     surely = any(e.interval95 is not None and not e.interval95[0] <= 0 <= e.interval95[1] for e in speeds)
-    return surely and bool(found.problem.order_indices)
+    return surely and bool(fit.problem.order_indices)
 
 
-def _starts(found: Fit) -> str:
+def _starts(fit: Fit) -> str:
     """How many starts ended where, and which one won."""
     from fracid.estimation.starts import SAME_COST, final_cost, won
 
-    best = won(found.starts)
+    best = won(fit.starts)
     if best is None or best.cost is None:
-        return f"none of {len(found.starts)} reached the end"
-    costs = [final_cost(s, found.starts) for s in found.starts]
+        return f"none of {len(fit.starts)} reached the end"
+    costs = [final_cost(s, fit.starts) for s in fit.starts]
     lowest = sum(cost is not None and cost <= SAME_COST * best.cost for cost in costs)
-    lost = sum(cost is None for cost in costs)
-    left = f", {lost} were left for their cost" if lost else ""
-    return f"{lowest} of {len(costs)} came to the lowest cost{left}; the lowest is that of the start {best.origin}"
+    dropouts = sum(cost is None for cost in costs)
+    note = f", {dropouts} were left for their cost" if dropouts else ""
+    return f"{lowest} of {len(costs)} came to the lowest cost{note}; the lowest is that of the start {best.origin}"
 
 
-def _without_integers(found: Fit) -> str:
+def _without_integers(fit: Fit) -> str:
     """The free orders of which the model says that no integer value makes sense."""
-    return " and ".join(n for n, e in found.orders.items() if e.free and found.problem.model.integer_order(n) is None)
+    return " and ".join(n for n, e in fit.orders.items() if e.free and fit.problem.model.integer_order(n) is None)
 
 
 def _rival(rival: Alternative) -> str:
     return f"with {rival.structure} the cost is {rival.cost:.6g}, BIC {rival.gain:.3g} worse: the orders explain more"
 
 
-def _discretisation(found: Fit) -> str:
-    check = found.discretisation
+def _discretisation(fit: Fit) -> str:
+    check = fit.discretisation
     assert check is not None
-    moved = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
+    shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
-    return f"{cost} and the orders move by {moved}" if moved else cost
+    return f"{cost} and the orders move by {shifts}" if shifts else cost

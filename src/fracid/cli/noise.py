@@ -153,8 +153,15 @@ def _row(s: Statistics) -> tuple[str, ...]:
     def shown(value: float | None, form: str) -> str:
         return "–" if value is None else f"{factor * value:{form}}"
 
-    held = "–"
+    coverage = "–"
     if s.coverage95 is not None and s.coverage is not None:
         low, high = s.coverage95
-        held = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
-    return (s.name, shown(s.truth, ".5g"), shown(s.bias, "+.1e"), shown(s.spread, ".1e"), shown(s.claimed, ".1e"), held)
+        coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+    return (
+        s.name,
+        shown(s.truth, ".5g"),
+        shown(s.bias, "+.1e"),
+        shown(s.spread, ".1e"),
+        shown(s.claimed, ".1e"),
+        coverage,
+    )

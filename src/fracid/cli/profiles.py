@@ -81,26 +81,30 @@ def _pair(joint: str | None) -> tuple[str, str] | None:
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(found: FinishedProfiles, console: Console) -> None:
+def _show(analysis: FinishedProfiles, console: Console) -> None:
     from rich.markup import escape
 
     table = new_table("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile")
-    intervals = found.result["intervals"]["unknowns"]
-    for name, p in found.profiles.profiles.items():
+    intervals = analysis.result["intervals"]["unknowns"]
+    for name, p in analysis.profiles.profiles.items():
         row = intervals[name]
         others = [_half(row.get(method)) for method in ("sandwich", "bootstrap")]
-        shown = (name, f"{p.best:.6g}", _interval(p.interval95, p.best), *others, p.unit, p.verdict)
-        table.add_row(*map(escape, shown))
+        cells = (name, f"{p.best:.6g}", _interval(p.interval95, p.best), *others, p.unit, p.verdict)
+        table.add_row(*map(escape, cells))
     console.print(table)
-    spread = found.result["spread"]
-    few = () if isinstance(found.bootstrap, Failure) or not found.bootstrap.warning else (found.bootstrap.warning,)
-    for note in (*found.profiles.notes, *few, *(spread["sentences"] if spread else ())):
+    spread = analysis.result["spread"]
+    few = (
+        ()
+        if isinstance(analysis.bootstrap, Failure) or not analysis.bootstrap.warning
+        else (analysis.bootstrap.warning,)
+    )
+    for note in (*analysis.profiles.notes, *few, *(spread["sentences"] if spread else ())):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    for name, verdict in found.verdicts.items():
+    for name, verdict in analysis.verdicts.items():
         if verdict.sentence != "identifiable":
             console.print(f"[yellow]![/yellow] {escape(name)}: {escape(verdict.sentence)}", soft_wrap=True)
-    figure = next(path for path in found.figures if path.suffix == ".png")
-    console.print(f"result   {escape(str(found.path))}", soft_wrap=True)
+    figure = next(path for path in analysis.figures if path.suffix == ".png")
+    console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)
     console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
 
 

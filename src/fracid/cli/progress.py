@@ -77,20 +77,20 @@ def progress_shown(what: str, *, events: bool, stream: TextIO | None = None) -> 
 
 
 def _events(what: str, stream: TextIO) -> Iterator[Tell]:
-    told, last = -EVERY, None
+    event_time, last = -EVERY, None
 
     def write(p: Progress) -> None:
-        said = {"event": "progress", "what": what, **asdict(p), "rate": p.rate, "left": p.left}
-        best = said.pop("best")
-        rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in said.items()} | {"best": best}
+        event = {"event": "progress", "what": what, **asdict(p), "rate": p.rate, "left": p.left}
+        best = event.pop("best")
+        rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in event.items()} | {"best": best}
         stream.write(json.dumps(rounded) + "\n")
         stream.flush()
 
     def tell(p: Progress) -> None:
-        nonlocal told, last
+        nonlocal event_time, last
         last = p
-        if time.monotonic() - told >= EVERY:
-            told, last = time.monotonic(), None
+        if time.monotonic() - event_time >= EVERY:
+            event_time, last = time.monotonic(), None
             write(p)
 
     try:

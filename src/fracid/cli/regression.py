@@ -102,8 +102,8 @@ def regress(
     from fracid.workflows.regression import run_regression
 
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
-    if source.suffix == ".toml" and (said := [n for n, v in options.items() if v is not None]):
-        raise InputError(f"--{said[0]} is for a recording; the project file says it of each of its own.")
+    if source.suffix == ".toml" and (options_used := [n for n, v in options.items() if v is not None]):
+        raise InputError(f"--{options_used[0]} is for a recording; the project file says it of each of its own.")
     finished = run_regression(
         source, known=each_once("--known", map(_value_of("known"), known or ())),
         orders=each_once("--order", map(_value_of("order"), order or ())), terms=term or (),
@@ -141,19 +141,19 @@ def _value_of(option: str) -> Any:
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(found: FinishedRegression, out: Path | None, console: Console) -> None:
+def _show(results: FinishedRegression, out: Path | None, console: Console) -> None:
     from rich.markup import escape
 
-    for name, f in found.regressions.items():
+    for name, f in results.regressions.items():
         console.print(f"[bold]{escape(name)}[/bold]: {f.estimator}, {f.samples} rows", soft_wrap=True)
         _print_constants(console, f)
         for heading, text in _lines(f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
-        for heading, text in _start_lines(found, f):
+        for heading, text in _start_lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         for warning in (f.belief, *f.warnings):
             console.print(f"[yellow]![/yellow] {escape(warning)}", soft_wrap=True)
-    for note in found.notes:
+    for note in results.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
     if out is not None:
         console.print(f"result   {escape(str(out / 'regression.json'))}", soft_wrap=True)
@@ -170,7 +170,7 @@ def _print_constants(console: Console, f: Regression) -> None:
     console.print(table)
     doubted = [(n, c.verdict) for n, c in f.parameters.items() if _short(c.verdict) != c.verdict]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
-        names = ", ".join(n for n, said in doubted if said == verdict)
+        names = ", ".join(n for n, text in doubted if text == verdict)
         console.print(f"[yellow]![/yellow] {escape(f'{names}: {verdict}')}", soft_wrap=True)
 
 
@@ -197,9 +197,9 @@ def _searched(f: Regression, name: str) -> str:
     return f" ({low:.3g} … {high:.3g})" if high - low < float("inf") else " (not seen)"
 
 
-def _start_lines(found: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
+def _start_lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
     """What of it a fit of the project would start from."""
-    if not found.of_project:
+    if not results.of_project:
         return []
-    changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in found.starts(f).items()]
+    changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
     return [("start", ", ".join(changes) or "the project's own: nothing that it frees was identified")]

@@ -53,13 +53,15 @@ def reproduce(
     """
     from fracid.workflows.reproduction import reproduce_run
 
-    began = time.perf_counter()
-    found = reproduce_run(run, trust=trust, out=out, jobs=jobs, observer=on_terminal(events=json_), typed=_typed_again)
+    start_time = time.perf_counter()
+    reproduction = reproduce_run(
+        run, trust=trust, out=out, jobs=jobs, observer=on_terminal(events=json_), typed=_typed_again
+    )
     if json_:
-        echo_json(found.to_json())
+        echo_json(reproduction.to_json())
     else:
-        _show(found, run, time.perf_counter() - began, new_console())
-    if not found.reproduced:
+        _show(reproduction, run, time.perf_counter() - start_time, new_console())
+    if not reproduction.reproduced:
         raise typer.Exit(1)
 
 
@@ -85,19 +87,19 @@ def _as_typed(words: list[str], where: Path) -> Iterator[None]:
 # ------------------------------------------------------------------ as text
 
 
-def _show(found: Reproduction, run: Path, seconds: float, console: Console) -> None:
+def _show(reproduction: Reproduction, run: Path, seconds: float, console: Console) -> None:
     from rich.markup import escape
 
     console.print(f"{escape(str(run))} was done again in {seconds:.1f} s.", soft_wrap=True)
-    if found.differences:
+    if reproduction.differences:
         table = new_table("differs", "before", "now", "by", fold=("differs", "before", "now"))
-        for d in found.differences[:SHOWN]:
+        for d in reproduction.differences[:SHOWN]:
             table.add_row(*map(escape, _row(d)))
         console.print(table)
-        if len(found.differences) > SHOWN:
-            console.print(f"  and {len(found.differences) - SHOWN} more, which --json lists")
-    mark = "" if found.reproduced else "[yellow]![/yellow] "
-    console.print(f"{mark}[bold]{escape(found.verdict)}[/bold]", soft_wrap=True)
+        if len(reproduction.differences) > SHOWN:
+            console.print(f"  and {len(reproduction.differences) - SHOWN} more, which --json lists")
+    mark = "" if reproduction.reproduced else "[yellow]![/yellow] "
+    console.print(f"{mark}[bold]{escape(reproduction.verdict)}[/bold]", soft_wrap=True)
 
 
 def _row(d: Difference) -> tuple[str, str, str, str]:

@@ -68,33 +68,33 @@ def resid(
 # ------------------------------------------------------------------ as text
 
 
-def _show(found: FinishedResiduals, console: Console) -> None:
+def _show(analysis: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
 
-    console.print(_figures(found))
-    for note in found.run.notes:
+    console.print(_figures(analysis))
+    for note in analysis.run.notes:
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    for a in found.all:
+    for a in analysis.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
         console.print(_sentences(a))
-    console.print(f"\nresult   {escape(str(found.path))}", soft_wrap=True)
-    for path in (path for path in found.figures if path.suffix == ".png"):
+    console.print(f"\nresult   {escape(str(analysis.path))}", soft_wrap=True)
+    for path in (path for path in analysis.figures if path.suffix == ".png"):
         console.print(f"figure   {escape(str(path))}", soft_wrap=True)
     from fracid.selection.ladder import has_friction
 
-    project, trust = found.run.project, ["--trust"] * bool(found.run.project.own_code)
+    project, trust = analysis.run.project, ["--trust"] * bool(analysis.run.project.own_code)
     if has_friction(project.problem.model):
         say_next(console, (typed("compare", project.path, *trust), "does another structure leave less?"))
     else:
-        say_next(console, (typed("profile", found.run.folder, *trust), "which values do the data exclude?"))
+        say_next(console, (typed("profile", analysis.run.folder, *trust), "which values do the data exclude?"))
 
 
-def _figures(found: FinishedResiduals) -> Any:
+def _figures(analysis: FinishedResiduals) -> Any:
     """The sizes of all effects in one table."""
     from rich.markup import escape
 
     table = new_table("recording", "output", "rms", "steps", "correlated", "count", "PPCC", fold=("recording",))
-    for a in found.all:
+    for a in analysis.all:
         steps, w = a.level.steps, a.whiteness
         table.add_row(
             escape(a.recording), escape(a.output), with_unit(a.level.rms, a.unit) if isfinite(a.level.rms) else "–",

@@ -156,23 +156,23 @@ def quantity(text: str, option: str, *, unit: str = "") -> float:
     >>> round(quantity("10deg", "--initial alpha=10deg"), 6), quantity("2ms", "--step 2ms"), quantity("1e-3", "--step")
     (0.174533, 0.002, 0.001)
     """
-    found = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*", text)
-    if not found or found[2] not in UNITS:
+    match = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*", text)
+    if not match or match[2] not in UNITS:
         raise InputError(f"{text!r} is not possible; expected a number with its unit, e.g. {option}.")
-    if unit and not found[2]:
+    if unit and not match[2]:
         raise InputError(f"{text!r} has no unit: {unit}? Type for example {option}.")
-    return float(found[1]) * UNITS[found[2]]
+    return float(match[1]) * UNITS[match[2]]
 
 
-def _assigned(given: list[str] | None, example: str, unit: Mapping[str, str] | None = None) -> dict[str, float]:
+def _assigned(texts: list[str] | None, example: str, unit: Mapping[str, str] | None = None) -> dict[str, float]:
     """Parse ``NAME=VALUE`` of an option that may be given again; a state's name may hold blanks."""
     values: list[tuple[str, float]] = []
-    for text in given or ():
+    for text in texts or ():
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip():
             raise InputError(f"{text!r} is not possible; expected NAME=VALUE, e.g. {example}.")
-        shown = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}" if _is_number(value) else example
-        values.append((name.strip(), quantity(value, shown, unit=(unit or {}).get(name.strip(), ""))))
+        hint = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}" if _is_number(value) else example
+        values.append((name.strip(), quantity(value, hint, unit=(unit or {}).get(name.strip(), ""))))
     return each_once(example.split()[0], values)
 
 
@@ -212,26 +212,26 @@ def _method(name: str) -> str:
     return name
 
 
-def _driven(twin: Twin, said: str, end: str | None) -> Twin:
+def _driven(twin: Twin, spec: str, end: str | None) -> Twin:
     """With the input of a file, ``pulse.csv,column=2``; to its end, where no other is said."""
     from fracid.workflows.simulation import driven
 
-    file, _, fields = said.partition(",")
+    file, _, fields = spec.partition(",")
     channel = column_from_text(f"input=0,{fields}")[1] if fields else {}
     return driven(twin, Path(file), channel, to_its_end=end is None)
 
 
-def _noise(given: list[str] | None, twin: Twin) -> dict[str, float]:
+def _noise(texts: list[str] | None, twin: Twin) -> dict[str, float]:
     """Output → standard deviation [rad]; a value without a name is that of all."""
     unit = "deg or rad" if twin.model.zero else ""
     levels: list[tuple[str, float]] = []
-    for text in given or ():
+    for text in texts or ():
         name, _, value = text.rpartition("=")
         level = quantity(value, "--noise 0.05deg" if unit else "--noise 0.001", unit=unit)
         levels.append((name.strip() or "all", level))
-    said = each_once("--noise", levels)
-    of_all = dict.fromkeys(twin.model.outputs, said.pop("all")) if "all" in said else {}
-    return of_all | said
+    deviations = each_once("--noise", levels)
+    of_all = dict.fromkeys(twin.model.outputs, deviations.pop("all")) if "all" in deviations else {}
+    return of_all | deviations
 
 
 # ------------------------------------------------------------------ from results to text
@@ -242,22 +242,22 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
 
     from fracid.cli.check import print_sketches
 
-    twin, run, made, files = simulated.twin, simulated.run, simulated.recording, simulated.files
+    twin, run, data, files = simulated.twin, simulated.run, simulated.recording, simulated.files
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
     console.print(
         f"[bold]{escape(source)}[/bold]: {escape(twin.model.name)}, {twin.model.zero or 'no zero'}; {escape(orders)}; "
-        f"{run.method}, memory {run.memory}, step {1e3 * run.step:g} ms, {made.time.size:,} samples to "
-        f"{made.time[-1]:g} s: {run.outcome.value}",
+        f"{run.method}, memory {run.memory}, step {1e3 * run.step:g} ms, {data.time.size:,} samples to "
+        f"{data.time[-1]:g} s: {run.outcome.value}",
         soft_wrap=True,
     )
     table = new_table("signal", "least", "greatest", "at the end", fold=("signal",))
-    for name, x in made.signals.items():
-        angle = made.units[name] == "rad"
+    for name, x in data.signals.items():
+        angle = data.units[name] == "rad"
         values = [degrees(v) if angle else v for v in (x.min(), x.max(), x[-1])]
-        unit = "°" if angle else "" if made.units[name] == "1" else f" {made.units[name]}"
+        unit = "°" if angle else "" if data.units[name] == "1" else f" {data.units[name]}"
         table.add_row(escape(name), *(f"{v:.4g}{unit}" for v in values))
     console.print(table)
-    print_sketches(console, made)
+    print_sketches(console, data)
     kinds = {".json": "truth", ".png": "figure", ".svg": ""}
     for path in files:
         if kind := kinds.get(path.suffix, "recording"):

@@ -125,15 +125,15 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
 
     def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
         one = replace(problem, experiments=(e,))
-        found = refit(one, np.array([at[n] for n in one.names]))
-        known = uncertainty(one, found.point) if math.isfinite(found.cost) else None
-        if known is None or isinstance(known, Failure):
+        best = refit(one, np.array([at[n] for n in one.names]))
+        precision = uncertainty(one, best.point) if math.isfinite(best.cost) else None
+        if precision is None or isinstance(precision, Failure):
             return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
         where = [one.names.index(problem.names[i]) for i in shared]
-        return found.point[where], known.standard_error[where]
+        return best.point[where], precision.standard_error[where]
 
     with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
-        found = list(pool.map(alone, problem.experiments))
-    values, errors = (np.array(rows) for rows in zip(*found, strict=True))
+        estimates = list(pool.map(alone, problem.experiments))
+    values, errors = (np.array(rows) for rows in zip(*estimates, strict=True))
     names = tuple(problem.names[i] for i in shared)
     return Spread(names, tuple(e.name for e in problem.experiments), values, errors)

@@ -172,12 +172,12 @@ def bootstrap(
     length = min(length, min(map(len, errors)))
     streams = np.random.default_rng(seed).spawn(draws)
     x = np.asarray(x, dtype=np.float64)
-    drawn: Sequence[FloatArray | None]
+    estimates: Sequence[FloatArray | None]
     if variant == "refit":
-        drawn = _refitted(problem, x, errors, length, streams, Execution(executor, jobs, journal, progress))
+        estimates = _refitted(problem, x, errors, length, streams, Execution(executor, jobs, journal, progress))
     else:
-        drawn = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
-    good = [point for point in drawn if point is not None]
+        estimates = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
+    good = [point for point in estimates if point is not None]
     if len(good) < 2:
         raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
     blocks = sum(len(e) // length for e in errors)
@@ -208,12 +208,12 @@ def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, medi
     """
     n = len(errors)
     starts = rng.integers(0, n - length + 1, -(-n // length))
-    drawn = errors[(starts[:, None] + np.arange(length)).ravel()[:n]]
+    sample = errors[(starts[:, None] + np.arange(length)).ravel()[:n]]
     if median:
-        return np.asarray(drawn - np.median(errors, axis=0))
+        return np.asarray(sample - np.median(errors, axis=0))
     total = np.vstack([np.zeros_like(errors[:1]), np.cumsum(errors, axis=0)])
     mean = (total[n - length + 1 :] - total[:length]) / (n - length + 1)  # over all starts, at each place of a block
-    return np.asarray(drawn - np.tile(mean, (len(starts), 1))[:n])
+    return np.asarray(sample - np.tile(mean, (len(starts), 1))[:n])
 
 
 def _rests_on_median(problem: Problem) -> bool:
@@ -226,10 +226,10 @@ def _stepped(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
 ) -> list[FloatArray]:
     """One Newton step for each draw; unknowns at their bounds stay."""
-    known = uncertainty(problem, x, jobs=jobs)
-    if isinstance(known, Failure):
-        raise InputError(f"There is no Newton step: {known}.")
-    free = np.flatnonzero(~known.at_bound)
+    precision = uncertainty(problem, x, jobs=jobs)
+    if isinstance(precision, Failure):
+        raise InputError(f"There is no Newton step: {precision}.")
+    free = np.flatnonzero(~precision.at_bound)
     if not len(free):
         return [x.copy() for _ in streams]
     J = jacobian(problem, x, free, jobs=jobs)
@@ -242,8 +242,8 @@ def _stepped(
     median = _rests_on_median(problem)
 
     def step(rng: np.random.Generator) -> FloatArray:
-        drawn = [resampled(e, length, rng, median=median) for e in errors]
-        _, scores = rows_and_scores(problem, drawn, J)
+        samples = [resampled(e, length, rng, median=median) for e in errors]
+        _, scores = rows_and_scores(problem, samples, J)
         point = x.copy()
         point[free] -= shape.inverse @ sum((s.sum(axis=0) for s in scores), np.zeros(len(free)))
         return point
@@ -270,5 +270,5 @@ def _redrawn(
         replace(e, measured=e.measured - error + resampled(error, length, rng, median=median))
         for e, error in zip(problem.experiments, errors, strict=True)
     )
-    found = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))
-    return found.point.tolist() if math.isfinite(found.cost) else None
+    best = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))
+    return best.point.tolist() if math.isfinite(best.cost) else None

@@ -177,17 +177,17 @@ class Profiles:
         })  # fmt: skip
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any], problem: Problem) -> Profiles:
+    def of_json(cls, content: Mapping[str, Any], problem: Problem) -> Profiles:
         """The same from :meth:`to_json`, but for the other unknowns along the way.
 
         Parameters
         ----------
-        said : mapping
+        content : mapping
             The content of profiles.json.
         problem : Problem
             That was profiled.
         """
-        block = ProfilesBlock.model_validate(said)
+        block = ProfilesBlock.model_validate(content)
         x = np.array([block.minimum[n] for n in problem.names])
         profiles = {n: _profile_of(n, p, len(x)) for n, p in block.profiles.items()}
         joint = None if block.joint is None else _joint_of(block.joint)
@@ -267,11 +267,11 @@ def profile(
             break
         notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
     pairs = zip(at, walks[::2], walks[1::2], strict=True)
-    found = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
+    profiles = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
     if not surface.calibrated:
         notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
-    grid = None if pair is None else _joint(surface, pair, found, points, jobs)
-    return Profiles(problem, surface.top.point, surface.top.cost, found, grid, tuple(notes))
+    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs)
+    return Profiles(problem, surface.top.point, surface.top.cost, profiles, grid, tuple(notes))
 
 
 def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> Surface:
@@ -290,8 +290,10 @@ def _walks(
     """Both sides of each unknown, and of all their points the lowest, with its rise."""
     tasks = [(i, side) for i in at for side in (-1, 1)]
     walks = _in_threads(jobs, lambda task: walk(surface, *task, points), tasks)
-    seen = [(e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path]
-    return walks, min(seen, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
+    candidates = [
+        (e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path
+    ]
+    return walks, min(candidates, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
 
 
 def _indices(problem: Problem, names: Sequence[str] | None) -> list[int]:
@@ -332,7 +334,7 @@ def _in_threads(jobs: int, work: Callable[[_In], _Out], tasks: Iterable[_In]) ->
 
 def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
     """Both sides and the minimum between them."""
-    unknown, path = surface.problem.unknowns[i], (*below.path[::-1], surface.top, *above.path)
+    parameter, path = surface.problem.unknowns[i], (*below.path[::-1], surface.top, *above.path)
     values = np.array([e.point[i] for e in path])
     rise = np.array([surface.rise(e, i) for e in path])
     best, k = float(surface.top.point[i]), len(below.path)
@@ -341,7 +343,7 @@ def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
         ends = (None, None)
     se = surface.standard_error(i)
     return Profile(
-        unknown.name, unknown.unit, best, values, rise, np.array([e.cost for e in path]),
+        parameter.name, parameter.unit, best, values, rise, np.array([e.cost for e in path]),
         np.array([e.point for e in path]), (below.end, above.end), ends,
         (best - NORMAL_95 * se, best + NORMAL_95 * se) if math.isfinite(se) and i not in surface.at_bound else None,
         _verdict(surface, i, below, above),
@@ -366,11 +368,13 @@ REACH = 3.2
 """Standard errors to each side of a joint profile; its 95 % region reaches 2.45."""
 
 
-def _joint(surface: Surface, pair: tuple[int, int], found: dict[str, Profile], points: int, jobs: int) -> JointProfile:
+def _joint(
+    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int
+) -> JointProfile:
     """W over a grid; each point starts from where the parabola would have it."""
     if not surface.calibrated:
         raise InputError(f"The cost {surface.problem.cost_function.name} is a user's own: no joint profile of it.")
-    axes = [_axis(surface, i, found.get(surface.problem.names[i]), min(points, GRID)) for i in pair]
+    axes = [_axis(surface, i, profiles.get(surface.problem.names[i]), min(points, GRID)) for i in pair]
     shape, slope, top = surface.sandwich(*pair), surface.slope(pair), surface.top.point
     at, tolerance = np.searchsorted(shape.free, pair), surface.tolerance(*pair)
     bread, filled = (np.linalg.pinv(c[np.ix_(at, at)]) for c in (shape.inverse, shape.covariance))
@@ -395,14 +399,18 @@ def _joint(surface: Surface, pair: tuple[int, int], found: dict[str, Profile], p
     )
 
 
-def _axis(surface: Surface, i: int, found: Profile | None, points: int) -> FloatArray:
+def _axis(surface: Surface, i: int, curve: Profile | None, points: int) -> FloatArray:
     """Values about the best, which is one of them, as far as the profile's interval says, within the bounds."""
     best, low, high = float(surface.top.point[i]), float(surface.space.lower[i]), float(surface.space.upper[i])
     se = surface.standard_error(i)
     reach = REACH * se if math.isfinite(se) else 0.25 * (high - low if math.isfinite(high - low) else abs(best) + 1)
-    ends = (None, None) if found is None else found.interval95
+    ends = (None, None) if curve is None else curve.interval95
     below, above = (reach if end is None else max(0.3 * reach, REACH / NORMAL_95 * abs(end - best)) for end in ends)
     low, high = max(low, best - below), min(high, best + above)
     count = min(points - 1, max(0, round((points - 1) * (best - low) / (high - low))))
-    left = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
-    return np.concatenate([left, np.linspace(best, high, points - len(left))]) if high > best else np.append(left, best)
+    lower_values = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
+    return (
+        np.concatenate([lower_values, np.linspace(best, high, points - len(lower_values))])
+        if high > best
+        else np.append(lower_values, best)
+    )

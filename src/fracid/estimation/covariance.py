@@ -231,26 +231,37 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return Failure(
             FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
         )
-    held, found = _held(problem, x, jobs)
+    active, estimator = _held(problem, x, jobs)
     error = np.full(len(x), np.nan)
-    if held.all():
-        return Uncertainty(error, held, (), 0.0, 1.0, error)
-    if isinstance(found, Failure):
-        return found
-    free = found.free
-    directions = _unseen(problem, x, found)
-    known = ~np.any(directions != 0, axis=0)
+    if active.all():
+        return Uncertainty(error, active, (), 0.0, 1.0, error)
+    if isinstance(estimator, Failure):
+        return estimator
+    free = estimator.free
+    directions = _unseen(problem, x, estimator)
+    identifiable = ~np.any(directions != 0, axis=0)
     white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
-    error[free[known]] = np.sqrt(np.diag(found.covariance))[known]
-    white[free[known]] = np.sqrt(np.diag(found.white))[known]
-    covariance[np.ix_(free[known], free[known])] = found.covariance[np.ix_(known, known)]
-    unseen = np.zeros((len(directions), len(x)))
-    unseen[:, free] = directions
-    confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in unseen)
+    error[free[identifiable]] = np.sqrt(np.diag(estimator.covariance))[identifiable]
+    white[free[identifiable]] = np.sqrt(np.diag(estimator.white))[identifiable]
+    covariance[np.ix_(free[identifiable], free[identifiable])] = estimator.covariance[
+        np.ix_(identifiable, identifiable)
+    ]
+    null_space = np.zeros((len(directions), len(x)))
+    null_space[:, free] = directions
+    confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples, wider = sum(len(e.measured) for e in problem.experiments), np.ones(len(x))
-    wider[free] = found.widening
+    wider[free] = estimator.widening
     return Uncertainty(
-        error, held, confounded, found.bandwidth, found.condition, white, covariance, unseen, samples, wider
+        error,
+        active,
+        confounded,
+        estimator.bandwidth,
+        estimator.condition,
+        white,
+        covariance,
+        null_space,
+        samples,
+        wider,
     )
 
 
@@ -280,8 +291,8 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
     (1, 1)
     """
-    seen = _seen(problem, x, free, jobs)
-    return seen if isinstance(seen, Failure) else _sandwich(problem, *seen, free)
+    linearisation = _seen(problem, x, free, jobs)
+    return linearisation if isinstance(linearisation, Failure) else _sandwich(problem, *linearisation, free)
 
 
 def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | Failure:
@@ -298,19 +309,19 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     for tall in (rows, *scores):  # in place: each is as long as the recordings
         tall /= norm
     _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
-    seen = singular > UNSEEN * max(singular[0], 1e-300)
+    nonzero = singular > UNSEEN * max(singular[0], 1e-300)
     S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
     S, S0 = (
         S + np.diag(2 * level * prior) / scale,
         (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
     )
-    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]  # pseudo-inverse of the scaled A
+    inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
     covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
     return Sandwich(
-        free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~seen] / norm,
+        free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
         bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
     )  # fmt: skip
 
@@ -354,18 +365,18 @@ def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_]
     some = np.flatnonzero(~near | (away > 0))
     if not len(some):
         return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound")
-    seen = _seen(problem, x, some, jobs)
-    if isinstance(seen, Failure):
-        return near, seen
-    errors, J = seen
-    found = _sandwich(problem, errors, J, some)
-    blind = np.any(_unseen(problem, x, found) != 0, axis=0)
-    held = near.copy()
-    held[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(found.covariance)))
-    kept = ~held[some]
-    if kept.all() or not kept.any():
-        return held, found
-    return held, _sandwich(problem, errors, [j[..., kept] for j in J], some[kept])
+    linearisation = _seen(problem, x, some, jobs)
+    if isinstance(linearisation, Failure):
+        return near, linearisation
+    errors, J = linearisation
+    estimator = _sandwich(problem, errors, J, some)
+    blind = np.any(_unseen(problem, x, estimator) != 0, axis=0)
+    active = near.copy()
+    active[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(estimator.covariance)))
+    interior = ~active[some]
+    if interior.all() or not interior.any():
+        return active, estimator
+    return active, _sandwich(problem, errors, [j[..., interior] for j in J], some[interior])
 
 
 def rows_and_scores(
@@ -416,18 +427,18 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 
-def _unseen(problem: Problem, x: FloatArray, found: Sandwich) -> FloatArray:
+def _unseen(problem: Problem, x: FloatArray, estimator: Sandwich) -> FloatArray:
     """Directions of relative changes that the data do not see, shape (n_unseen, n_free)."""
     size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    return _sparse(found.directions / size[found.free])
+    return _sparse(estimator.directions / size[estimator.free])
 
 
-def _sparse(unseen: FloatArray) -> FloatArray:
+def _sparse(directions: FloatArray) -> FloatArray:
     """Unseen directions, of relative changes, with the fewest entries that are not 0, shape (n_unseen, n_free).
 
     A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
     """
-    rows, lead = unseen / np.max(np.abs(unseen), axis=1, keepdims=True, initial=1e-300), 0
+    rows, lead = directions / np.max(np.abs(directions), axis=1, keepdims=True, initial=1e-300), 0
     for column in np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable"):
         if lead == len(rows):
             break
@@ -468,8 +479,8 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
         return None
 
     with ThreadPoolExecutor(jobs) as pool:
-        failed = [why for why in pool.map(differentiate, range(len(free))) if why]
-    return failed[0] if failed else J
+        reasons = [why for why in pool.map(differentiate, range(len(free))) if why]
+    return reasons[0] if reasons else J
 
 
 def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
@@ -514,21 +525,23 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
     share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
     values, vectors = np.linalg.eigh(inverse)
     root = vectors * np.sqrt(np.maximum(values, 0.0))  # A⁻¹ is root root'
-    whole, taken, scatter = np.zeros((3, len(inverse)))
+    whole, leverage, scatter = np.zeros((3, len(inverse)))
     for r in rows:
         n, m = len(r), len(share)
         flat = r.reshape(-1, len(inverse))
-        moved = (flat @ root).reshape(r.shape)
+        projection = (flat @ root).reshape(r.shape)
         for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
             influence = (flat @ v).reshape(n, -1)
             q = np.einsum("to,to->t", influence, influence)
             pairs = products_by_lag(q)[:m]
             whole[i] += q.sum()
             scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
-            taken[i] += np.sum(neighbour_sums(np.einsum("to,toj->tj", influence, moved), m) ** 2) / m  # root' M_t v_i
-    left = 1 - np.minimum(taken / np.maximum(whole, 1e-300), TAKEN)
+            leverage[i] += (
+                np.sum(neighbour_sums(np.einsum("to,toj->tj", influence, projection), m) ** 2) / m
+            )  # root' M_t v_i
+    remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
     degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
-    return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(left))
+    return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(remainder))
 
 
 def residual_bandwidth(errors: list[FloatArray]) -> float:
@@ -550,14 +563,14 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     return float(min(longest, min(map(len, errors)) // 4))
 
 
-def claimed_half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
+def claimed_half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
-    if isinstance(known, Failure) or known.at_bound[i] or np.isfinite(known.standard_error[i]):
-        return half_width(known, x, i)
+    if isinstance(precision, Failure) or precision.at_bound[i] or np.isfinite(precision.standard_error[i]):
+        return half_width(precision, x, i)
     return np.inf
 
 
-def half_width(known: Uncertainty | Failure, x: FloatArray, i: int) -> float:
+def half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """Half of the 95 % interval of free parameter i; 0 where there is none."""
-    interval = None if isinstance(known, Failure) else known.interval(x, i)
+    interval = None if isinstance(precision, Failure) else precision.interval(x, i)
     return 0.0 if interval is None else (interval[1] - interval[0]) / 2

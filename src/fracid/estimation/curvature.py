@@ -95,8 +95,8 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     norm = np.linalg.norm(R, axis=0)
     norm[norm == 0] = 1.0  # 1e-300 would have a square of 0
     _, singular, V = np.linalg.svd(R / norm)
-    seen = singular > UNSEEN * max(float(singular[0]), 1e-300)
-    inverse = (V[seen].T / singular[seen] ** 2) @ V[seen]
+    nonzero = singular > UNSEEN * max(float(singular[0]), 1e-300)
+    inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]
     return Curvature(free, inverse / np.outer(norm, norm), gradient)
 
 
@@ -113,7 +113,7 @@ def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return curved, pull / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
 
 
-def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[FloatArray, float]:
+def newton_step(problem: Problem, x: FloatArray, parabola: Curvature) -> tuple[FloatArray, float]:
     """Find how far the minimum is, by a Newton step of which the cost is asked.
 
     Parameters
@@ -121,7 +121,7 @@ def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[Floa
     problem : Problem
     x : array, shape (n_unknowns,)
         Where a search ended.
-    found : Curvature
+    parabola : Curvature
         There.
 
     Returns
@@ -144,7 +144,7 @@ def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[Floa
     (array([-0.001]), True)
     """
     whole = np.zeros(len(x))
-    whole[found.free] = -found.inverse @ found.gradient
+    whole[parabola.free] = -parabola.inverse @ parabola.gradient
     here = problem.cost(x)
     ends = [np.clip(x + f * whole, problem.space.lower, problem.space.upper) for f in FRACTIONS]
     cost, end = min(((problem.cost(y), y) for y in ends), key=lambda pair: pair[0])
@@ -152,7 +152,7 @@ def newton_step(problem: Problem, x: FloatArray, found: Curvature) -> tuple[Floa
 
 
 def start_shift(
-    problem: Problem, x: FloatArray, found: Curvature, noise: dict[str, FloatArray], *, jobs: int = 1
+    problem: Problem, x: FloatArray, parabola: Curvature, noise: dict[str, FloatArray], *, jobs: int = 1
 ) -> FloatArray | None:
     """Find how far the noise of the samples that the start is taken from moves the unknowns.
 
@@ -161,7 +161,7 @@ def start_shift(
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    found : Curvature
+    parabola : Curvature
         There.
     noise : dict
         Recording → standard deviation of its outputs' noise [rad], shape (n_outputs,).
@@ -195,39 +195,39 @@ def start_shift(
     if isinstance(errors, Failure):
         return None
     weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
-    values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(found.free)), False
+    values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(parabola.free)), False
     for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
         alone = replace(
             problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)
         )  # its start moves no other
-        started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and e.past is None]
-        if not started:
+        initial_indices = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and e.past is None]
+        if not initial_indices:
             continue
         point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
         own = {
-            k: alone.names.index(name) for k, i in enumerate(found.free) if (name := problem.names[i]) in alone.names
+            k: alone.names.index(name) for k, i in enumerate(parabola.free) if (name := problem.names[i]) in alone.names
         }
-        J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
+        J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)
         if isinstance(J, Failure):
             return None
-        rows = weight * J[0].reshape(-1, len(own) + len(started))
-        G = found.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
-        variance += np.einsum("ij,jk,ik->i", G, _covariance(alone, started, noise), G)
+        rows = weight * J[0].reshape(-1, len(own) + len(initial_indices))
+        G = parabola.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
+        variance += np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise), G)
         any_taken = True
     if not any_taken:
         return None
     shift = np.zeros(len(x))
-    shift[found.free] = np.sqrt(variance)
+    shift[parabola.free] = np.sqrt(variance)
     return shift
 
 
-def _covariance(problem: Problem, started: list[int], noise: dict[str, FloatArray]) -> FloatArray:
+def _covariance(problem: Problem, initial_indices: list[int], noise: dict[str, FloatArray]) -> FloatArray:
     """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
     model, experiments = problem.model, {e.name: e for e in problem.experiments}
     outputs = {model.states[model.outputs[o]]: k for k, o in enumerate(problem.outputs)}
     rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.parametrisation.rates.items()}
     sources, functionals = [], []
-    for u in (problem.unknowns[i] for i in started):
+    for u in (problem.unknowns[i] for i in initial_indices):
         assert u.experiment is not None
         e, k = experiments[u.experiment], (outputs | rates)[u.target]
         v = e.slope_weights if u.target in rates else np.eye(1, len(e.slope_weights))[0]

@@ -142,8 +142,8 @@ class FitPictures:
         from fracid.estimation.cost_plane import cost_plane
 
         plane = cost_plane(self.problem, self.x, points=points, jobs=jobs)
-        found = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
-        best = (found[plane.names[0]], found[plane.names[1]])
+        orders = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
+        best = (orders[plane.names[0]], orders[plane.names[1]])
         return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)
 
     def plot_rig(self: Fitted, *, style: str | Style = "screen") -> Figure:
@@ -161,8 +161,8 @@ class FitPictures:
         """
         model = self.problem.model
         names = () if model.drawing is None else model.drawing.as_found
-        found = {n: e.value for n in names if (e := self.parameters.get(n)) and e.identifiable == "identifiable"}
-        return model.with_parameters(**found).plot(style=style)
+        constants = {n: e.value for n in names if (e := self.parameters.get(n)) and e.identifiable == "identifiable"}
+        return model.with_parameters(**constants).plot(style=style)
 
     def plot_starts(self: Fitted, *, style: str | Style = "screen") -> Figure:
         """Where each start of the search ended, sorted; see :func:`fracid.plots.waterfall`.

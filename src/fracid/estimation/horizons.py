@@ -106,7 +106,7 @@ def grown_horizon(
 ) -> tuple[Result, tuple[Start, ...]]:
     """Fit from several points on horizons that grow, and keep those that promise most at each."""
     ways = [_Way(origin, x, x) for origin, x in points]
-    live, whole, began = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
+    live, whole, baseline = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
     for number, horizon in enumerate([*horizons(problem), whole]):
         last = horizon == whole
         at = problem if last else problem.until(horizon)
@@ -122,7 +122,7 @@ def grown_horizon(
         if result.interrupted or last:
             break
         live = _promising(live, paths, number, f"{horizon:.3g} s")
-    return replace(result, evaluations=watch.count - began), tuple(w.record() for w in ways)
+    return replace(result, evaluations=watch.count - baseline), tuple(w.record() for w in ways)
 
 
 def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
@@ -144,14 +144,14 @@ def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> 
     """Those that go on to the next horizon: the first, and who has neither joined another nor fallen far behind."""
     costs = [p.best.cost if p.best is not None else np.inf for p in paths]
     limit = np.inf if number < PATIENCE else HOPELESS * min(costs)
-    kept = []
+    survivors = []
     for i, (way, cost) in enumerate(zip(live, costs, strict=True)):
         if i > 0 and way.joined is None and not cost < max(limit, 1e-300):
             far = "its run fails" if not np.isfinite(cost) else f"its cost is {cost / min(costs):.2g} times the best"
             way.ended = f"left at {until}: {far}"
         elif way.joined is None:
-            kept.append(way)
-    return kept
+            survivors.append(way)
+    return survivors
 
 
 def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:

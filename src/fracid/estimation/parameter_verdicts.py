@@ -123,16 +123,16 @@ def identifiability(
     if isinstance(known, Failure):
         return {n: Verdict(n, "unknown", str(known)) for n in problem.names}
     view = _View(problem, x, known, profiles or {}, jobs)
-    return {n: next(found for rule in RULES for found in rule(view, i)) for i, n in enumerate(problem.names)}
+    return {n: next(verdict for rule in RULES for verdict in rule(view, i)) for i, n in enumerate(problem.names)}
 
 
 class _View:
     """What the rules look at; the costly parts once, and only where a rule asks."""
 
     def __init__(
-        self, problem: Problem, x: FloatArray, known: Uncertainty, profiles: Mapping[str, Profile], jobs: int
+        self, problem: Problem, x: FloatArray, precision: Uncertainty, profiles: Mapping[str, Profile], jobs: int
     ) -> None:
-        self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, known, profiles, jobs
+        self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, precision, profiles, jobs
         self.names = problem.names
         self._powers: FloatArray | None = None
         self._travels: dict[str, float] = {}
@@ -196,7 +196,9 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
     J, J_half = jacobian(problem, x, everything, jobs=jobs), jacobian(smaller, np.where(angles, 0.5 * x, x), everything)
     if isinstance(J, Failure) or isinstance(J_half, Failure):
         return np.full(len(x), np.nan)
-    norms = [np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in found]), axis=0) for found in (J, J_half)]
+    norms = [
+        np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in matrices]), axis=0) for matrices in (J, J_half)
+    ]
     return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))
 
 
@@ -204,22 +206,22 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
 
 
 def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
-    name, found = view.names[i], view.profiles.get(view.names[i])
-    if found is None or found.verdict == "no threshold":
+    name, profile = view.names[i], view.profiles.get(view.names[i])
+    if profile is None or profile.verdict == "no threshold":
         return
-    low, high = found.interval95
-    if found.two_sided is not None:
-        narrow = not view.too_wide(i, (found.two_sided[1] - found.two_sided[0]) / 2)
+    low, high = profile.interval95
+    if profile.two_sided is not None:
+        narrow = not view.too_wide(i, (profile.two_sided[1] - profile.two_sided[0]) / 2)
         if narrow and view.known.at_bound[i]:  # the walk found it off the bound
             yield from _identifiable(view, i)
         elif view.known.at_bound[i]:
             yield Verdict(name, "practically not", f"the data say {low:.4g} … {high:.4g}{_because(view, i)}")
         return
     side = f"above {low:.4g}" if low is not None else f"below {high:.4g}" if high is not None else ""
-    if found.verdict == "flat":
-        said = f"its profile is flat from {found.values[0]:.4g} to {found.values[-1]:.4g}"
-        yield Verdict(name, "practically not", f"{said}{_because(view, i)}")
-    elif found.verdict == "one-sided":
+    if profile.verdict == "flat":
+        text = f"its profile is flat from {profile.values[0]:.4g} to {profile.values[-1]:.4g}"
+        yield Verdict(name, "practically not", f"{text}{_because(view, i)}")
+    elif profile.verdict == "one-sided":
         yield Verdict(name, "practically not", f"its profile is one-sided, the data say {side}{_because(view, i)}")
     else:
         yield Verdict(name, "at its bound", f"{view.bound(i):.4g}; the data say {side}")
@@ -249,9 +251,9 @@ def _unseen(view: _View, i: int) -> Iterator[Verdict]:
     if len(directions) > 1 or not all(_has_a_size(view, k) for k in (i, others[0])):
         yield Verdict(name, "only in a ratio", f"seen only together with {', '.join(partners)}", partners)
         return
-    known = _combination(name, partners[0], direction[i] / direction[others[0]])
+    combination = _combination(name, partners[0], direction[i] / direction[others[0]])
     also = f", and so with {', '.join(partners[1:])}" if len(partners) > 1 else ""
-    reason = f"with {partners[0]}: the data know {known}{also}; fix one of them"
+    reason = f"with {partners[0]}: the data know {combination}{also}; fix one of them"
     yield Verdict(name, "only in a ratio", reason, partners)
 
 
@@ -273,17 +275,17 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    said = f"its interval is {view.x[i]:.3g} ± {view.half(i):.2g}"
+    text = f"its interval is {view.x[i]:.3g} ± {view.half(i):.2g}"
     if view.half(i) > reach.upper - reach.lower:
-        said = f"its interval is wider than all that it may be, {reach.lower:.3g} … {reach.upper:.3g}"
+        text = f"its interval is wider than all that it may be, {reach.lower:.3g} … {reach.upper:.3g}"
     because = _because(view, i)
     ratio = None if because else _near_ratio(view, i)
     if ratio is None:
-        yield Verdict(name, "practically not", said + because)
+        yield Verdict(name, "practically not", text + because)
     else:
-        partner, known, percent = ratio
-        yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {known} is known to {percent:.2g} %, "
-                      f"while {said}", (partner,))  # fmt: skip
+        partner, combination, percent = ratio
+        yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {combination} is known to {percent:.2g} %, "
+                      f"while {text}", (partner,))  # fmt: skip
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:

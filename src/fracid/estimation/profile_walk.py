@@ -59,7 +59,7 @@ class End(Enum):
 def refit(
     problem: Problem,
     x: FloatArray,
-    held: Sequence[int] = (),
+    fixed: Sequence[int] = (),
     *,
     tolerance: float = TOLERANCE,
     budget: int = BUDGET,
@@ -68,7 +68,7 @@ def refit(
 
     Parameters
     ----------
-    held : sequence of int
+    fixed : sequence of int
         Their indices.
     tolerance, budget
         Of :func:`fracid.optimise.least_squares`; a user's own cost takes Nelder and Mead's method.
@@ -87,12 +87,12 @@ def refit(
     >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)), initial={"alpha": 0.3})
     >>> problem = Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)},
     ...                   initial_state="held")
-    >>> refit(problem, np.array([1.0, 0.95]), held=[1]).point.round(3)
+    >>> refit(problem, np.array([1.0, 0.95]), fixed=[1]).point.round(3)
     array([0.9 , 0.95])
     """
     space = problem.space
     x = np.clip(x, space.lower, space.upper)
-    free = np.setdiff1d(np.arange(len(x)), held)
+    free = np.setdiff1d(np.arange(len(x)), fixed)
     if not len(free):
         return problem.evaluate(x)
     names = tuple(problem.names[i] for i in free)
@@ -138,10 +138,10 @@ class Surface:
         free = np.union1d(inside, which).astype(np.intp)
         with self._lock:
             if tuple(free) not in self._shape:
-                found = sandwich(self.problem, self.top.point, free, jobs=self._jobs)
-                if isinstance(found, Failure):
-                    raise InputError(f"There is no threshold for the profile: {found}.")
-                self._shape[tuple(free)] = found
+                shape = sandwich(self.problem, self.top.point, free, jobs=self._jobs)
+                if isinstance(shape, Failure):
+                    raise InputError(f"There is no threshold for the profile: {shape}.")
+                self._shape[tuple(free)] = shape
             return self._shape[tuple(free)]
 
     def kappa(self, i: int) -> float:
@@ -150,8 +150,8 @@ class Surface:
             return 2 * max(self.top.cost, 1e-300) / THRESHOLD  # W = 3.84 where the cost has doubled
         shape = self.sandwich(i)
         at = int(np.searchsorted(shape.free, i))
-        seen = shape.inverse[at, at] > 0 and not _blind(shape, at)
-        scale = shape.inflation(np.array([i]))[0, 0] if seen else self._mean_kappa(shape)
+        identifiable = shape.inverse[at, at] > 0 and not _blind(shape, at)
+        scale = shape.inflation(np.array([i]))[0, 0] if identifiable else self._mean_kappa(shape)
         return float(max(scale, 1e-300))
 
     @staticmethod
@@ -162,9 +162,9 @@ class Surface:
         """How far V has risen over its minimum, in units of the likelihood's."""
         return 2 * (self.value(e) - self.value(self.top)) / self.kappa(i)
 
-    def tolerance(self, *held: int) -> float:
+    def tolerance(self, *fixed: int) -> float:
         """Of a refit on the way, relative to V, so that it ends within FINE."""
-        kappa = min(self.kappa(i) for i in held)
+        kappa = min(self.kappa(i) for i in fixed)
         return float(np.clip(0.5 * FINE * kappa / max(self.value(self.top), 1e-300), 1e-9, 1e-3))
 
     def standard_error(self, i: int) -> float:
@@ -176,15 +176,15 @@ class Surface:
         se = math.sqrt(max(0.0, shape.covariance[at, at]))
         return se if se > 0 and not _blind(shape, at) else math.nan
 
-    def slope(self, held: Sequence[int]) -> FloatArray:
+    def slope(self, fixed: Sequence[int]) -> FloatArray:
         """How the others follow those held, were the cost a parabola, shape (n_unknowns, n_held)."""
-        slope = np.zeros((len(self.top.point), len(held)))
-        slope[list(held), range(len(held))] = 1.0
+        slope = np.zeros((len(self.top.point), len(fixed)))
+        slope[list(fixed), range(len(fixed))] = 1.0
         if self.calibrated:
-            shape = self.sandwich(*held)
-            at = np.searchsorted(shape.free, held)
+            shape = self.sandwich(*fixed)
+            at = np.searchsorted(shape.free, fixed)
             slope[shape.free] = shape.inverse[:, at] @ np.linalg.pinv(shape.inverse[np.ix_(at, at)])
-            slope[list(held)] = np.eye(len(held))
+            slope[list(fixed)] = np.eye(len(fixed))
         return slope
 
 

@@ -91,8 +91,8 @@ def search(
     watch, options = watch or Watch(), options or {}
     optimiser = optimiser_from_name(name)
     if optimiser.function is not None:
-        found = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
-        return (_polished(problem, found, jobs, watch) if optimiser.polish else found), ()
+        result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
+        return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
     points = [("given", problem.start)]
     if at_least("starts", starts, 1) > 1:
         points += _regression_start(problem)
@@ -102,14 +102,14 @@ def search(
     return grown_horizon(problem, points[:starts], jobs, watch)
 
 
-def _polished(problem: Problem, found: Result, jobs: int, watch: Watch) -> Result:
+def _polished(problem: Problem, result: Result, jobs: int, watch: Watch) -> Result:
     """Go on by least squares from where a search without derivatives came to, where the cost has residuals."""
-    if found.interrupted or problem.cost_function.loss is None or not np.isfinite(found.best.cost):
-        return found
-    after = refined(problem, found.best.point, jobs, watch)
-    best = min(found.best, after.best, key=lambda e: e.cost)
-    ended = after if after.interrupted else found
-    return replace(ended, best=best, evaluations=found.evaluations + after.evaluations)
+    if result.interrupted or problem.cost_function.loss is None or not np.isfinite(result.best.cost):
+        return result
+    after = refined(problem, result.best.point, jobs, watch)
+    best = min(result.best, after.best, key=lambda e: e.cost)
+    final = after if after.interrupted else result
+    return replace(final, best=best, evaluations=result.evaluations + after.evaluations)
 
 
 # --- where to start ----------------------------------------------------------------------------------
@@ -136,14 +136,14 @@ def _sobol_starts(
         return []
     measured = np.array([u.kind in ("initial", "time") for u in problem.unknowns])
     points = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
-    scored: list[Evaluation] = []
+    evaluations: list[Evaluation] = []
 
     def score() -> Optimiser:
-        scored.extend((yield points))
+        evaluations.extend((yield points))
         return Outcome.GENERATIONS_DONE
 
     minimised(problem.until(next(horizons(problem))), score(), jobs, watch)
-    order = sorted(range(len(scored)), key=lambda i: scored[i].cost)  # an interrupted one has scored nothing
+    order = sorted(range(len(evaluations)), key=lambda i: evaluations[i].cost)  # an interrupted one has scored nothing
     return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
 
 
@@ -157,8 +157,8 @@ def _scattered(
     """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
     problem = replace(problem, memory=portable_memory(problem.memory.name))
     tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
-    ended = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
-    ends = [EndBlock.model_validate(content) for content in ended]
+    results = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
+    ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
         Start(origin, x, e.first_cost, np.array(e.end), e.cost, e.ended, e.evaluations)
         for (origin, x), e in zip(points, ends, strict=True)
@@ -170,5 +170,5 @@ def _scattered(
 
 def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
-    found, (start,) = grown_horizon(portable.problem, [(origin, x)], 1, Watch())
-    return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": found.outcome.value})
+    result, (start,) = grown_horizon(portable.problem, [(origin, x)], 1, Watch())
+    return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": result.outcome.value})

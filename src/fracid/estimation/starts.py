@@ -38,8 +38,8 @@ class Start:
 
 def won(starts: Sequence[Start]) -> Start | None:
     """The start that ended lowest."""
-    ended = [s for s in starts if s.cost is not None]
-    return min(ended, key=lambda s: s.cost if s.cost is not None else np.inf, default=None)
+    candidates = [s for s in starts if s.cost is not None]
+    return min(candidates, key=lambda s: s.cost if s.cost is not None else np.inf, default=None)
 
 
 def final_cost(start: Start, starts: Sequence[Start]) -> float | None:

@@ -74,19 +74,19 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
         if name not in FORMATS:
             raise unknown_name("format", name, FORMATS)
     folder = Path(folder)
-    written: list[Path] = []
+    files: list[Path] = []
     notes = list(run.notes)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
             for thing in FORMATS[name](run, folder, steps):
                 if isinstance(thing, Path):
-                    written.append(thing)
+                    files.append(thing)
                 else:
                     notes.append(thing)
     except OSError as error:
         raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
-    return Export(tuple(written), tuple(dict.fromkeys(notes)))
+    return Export(tuple(files), tuple(dict.fromkeys(notes)))
 
 
 def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
@@ -152,14 +152,14 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     from fracid.plots.linear import linear_response
     from fracid.plots.writing import save
 
-    found = integer_model(run)
-    text = json.dumps(found.to_json(), ensure_ascii=False, allow_nan=False)
+    system = integer_model(run)
+    text = json.dumps(system.to_json(), ensure_ascii=False, allow_nan=False)
     write_text(folder / "state_space.json", text + "\n")
     yield folder / "state_space.json"
-    for posture, linear in found.linear.items():
+    for posture, linear in system.linear.items():
         if linear.inputs and linear.G.any():
-            yield from save(linear_response(found, posture), folder, f"linear-{posture}")
-    yield from sentences(run, found)
+            yield from save(linear_response(system, posture), folder, f"linear-{posture}")
+    yield from sentences(run, system)
 
 
 FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c,

@@ -37,8 +37,8 @@ def no_program(run: SavedRun) -> str:
     >>> no_program.__name__
     'no_program'
     """
-    written = run.problem.model.written
-    if written is not None and written.code:
+    code = run.problem.model.written
+    if code is not None and code.code:
         return ""
     return (
         f"The model {run.problem.model.name!r} is a Python program of yours, which fracid does not translate: there is "
@@ -249,10 +249,10 @@ def _columns(signals: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     return {n: y[:, None] for n, y in signals.items()}
 
 
-def _estimates(said: Mapping[str, Any]) -> dict[str, Any]:
+def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:
     """By name: value, unit, interval and what is said of it."""
     fields = ("value", "unit", "free", "standard_error", "interval95", "identifiable")
-    return {n: {f: e.get(f) for f in fields} for n, e in said.items()}
+    return {n: {f: e.get(f) for f in fields} for n, e in estimates.items()}
 
 
 def _cell(values: list[Any]) -> NDArray[Any]:
@@ -278,5 +278,5 @@ def _plain(value: Any) -> Any:
 
 def _field(name: str) -> str:
     """A name that MATLAB takes for a field: letters, digits and underscores, a letter first, 63 at most."""
-    kept = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
-    return kept if kept[:1].isalpha() else f"x_{kept}"[:63]
+    text = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
+    return text if text[:1].isalpha() else f"x_{text}"[:63]

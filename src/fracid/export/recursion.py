@@ -119,8 +119,8 @@ class Recursion:
             If there is no template for the method.
         """
         if self.scheme.exported is None:
-            written = ", ".join(name for name, method in METHODS.items() if method.exported)
-            raise InputError(f"The method {self.method} is written in no other language; fit with one of {written}.")
+            exportable = ", ".join(name for name, method in METHODS.items() if method.exported)
+            raise InputError(f"The method {self.method} is written in no other language; fit with one of {exportable}.")
         return self.scheme.exported
 
     @property
@@ -213,15 +213,15 @@ _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 @when_called(_matrix(types.float64, _vector, types.int64[::1], types.boolean))
 def _errors(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool) -> FloatArray:
     """E_σ(n), kept compiled on disk."""
-    found: FloatArray = errors_of_powers(q, sigma, knots, third)
-    return found
+    residuals: FloatArray = errors_of_powers(q, sigma, knots, third)
+    return residuals
 
 
 @when_called(_vector(_vector, _vector, types.boolean))
 def _exponents(orders: FloatArray, powers: FloatArray, third: bool) -> FloatArray:
     """The exponents with which f begins, kept compiled on disk."""
-    found: FloatArray = exponents(orders, powers, third)
-    return found
+    values: FloatArray = exponents(orders, powers, third)
+    return values
 
 
 def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -> tuple[Any, ...]:

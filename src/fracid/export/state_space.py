@@ -226,8 +226,8 @@ class LinearModel:
     @cached_property
     def poles(self) -> ComplexArray:
         """Eigenvalues of A [rad/s], by their distance from zero."""
-        found = np.linalg.eigvals(self.A).astype(np.complex128)
-        return found[np.argsort(np.abs(found))]
+        eigenvalues = np.linalg.eigvals(self.A).astype(np.complex128)
+        return eigenvalues[np.argsort(np.abs(eigenvalues))]
 
     def response(self, omega: ArrayLike) -> ComplexArray:
         """Outputs over inputs at iω, shape (n_omega, n_outputs, n_inputs)."""
@@ -382,28 +382,28 @@ class IntegerModel:
         for fine in 2 ** np.arange(HALVINGS):
             at = np.arange(steps * fine + 1) / fine
             u = inputs if len(inputs) == 1 else np.column_stack([np.interp(at, np.arange(len(c)), c) for c in inputs.T])
-            found, settled = self._steps(x0, u, step / fine, steps * int(fine))
+            states, settled = self._steps(x0, u, step / fine, steps * int(fine))
             if settled:
                 break
-        return found[::fine]
+        return states[::fine]
 
     def _steps(self, x0: FloatArray, u: FloatArray, h: float, steps: int) -> tuple[FloatArray, bool]:
         """By sweeps; the second is whether they settled at every step."""
         ph = self.decay * h
         slow = ph < 1e-6
         safe = np.where(slow, 1.0, ph)
-        kept, mean = np.exp(-ph), np.where(slow, 1 - ph / 2, -np.expm1(-safe) / safe)
+        propagator, mean = np.exp(-ph), np.where(slow, 1 - ph / 2, -np.expm1(-safe) / safe)
         end = h * np.where(slow, 0.5 - ph / 6, (1 - mean) / safe)
         old, new, newest = h * mean - end, end, self.C @ (end[:, None] * self.B)
         states = np.full((steps + 1, len(x0)), np.nan)
         states[0], z, driven = x0, np.zeros(len(ph)), self.B.argmax(axis=1)
         f = self.f(x0, u[0])
         for n in range(1, steps + 1):
-            z = kept * z + old * f[driven]
-            known, x = x0 + self.C @ z, states[n - 1]
+            z = propagator * z + old * f[driven]
+            history, x = x0 + self.C @ z, states[n - 1]
             for _ in range(SWEEPS):
                 f = self.f(x, u[min(n, len(u) - 1)])
-                last, x = x, known + newest @ f
+                last, x = x, history + newest @ f
                 if np.abs(x - last).max() < 1e-10:
                     break
             else:
@@ -437,8 +437,8 @@ class IntegerModel:
             return {name: replace(self.linearised(name, x, p), inputs=inputs) for name, x in posture.items()}
         from scipy.optimize import root
 
-        found = root(lambda x: self.f(x, np.zeros(len(self.model.inputs))), np.zeros(len(self.orders)))
-        return {"rest": self.linearised("rest", found.x, self.parameters)} if found.success else {}
+        solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs))), np.zeros(len(self.orders)))
+        return {"rest": self.linearised("rest", solution.x, self.parameters)} if solution.success else {}
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
         """Time, and the outputs after a unit step, of integer order and fractional, (points + 1, n_outputs)."""
@@ -462,9 +462,9 @@ class IntegerModel:
         u[0, 0] = small
         equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p))
         run = integrate(equation, InitialCondition(linear.about), h, points, Options("pi2", compressed(), limit=LIMIT))
-        found = np.full((points + 1, len(linear.rows)), np.nan)
-        found[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
-        return found
+        response = np.full((points + 1, len(linear.rows)), np.nan)
+        response[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
+        return response
 
     def control(self, x0: FloatArray | None = None) -> Any:
         """As a python-control NonlinearIOSystem, whose outputs are the measured states.
@@ -493,13 +493,13 @@ class IntegerModel:
 
     def to_json(self) -> dict[str, Any]:
         """Operators, matrices and linear models as plain JSON values."""
-        named = dict(zip(self.model.states, self.operators, strict=True))
+        operators = dict(zip(self.model.states, self.operators, strict=True))
         return {
             "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e: z' = A z + B u, y - y_e = C z",
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
                     "filter_band": list(o.filter_band), "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
-                for n, o in named.items()
+                for n, o in operators.items()
             },
             "decay": self.decay.tolist(), "B": self.B.tolist(), "C": self.C.tolist(),
             "linear": {n: m.to_json() for n, m in self.linear.items()},
@@ -546,52 +546,52 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     orders, parameters, _ = problem.unpack(values, problem.experiments[0])
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
-    known = {q: oustaloup(q, band) for q in set(orders.tolist())}
-    return IntegerModel(problem.model, parameters, orders, tuple(known[q] for q in orders.tolist()),
+    operators = {q: oustaloup(q, band) for q in set(orders.tolist())}
+    return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
                         problem.experiments[0].units)  # fmt: skip
 
 
-def sentences(run: SavedRun, found: IntegerModel) -> Iterator[str]:
+def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     """What an engineer should know of the integer-order model: its operators, its fidelity, its poles."""
-    for operator in {o.order: o for o in found.operators}.values():
+    for operator in {o.order: o for o in system.operators}.values():
         yield str(operator)
-    yield from _fidelity(run, found)
-    for posture, linear in found.linear.items():
+    yield from _fidelity(run, system)
+    for posture, linear in system.linear.items():
         yield from (f"About {posture} it {mode}." for mode in linear.modes)
-    if found.model.postures is not None:
-        p = _by_name(found.model, found.parameters)
-        if any(p[name] != kind.off for name, kind in found.model.friction.items() if kind.dry):
+    if system.model.postures is not None:
+        p = _by_name(system.model, system.parameters)
+        if any(p[name] != kind.off for name, kind in system.model.friction.items() if kind.dry):
             yield "The linear models are of the rig in motion: without dry friction, which has no linear part there."
-        if p.get(found.model.drive) == 0:
+        if p.get(system.model.drive) == 0:
             yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
 
 
-def _fidelity(run: SavedRun, found: IntegerModel) -> Iterator[str]:
+def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     """How far the integer-order model is off the fractional one, which a scheme of second order simulates."""
     p, e = run.problem, run.problem.experiments[0]
     if e.past is not None:
         return
     case = of_recording(run, e.name)
     exact = (replace(p, method="pi2") if METHODS[p.method].convergence_order < 2 else p).simulate(run.x, e).states
-    errors = follows(found, case, exact)
+    errors = follows(system, case, exact)
     if not all(map(math.isfinite, errors.values())):
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."
         return
-    stiff = f", poles up to {found.decay.max():.2g} rad/s: take a stiff solver" if found.decay.max() > STIFF else ""
-    words = ", ".join(f"{n} {with_unit(v, found.units.get(n, 'rad'), '.2g')}" for n, v in errors.items())
+    stiff = f", poles up to {system.decay.max():.2g} rad/s: take a stiff solver" if system.decay.max() > STIFF else ""
+    words = ", ".join(f"{n} {with_unit(v, system.units.get(n, 'rad'), '.2g')}" for n, v in errors.items())
     yield (
-        f"Simulated over {e.name}, the integer-order model ({len(found.decay)} states{stiff}) is off the fractional "
+        f"Simulated over {e.name}, the integer-order model ({len(system.decay)} states{stiff}) is off the fractional "
         f"one by {words} rms."
     )
 
 
-def follows(found: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
+def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
     """Root mean square of integer-order less fractional outputs over one recording [rad]."""
-    own = replace(found, parameters=case.parameters)
+    own = replace(system, parameters=case.parameters)
     states = own.simulate(case.past[-1], case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :], case.step,
                           case.steps)  # fmt: skip
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
-            for n, i in found.model.outputs.items()}  # fmt: skip
+            for n, i in system.model.outputs.items()}  # fmt: skip
 
 
 def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:

@@ -342,19 +342,19 @@ upright.__qualname__ = upright.__name__ = "upright"
 def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
     """Turn the paper's C2, C5 and I2xx into C6 and J_theta."""
     values = dict(overrides)
-    printed = {name: _number(name, values.pop(name)) for name in ("C2", "C5", "I2xx") if name in values}
-    if not printed:
+    inertias = {name: _number(name, values.pop(name)) for name in ("C2", "C5", "I2xx") if name in values}
+    if not inertias:
         return values
-    if len(printed) < 3:
+    if len(inertias) < 3:
         raise InputError(
-            f"got {' and '.join(printed)} alone: C2, C5 and I2xx go together, for C6 = C2 - I2xx and"
+            f"got {' and '.join(inertias)} alone: C2, C5 and I2xx go together, for C6 = C2 - I2xx and"
             " J_theta = C5 + I2xx; give all three (I2xx = 0 for a thin rod), or C6 and J_theta instead"
         )
-    made = {"C6": printed["C2"] - printed["I2xx"], "J_theta": printed["C5"] + printed["I2xx"]}
-    for name, value in made.items():
+    constants = {"C6": inertias["C2"] - inertias["I2xx"], "J_theta": inertias["C5"] + inertias["I2xx"]}
+    for name, value in constants.items():
         if not math.isclose(values.get(name, value), value, rel_tol=1e-9):
             raise InputError(f"{name} = {values[name]!r}, but C2, C5 and I2xx make it {value:g}: leave {name} out")
-    return {**values, **made}
+    return {**values, **constants}
 
 
 def _number(name: str, value: float) -> float:
@@ -461,8 +461,8 @@ def _shape(model: Model) -> RigGeometry:
 def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
     theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
     other = {"hanging": "upright", "upright": "hanging"}[model.zero]
-    turned = {model.zero: 0.0, other: math.pi}
-    return {n: np.array([theta, 0.0, p["alpha_rest"] + turned[n], 0.0]) for n in ("hanging", "upright")}
+    angles = {model.zero: 0.0, other: math.pi}
+    return {n: np.array([theta, 0.0, p["alpha_rest"] + angles[n], 0.0]) for n in ("hanging", "upright")}
 
 
 TERMS = (

@@ -357,36 +357,36 @@ def as_generator(run: Callable[[Ask], Outcome]) -> Optimiser:
     array([[0.]])
     >>> generator.close()
     """
-    asked: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    told: queue.SimpleQueue[list[Evaluation] | None] = queue.SimpleQueue()
+    queries: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    replies: queue.SimpleQueue[list[Evaluation] | None] = queue.SimpleQueue()
 
     def evaluate(points: FloatArray) -> list[Evaluation]:
-        asked.put(np.atleast_2d(np.asarray(points, dtype=np.float64)))
-        evaluations = told.get()
+        queries.put(np.atleast_2d(np.asarray(points, dtype=np.float64)))
+        evaluations = replies.get()
         if evaluations is None:
             raise _Closed
         return evaluations
 
     def work() -> None:
         try:
-            asked.put(run(evaluate))
+            queries.put(run(evaluate))
         except _Closed:
             pass
         except BaseException as error:  # handed to whoever asks next
-            asked.put(error)
+            queries.put(error)
 
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
     try:
         while True:
-            item = asked.get()
+            item = queries.get()
             if isinstance(item, BaseException):
                 raise item
             if isinstance(item, Outcome):
                 return item
-            told.put((yield item))
+            replies.put((yield item))
     finally:
-        told.put(None)
+        replies.put(None)
         thread.join()
 
 

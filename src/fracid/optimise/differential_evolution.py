@@ -57,11 +57,11 @@ def differential_evolution(
         def costs(points: FloatArray) -> FloatArray:  # SciPy's vectorised form: shape (n, k)
             return np.array([e.cost for e in evaluate(np.clip(points.T.reshape(-1, len(space.names)), *corners))])
 
-        found = scipy_differential_evolution(
+        result = scipy_differential_evolution(
             costs, list(zip(*corners, strict=True)), x0=space.start, rng=rng, popsize=population, maxiter=generations,
             tol=tolerance, vectorized=True, updating="deferred", polish=False,
         )  # fmt: skip
-        return Outcome.CONVERGED if found.success else Outcome.GENERATIONS_DONE
+        return Outcome.CONVERGED if result.success else Outcome.GENERATIONS_DONE
 
     return as_generator(run)
 

@@ -97,20 +97,20 @@ def least_squares(
             return np.asarray(R[:, 1:])
 
         try:
-            found = scipy_least_squares(
+            result = scipy_least_squares(
                 first_column, size, other_columns, bounds=bounds, x_scale=size,
                 ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=budget,
             )  # fmt: skip
         except _Flat:
             return Outcome.CONVERGED
-        except _StartFails as failed:
-            if failed.evaluation.cost < np.inf:
+        except _StartFails as failure:
+            if failure.evaluation.cost < np.inf:
                 raise InputError(
                     "This cost has no residuals for least squares: type optimiser = 'differential-evolution' or "
                     "'nelder-mead', or one of the built-in costs."
                 ) from None
             return Outcome.ALL_FAILED
-        return Outcome.BUDGET_SPENT if found.status == 0 else Outcome.CONVERGED
+        return Outcome.BUDGET_SPENT if result.status == 0 else Outcome.CONVERGED
 
     return as_generator(run)
 
@@ -128,8 +128,8 @@ def sizes(space: Space) -> FloatArray:
     """Give the size of each unknown: its scale; else its start, a hundredth of its range at least and all at most."""
     width = space.upper - space.lower
     floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
-    found = np.minimum(np.maximum(np.abs(space.start), floor), width)
-    return found if space.scale is None else np.where(np.isnan(space.scale), found, space.scale)
+    defaults = np.minimum(np.maximum(np.abs(space.start), floor), width)
+    return defaults if space.scale is None else np.where(np.isnan(space.scale), defaults, space.scale)
 
 
 def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:

@@ -61,8 +61,8 @@ def nelder_mead(
         # for one unknown the adaptive shrinking factor 1 − 1/n is 0: the simplex would fall into a point
         options = {"xatol": tolerance, "fatol": tolerance * abs(first), "maxfev": budget - 1, "adaptive": len(edge) > 1,
                    "initial_simplex": np.vstack([np.zeros_like(edge), np.eye(len(edge))])}  # fmt: skip
-        found = minimize(cost, np.zeros_like(edge), method="Nelder-Mead", options=options)
-        return Outcome.CONVERGED if found.success else Outcome.BUDGET_SPENT
+        result = minimize(cost, np.zeros_like(edge), method="Nelder-Mead", options=options)
+        return Outcome.CONVERGED if result.success else Outcome.BUDGET_SPENT
 
     return as_generator(run)
 

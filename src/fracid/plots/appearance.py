@@ -76,13 +76,13 @@ def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     """An empty figure of that size [inch], or of its style's width and about the same shape."""
     from matplotlib.figure import Figure
 
-    chosen = style_named(style)
-    wanted = chosen.column if width <= NARROW else chosen.page
-    if wanted is not None:
-        shrunk = wanted / 25.4 / width
+    theme = style_named(style)
+    millimetres = theme.column if width <= NARROW else theme.page
+    if millimetres is not None:
+        shrunk = millimetres / 25.4 / width
         width, height = shrunk * width, min(shrunk**0.8 * height, TALLEST)  # text does not shrink as much as panels
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
-    vars(figure)[_STYLE] = chosen  # with the figure, wherever it goes
+    vars(figure)[_STYLE] = theme  # with the figure, wherever it goes
     return figure
 
 
@@ -91,8 +91,8 @@ _STYLE = "_fracid_style"
 
 def style_of(figure: Figure) -> Style:
     """The style that a figure was made with; the screen's for one that is not ours."""
-    found: Style = vars(figure).get(_STYLE, STYLES["screen"])
-    return found
+    style: Style = vars(figure).get(_STYLE, STYLES["screen"])
+    return style
 
 
 def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
@@ -205,8 +205,8 @@ def label(axes: Axes, heading: str, x: str, y: str) -> None:
 def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
     """Draw samples as a line; few as dots too."""
     dots: dict[str, Any] = {"marker": "o", "ms": 3} if y.size <= 100 else {}
-    shown = outline(y)
-    axes.plot(time[shown], y[shown], **dots, **style)
+    indices = outline(y)
+    axes.plot(time[indices], y[indices], **dots, **style)
 
 
 def outline(y: FloatArray) -> NDArray[np.intp]:
@@ -215,8 +215,8 @@ def outline(y: FloatArray) -> NDArray[np.intp]:
     if size <= 2:
         return np.arange(y.size)
     padded = np.append(y, np.full(-y.size % size, np.nan)).reshape(-1, size)
-    known = np.isfinite(padded)  # a bin without any keeps its first: a gap in the line
-    extremes = (np.where(known, padded, np.inf).argmin(axis=1), np.where(known, padded, -np.inf).argmax(axis=1))
+    mask = np.isfinite(padded)  # a bin without any keeps its first: a gap in the line
+    extremes = (np.where(mask, padded, np.inf).argmin(axis=1), np.where(mask, padded, -np.inf).argmax(axis=1))
     offset = size * np.arange(len(padded))
     return np.unique(np.concatenate([[0, y.size - 1], *(offset + at for at in extremes)]))
 
@@ -233,8 +233,8 @@ def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: 
 
 def unit_of(recording: RecordingFit, name: str) -> tuple[str, float]:
     """How an output is shown: its unit, "–" for a pure number, and the factor to it."""
-    shown, factor = shown_unit(recording.unit(name))
-    return shown or "–", factor
+    display_unit, factor = shown_unit(recording.unit(name))
+    return display_unit or "–", factor
 
 
 def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
@@ -256,11 +256,11 @@ def corner(axes: Axes, text: str) -> None:
 
 def extent(x: FloatArray) -> tuple[float, float]:
     """Least and greatest of the finite values; two zeros where there are none."""
-    known = x[np.isfinite(x)]
-    return (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    values = x[np.isfinite(x)]
+    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
 
 
-def angle_label(name: str, shown: str, zero: str) -> str:
+def angle_label(name: str, display_unit: str, zero: str) -> str:
     """What stands at the axis of a signal: its letter, where zero is if it is the pendulum's angle, and its unit.
 
     Examples
@@ -269,7 +269,7 @@ def angle_label(name: str, shown: str, zero: str) -> str:
     ('$\\\\alpha$, 0 = hanging [°]', '$\\\\theta$ [°]')
     """
     where = f", 0 = {plain(zero)}" if name == "alpha" and zero else ""
-    return f"{symbol(name)}{where} [{plain(shown)}]"
+    return f"{symbol(name)}{where} [{plain(display_unit)}]"
 
 
 def spoken(text: str) -> str:

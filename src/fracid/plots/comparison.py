@@ -34,12 +34,12 @@ PAPER: dict[str, Any] = {"ls": "", "marker": "o", "ms": 13, "mfc": "none", "mec"
 """The ring about the paper's structure."""
 
 
-def ladder(found: Comparison, *, style: str | Style = "screen") -> Figure:
+def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     """Draw the RMSE of each rung in sample and held out, with orders 1 and with orders free.
 
     Parameters
     ----------
-    found : fracid.Comparison
+    comparison : fracid.Comparison
     style : str or Style
         ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
@@ -59,21 +59,21 @@ def ladder(found: Comparison, *, style: str | Style = "screen") -> Figure:
     >>> [axes.get_title() for axes in figure.axes]
     ['fitted: release']
     """
-    columns = _columns(found)
-    figure = appearance.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(found.outputs), style)
-    grid = figure.subplots(len(found.outputs), len(columns), squeeze=False, sharex=True)
-    for output, panels in zip(found.outputs, grid, strict=True):
+    columns = _columns(comparison)
+    figure = appearance.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(comparison.outputs), style)
+    grid = figure.subplots(len(comparison.outputs), len(columns), squeeze=False, sharex=True)
+    for output, panels in zip(comparison.outputs, grid, strict=True):
         for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
-            _rungs(axes, found, output, recordings, use)
-            appearance.title(axes, title if output == found.outputs[0] else "")
+            _rungs(axes, comparison, output, recordings, use)
+            appearance.title(axes, title if output == comparison.outputs[0] else "")
         panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)} [°]")
     appearance.finish(figure, "what each rung leaves unexplained")
     return figure
 
 
-def _columns(found: Comparison) -> Mapping[str, tuple[str, Sequence[str], str]]:
+def _columns(comparison: Comparison) -> Mapping[str, tuple[str, Sequence[str], str]]:
     """Title, recordings and which scores of each column."""
-    fitted, out = [*found.rows[0].in_sample], [*found.held_out]
+    fitted, out = [*comparison.rows[0].in_sample], [*comparison.held_out]
     columns = {"fit": (f"fitted: {_names(fitted)}", fitted, "in_sample")}
     if len(out) > MOST:
         return columns | {"out": (f"held out: mean of {len(out)}", out, "held_out")}
@@ -84,10 +84,10 @@ def _names(recordings: Sequence[str]) -> str:
     return appearance.plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
 
 
-def _rungs(axes: Axes, found: Comparison, output: str, recordings: Sequence[str], use: str) -> None:
-    frictions = list(dict.fromkeys(row.friction for row in found.rows))
+def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence[str], use: str) -> None:
+    frictions = list(dict.fromkeys(row.friction for row in comparison.rows))
     for fractional, style in KINDS.items():
-        rows = [row for row in found.rows if row.fractional == fractional]
+        rows = [row for row in comparison.rows if row.fractional == fractional]
         at = np.array([frictions.index(row.friction) for row in rows])
         errors = np.array([[_degrees(_scores(row, use).get(n), output) for row in rows] for n in recordings])
         if len(recordings) > 1:
@@ -183,8 +183,8 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.ticklabel_format(axis="y", useOffset=False)
-    said = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
+    verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
-    appearance.title(axes, said)
+    appearance.title(axes, verdict)
     axes.set_xlabel("mean amplitude of the swing [°]")
     axes.set_ylabel(f"order {appearance.symbol(order)} [–]")

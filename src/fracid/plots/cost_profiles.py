@@ -27,12 +27,12 @@ CEILING = 12.0
 """Rises above this are beyond the panel of a profile."""
 
 
-def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
+def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
     """Draw each profile: the rise of the cost over the value, its threshold, and the parabola of the sandwich.
 
     Parameters
     ----------
-    found : fracid.Profiles
+    profiles : fracid.Profiles
         Its joint profile, where there is one, has a panel of its own, with the limit of its 95 % region.
     style : str or Style
         ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
@@ -60,8 +60,8 @@ def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
     >>> len(profiles(fracid.profile(problem, points=4)).axes)
     1
     """
-    panels = list(found.profiles.values())
-    count = len(panels) + (found.joint is not None)
+    panels = list(profiles.profiles.values())
+    count = len(panels) + (profiles.joint is not None)
     if not count:
         raise InputError("There is no profile to draw.")
     columns = min(count, 3)
@@ -70,12 +70,12 @@ def profiles(found: Profiles, *, style: str | Style = "screen") -> Figure:
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.remove()
-    model, calibrated = found.problem.model, found.problem.cost_function.loss is not None
+    model, calibrated = profiles.problem.model, profiles.problem.cost_function.loss is not None
     for axes, panel in zip(grid, panels, strict=False):
         _profile(axes, panel, calibrated, model)
-    if found.joint is not None:
-        _joint_profile(grid[count - 1], found.joint, model)
-    appearance.finish(figure, f"Profiles of the cost, {appearance.cost_label(found.problem.cost_function.name)[0]}")
+    if profiles.joint is not None:
+        _joint_profile(grid[count - 1], profiles.joint, model)
+    appearance.finish(figure, f"Profiles of the cost, {appearance.cost_label(profiles.problem.cost_function.name)[0]}")
     return figure
 
 
@@ -84,7 +84,7 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
     top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
     axes.plot(values, rise, color=appearance.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
-    shown = axes.get_xlim()
+    limits = axes.get_xlim()
     if calibrated:
         axes.axhline(THRESHOLD, color=appearance.VERMILLION, lw=1.1, label="95 % threshold, 3.84")
         ends = [factor * end if end is not None else edge for end, edge in
@@ -92,11 +92,11 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
         axes.axvspan(*ends, color=appearance.BLUE, alpha=0.10, lw=0, label="95 % interval")
     if panel.wald95 is not None:
         se = factor * (panel.wald95[1] - panel.wald95[0]) / (2 * NORMAL_95)
-        v = np.linspace(*shown, 200)
+        v = np.linspace(*limits, 200)
         parabola = ((v - factor * panel.best) / se) ** 2
         axes.plot(v, parabola, color="black", lw=1.1, ls=(0, (4, 3)), label="parabola of the sandwich", zorder=2)
     axes.plot(factor * panel.best, 0.0, ls="", label="best", **(appearance.MARKS["best"] | {"ms": 11}))
-    axes.set_xlim(*shown)
+    axes.set_xlim(*limits)
     axes.set_ylim(-0.04 * top, top)
     axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
     appearance.label(
@@ -138,8 +138,8 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
 
 def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
-    shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
+    display_unit, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
     order = "order " if name in model.order_names else ""
     of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
     where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
-    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(shown)}]", factor
+    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(display_unit)}]", factor

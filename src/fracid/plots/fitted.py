@@ -72,9 +72,9 @@ def fitted_over_time(
         appearance.title(
             panels[0], f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}", loc="left"
         )
-        shown, _ = appearance.unit_of(recording, name)
-        panels[0].set_ylabel(appearance.angle_label(name, shown, recording.zero if zero is None else zero))
-        strips[0].set_ylabel(f"residual\n[{shown}]")
+        display_unit, _ = appearance.unit_of(recording, name)
+        panels[0].set_ylabel(appearance.angle_label(name, display_unit, recording.zero if zero is None else zero))
+        strips[0].set_ylabel(f"residual\n[{display_unit}]")
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")

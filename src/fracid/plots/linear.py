@@ -60,12 +60,12 @@ GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
 
 
-def linear_response(found: Linearised, posture: str, *, style: str | Style = "screen") -> Figure:
+def linear_response(system: Linearised, posture: str, *, style: str | Style = "screen") -> Figure:
     """Draw magnitude, phase and step response from the first input to each output, about a posture.
 
     Parameters
     ----------
-    found : IntegerModel
+    system : IntegerModel
         From :func:`fracid.export.state_space.integer_model`.
     posture : str
         A key of its `linear`: ``hanging`` or ``upright``.
@@ -92,17 +92,17 @@ def linear_response(found: Linearised, posture: str, *, style: str | Style = "sc
     >>> len(linear_response(integer_model(problem), "hanging").axes)
     6
     """
-    linear = found.linear[posture]
+    linear = system.linear[posture]
     if not linear.inputs:
         raise ValueError("Nothing drives the model: it has no response.")
     outputs = linear.outputs
     figure = new(4.2 * len(outputs), 8.2, style)
     panels = figure.subplots(3, len(outputs), squeeze=False)
-    low, high = found.operators[0].band
+    low, high = system.operators[0].band
     omega = np.geomspace(low / 2, high, 500)
     responses = ((linear.exact_response(omega), FRACTIONAL, "fractional"),
                  (linear.response(omega), INTEGER, "integer-order"))  # fmt: skip
-    time, integer, exact = found.step_response(linear, _duration(found, posture))
+    time, integer, exact = system.step_response(linear, _duration(system, posture))
     unit = UNITS.get(linear.inputs[0], "unit")
     for column, output in enumerate(outputs):
         magnitude, phase, step = panels[:, column]
@@ -110,21 +110,21 @@ def linear_response(found: Linearised, posture: str, *, style: str | Style = "sc
             h = response[:, column, 0]
             magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **line, label=name)
             phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **line)
-        own = found.units.get(output, "rad")
-        shown, factor = shown_unit(own)
+        own = system.units.get(output, "rad")
+        display_unit, factor = shown_unit(own)
         step.plot(time, factor * exact[:, column], **FRACTIONAL)
         step.plot(time, factor * integer[:, column], **INTEGER)
         for axes in (magnitude, phase):
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
                          label="what the data can tell" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
-        about = f" from {posture}" if output == found.model.pendulum else ""
-        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{shown or '–'}]")
+        about = f" from {posture}" if output == system.model.pendulum else ""
+        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit or '–'}]")
         _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 {own}/{unit}]")
         _titled(phase, "", "phase [°]")
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
-    finish(figure, f"{plain(found.model.name)}, linear about {posture}")
+    finish(figure, f"{plain(system.model.name)}, linear about {posture}")
     return figure
 
 
@@ -134,13 +134,13 @@ def _titled(axes: Any, title: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
-def _duration(found: Linearised, posture: str) -> Any:
+def _duration(system: Linearised, posture: str) -> Any:
     """Until an unstable pole has grown, or a swing has died; else half of the longest recording [s]."""
-    modes = found.linear[posture].modes
+    modes = system.linear[posture].modes
     growing = [m.pole.real for m in modes if m.pole.real > 0]
     if growing:
         return GROWN / max(growing)
     swings = [m for m in modes if m.pole.imag > 0]
     if swings:
         return min(DIED / max(1e-3 * swings[0].frequency, -swings[0].pole.real), 40 * np.pi / swings[0].frequency)
-    return np.pi / found.operators[0].band[0]
+    return np.pi / system.operators[0].band[0]

@@ -67,14 +67,14 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
     names = [n for n in study.names if any(c.unknowns[n].estimates for c in study.cells)]
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
-    shown = names[:MOST]
-    figure = appearance.new(8.2, 1.1 + 2.1 * len(shown), style)
-    panels = figure.subplots(len(shown), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
-    for name, (left, right) in zip(shown, panels, strict=True):
+    rows = names[:MOST]
+    figure = appearance.new(8.2, 1.1 + 2.1 * len(rows), style)
+    panels = figure.subplots(len(rows), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
+    for name, (left, right) in zip(rows, panels, strict=True):
         _unknown(left, right, study, name)
     for axes in panels[-1]:
         axes.set_xlabel(f"noise, standard deviation [{shown_unit(study.cells[0].unit)[0] or '–'}]")
-    more = f" (the first {len(shown)} of {len(names)} unknowns)" if len(names) > len(shown) else ""
+    more = f" (the first {len(rows)} of {len(names)} unknowns)" if len(names) > len(rows) else ""
     cost = appearance.cost_label(study.cost_name)[0]
     appearance.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
     return figure
@@ -83,7 +83,7 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
 def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
-    shown, factor = SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
+    display_unit, factor = SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
         place = (which + 0.5) / len(resolutions) - 0.5
@@ -102,7 +102,7 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str)
     symbol = appearance.symbol(title) if title in appearance.SYMBOLS else appearance.plain(title)
     if recording:
         appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {symbol} [{appearance.plain(shown)}]")
+    left.set_ylabel(f"bias of {symbol} [{appearance.plain(display_unit)}]")
     right.set_ylabel("coverage [%]")
 
 

@@ -169,15 +169,15 @@ def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
 
 def _search(axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray, FloatArray]) -> None:
     """Draw where the search has been; what lies outside the plane is counted only."""
-    tried = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
+    points = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
     corners = np.transpose(window)
-    inside = ((tried >= corners[0]) & (tried <= corners[1])).all(axis=1)
-    if tried.size:
-        label = f"evaluations ({np.count_nonzero(inside)} of {len(tried)} in this window)"
+    inside = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
+    if points.size:
+        label = f"evaluations ({np.count_nonzero(inside)} of {len(points)} in this window)"
         axes.plot(
-            *tried[inside].T,
+            *points[inside].T,
             ls="",
-            rasterized=bool(len(tried) > appearance.CLOUD),
+            rasterized=bool(len(points) > appearance.CLOUD),
             label=label,
             **appearance.MARKS["tried"],
         )

@@ -79,9 +79,9 @@ def residual_plots(
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
     whole, step = recording.residual(output), appearance.encoder_step(resolution, output)
-    known = np.isfinite(whole)
-    unit, (shown, factor) = recording.unit(output), appearance.unit_of(recording, output)
-    residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
+    mask = np.isfinite(whole)
+    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
+    residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     figure = appearance.new(9.5, 7, style)
     over_time, over_fitted, distribution, probability = figure.subplots(2, 2).flat
     if residual.size:
@@ -89,15 +89,15 @@ def residual_plots(
         _over_fitted(over_fitted, fitted, residual, step, unit)
         _distribution(distribution, residual, step, unit)
         _normal_probability(probability, residual)
-    label = f"residual of {appearance.symbol(output)} [{shown}]"
+    label = f"residual of {appearance.symbol(output)} [{display_unit}]"
     appearance.label(over_time, "over time", "time [s]", label)
     appearance.label(
         over_fitted,
         "against the fitted value",
-        f"fitted {appearance.angle_label(output, shown, recording.zero)}",
+        f"fitted {appearance.angle_label(output, display_unit, recording.zero)}",
         label,
     )
-    appearance.label(distribution, "distribution", label, f"density [{_per('1', shown)}]")
+    appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
     appearance.label(
         probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label
     )
@@ -151,38 +151,43 @@ def residual_diagnostics(
     >>> [axes.get_title() for axes in residual_diagnostics(twin, "alpha").axes[5:]]
     ['autocorrelation: all of 20,000 samples count', 'spectrum: no frequency stands out']
     """
-    found = residual_analysis(recording, output, resolution) if analysis is None else analysis
+    diagnosis = residual_analysis(recording, output, resolution) if analysis is None else analysis
     step = appearance.encoder_step(resolution, output)
-    whole, known = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (shown, factor) = recording.unit(output), appearance.unit_of(recording, output)
-    residual, fitted = factor * whole[known], factor * recording.fitted[output][known]
+    whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
+    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
+    residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     figure = appearance.new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
     if residual.size:
         _over_time(panels["time"], recording.time, factor * whole, step, unit)
         _over_fitted(panels["fitted"], fitted, residual, step, unit)
-        _over_fitted(panels["speed"], factor * _speed(recording, output)[known], residual, step, unit)
+        _over_fitted(panels["speed"], factor * _speed(recording, output)[mask], residual, step, unit)
         _distribution(panels["normal"], residual, step, unit)
         _normal_probability(panels["probability"], residual)
-        _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, found)
+        _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, diagnosis)
     symbol = appearance.symbol(output)
-    label = f"residual of {symbol} [{shown}]"
+    label = f"residual of {symbol} [{display_unit}]"
     appearance.label(panels["time"], "over time", "time [s]", label)
     appearance.label(
         panels["fitted"],
         "against the fitted value",
-        f"fitted {appearance.angle_label(output, shown, recording.zero)}",
+        f"fitted {appearance.angle_label(output, display_unit, recording.zero)}",
         label,
     )
     appearance.label(
-        panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(shown, 's')}]", label
+        panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(display_unit, 's')}]", label
     )
-    appearance.label(panels["normal"], "distribution", label, f"density [{_per('1', shown)}]")
+    appearance.label(panels["normal"], "distribution", label, f"density [{_per('1', display_unit)}]")
     heading = panels["probability"].get_title() or "normal probability"
     appearance.label(panels["probability"], heading, "standard normal quantile [–]", label)
-    _name(panels["lags"], _of_lags(found), "lag [s]", "autocorrelation [–]")
-    _name(panels["spectrum"], _of_spectrum(found), "frequency [Hz]", f"density of the power [{_squared(shown)}/Hz]")
+    _name(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]")
+    _name(
+        panels["spectrum"],
+        _of_spectrum(diagnosis),
+        "frequency [Hz]",
+        f"density of the power [{_squared(display_unit)}/Hz]",
+    )
     _blank(() if residual.size else figure.axes)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
@@ -221,25 +226,25 @@ def _speed(recording: RecordingFit, output: str) -> FloatArray:
     return np.asarray(np.gradient(recording.fitted[output], recording.time))
 
 
-def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, found: ResidualAnalysis) -> None:
+def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, analysis: ResidualAnalysis) -> None:
     """What shows in the order of the samples: on the stretch without a gap that was tested.
 
     `factor` is from SI to the unit shown, in which `whole` is.
     """
-    if not np.isfinite(found.whiteness.correlation_time):
+    if not np.isfinite(analysis.whiteness.correlation_time):
         for axes in (lags, spectrum):
             axes.set(xticks=[], yticks=[])
             appearance.note(axes, "nothing that can be tested")
         return
     part = longest_stretch(np.isfinite(whole))
-    _autocorrelation(lags, whole[part], found)
-    _spectrum(spectrum, whole[part], factor, found)
+    _autocorrelation(lags, whole[part], analysis)
+    _spectrum(spectrum, whole[part], factor, analysis)
 
 
-def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) -> None:
+def _autocorrelation(axes: Axes, residual: FloatArray, analysis: ResidualAnalysis) -> None:
     """As far as it takes to see it fade, or to see four swings."""
-    w, step, ρ = found.whiteness, found.step, autocorrelation(residual)
-    reach = max(50 * step, 3 * w.correlation_time, 4 / found.spectrum.swing if found.spectrum.swing else 0.0)
+    w, step, ρ = analysis.whiteness, analysis.step, autocorrelation(residual)
+    reach = max(50 * step, 3 * w.correlation_time, 4 / analysis.spectrum.swing if analysis.spectrum.swing else 0.0)
     n = min(ρ.size, round(reach / step) + 1)
     band = 1.96 / np.sqrt(residual.size)
     axes.axhspan(-band, band, color=appearance.BLUE, alpha=0.25, lw=0, label="95 % of white noise")
@@ -249,42 +254,42 @@ def _autocorrelation(axes: Axes, residual: FloatArray, found: ResidualAnalysis) 
         axes.axvline(w.correlation_time, color=appearance.VERMILLION, lw=1.2, ls=":", label="correlation time")
 
 
-def _spectrum(axes: Axes, residual: FloatArray, factor: float, found: ResidualAnalysis) -> None:
+def _spectrum(axes: Axes, residual: FloatArray, factor: float, analysis: ResidualAnalysis) -> None:
     """Every frequency pale, and the mean of some hundred bins that are even on the logarithmic axis."""
-    f, S = power_spectrum(residual, found.step)
+    f, S = power_spectrum(residual, analysis.step)
     f, S = f[1:], S[1:]
     edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), 120)
     at = np.searchsorted(edges, f, side="right")
     count = np.bincount(at)
     full = count > 0
     centre, mean = (np.bincount(at, weights=x)[full] / count[full] for x in (f, S))
-    shown = appearance.outline(np.log(np.maximum(S, 1e-300)))
-    axes.plot(f[shown], S[shown], color="0.8", lw=0.5, rasterized=True)
+    indices = appearance.outline(np.log(np.maximum(S, 1e-300)))
+    axes.plot(f[indices], S[indices], color="0.8", lw=0.5, rasterized=True)
     axes.plot(centre, mean, color=appearance.INK, lw=1.2)
-    if found.level.encoder_step:
-        floor = (factor * found.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
+    if analysis.level.encoder_step:
+        floor = (factor * analysis.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
         axes.axhline(floor, color=appearance.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
-    for m in range(1, 4) if found.spectrum.swing else ():
+    for m in range(1, 4) if analysis.spectrum.swing else ():
         label = "the swing and its multiples" if m == 1 else None
-        axes.axvline(m * (found.spectrum.swing or 0.0), color=appearance.GREEN, lw=1.0, ls=":", label=label)
+        axes.axvline(m * (analysis.spectrum.swing or 0.0), color=appearance.GREEN, lw=1.0, ls=":", label=label)
     axes.set(xscale="log", yscale="log", ylim=(np.quantile(mean, 0.1) / 30, S.max() * 3))
 
 
-def _of_lags(found: ResidualAnalysis) -> str:
-    w = found.whiteness
+def _of_lags(analysis: ResidualAnalysis) -> str:
+    w = analysis.whiteness
     if not np.isfinite(w.correlation_time):
         return "autocorrelation"
-    count = "all" if w.effective_samples > 0.995 * found.samples else f"{w.effective_samples:,.0f}"
-    return f"autocorrelation: {count} of {found.samples:,} samples count"
+    count = "all" if w.effective_samples > 0.995 * analysis.samples else f"{w.effective_samples:,.0f}"
+    return f"autocorrelation: {count} of {analysis.samples:,} samples count"
 
 
-def _of_spectrum(found: ResidualAnalysis) -> str:
-    line, slow = found.spectrum.line, found.spectrum.slow_share
-    said = [f"{100 * slow:.0f} % below {found.spectrum.slow_below:.2g} Hz"] if slow >= DRIFT else []
-    said += [f"{100 * line.share:.0f} % at {line.frequency:.3g} Hz"] if line else []
+def _of_spectrum(analysis: ResidualAnalysis) -> str:
+    line, slow = analysis.spectrum.line, analysis.spectrum.slow_share
+    parts = [f"{100 * slow:.0f} % below {analysis.spectrum.slow_below:.2g} Hz"] if slow >= DRIFT else []
+    parts += [f"{100 * line.share:.0f} % at {line.frequency:.3g} Hz"] if line else []
     if not np.isfinite(slow):
         return "spectrum"
-    return f"spectrum: {', '.join(said) or 'no frequency stands out'}"
+    return f"spectrum: {', '.join(parts) or 'no frequency stands out'}"
 
 
 def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
@@ -323,8 +328,8 @@ def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: st
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
     axes.plot(x, normal, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution")
-    said = f"mean {with_unit(mean / factor, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
-    appearance.corner(axes, said.replace("-", "−"))
+    text = f"mean {with_unit(mean / factor, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
+    appearance.corner(axes, text.replace("-", "−"))
 
 
 def _normal_probability(axes: Axes, residual: FloatArray) -> None:
@@ -334,11 +339,11 @@ def _normal_probability(axes: Axes, residual: FloatArray) -> None:
         return
     quantiles, ordered = _normal_quantiles(residual.size), np.sort(residual)
     # Some hundred points, evenly over the quantiles: the thousands in the middle lie on each other.
-    shown = np.unique(np.searchsorted(quantiles, np.linspace(quantiles[0], quantiles[-1], 400)))
+    indices = np.unique(np.searchsorted(quantiles, np.linspace(quantiles[0], quantiles[-1], 400)))
     slope = float(quantiles @ ordered / (quantiles @ quantiles))  # the quantiles have mean zero
     axes.plot(
-        quantiles[shown],
-        ordered[shown],
+        quantiles[indices],
+        ordered[indices],
         ls="",
         marker="o",
         ms=2.5 if residual.size > 100 else 4,

@@ -88,18 +88,18 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     ['$\\\\theta$ = 0', '$\\\\alpha$ = 0, upright']
     """
     shape = model.geometry()
-    drawn = _Drawing(shape)
-    low, high = drawn.extent()
+    drawing = _Drawing(shape)
+    low, high = drawing.extent()
     width, height = high - low
     scale = min((WIDTH - 2 * MARGIN) / width, (HEIGHT - 2 * MARGIN) / height)  # [inch/m]
     paper = np.array([WIDTH, scale * height + 2 * MARGIN])
     figure = appearance.new(WIDTH, paper[1] + NOTES, style)
     axes = figure.subplots()
-    _zeros(axes, drawn)
-    _base(axes, drawn)
-    _parts(axes, drawn)
-    _angles(axes, drawn)
-    _lengths(axes, drawn)
+    _zeros(axes, drawing)
+    _base(axes, drawing)
+    _parts(axes, drawing)
+    _angles(axes, drawing)
+    _lengths(axes, drawing)
     (left, bottom), (right, top) = (low + high - paper / scale) / 2, (low + high + paper / scale) / 2
     axes.set(aspect="equal", xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
@@ -163,9 +163,9 @@ class _Drawing:
         shape = self.shape
         x, y = shape.directions(0.0)
         foot = [self.floor * UP + s * 0.22 * self.size * e for s in (-1, 1) for e in (_screen()[0], _screen()[2])]
-        seen = [*foot, 1.1 * shape.arm * x, 0.95 * shape.arm * y, 0.4 * self.size * UP, shape.pose(THETA, ALPHA)[1],
+        anchors = [*foot, 1.1 * shape.arm * x, 0.95 * shape.arm * y, 0.4 * self.size * UP, shape.pose(THETA, ALPHA)[1],
                 self.end + 1.1 * shape.pendulum * self.zero_line()]  # fmt: skip
-        points = self.on_paper(seen)
+        points = self.on_paper(anchors)
         return points.min(axis=0), points.max(axis=0)
 
 
@@ -196,8 +196,8 @@ def _zeros(axes: Axes, d: _Drawing) -> None:
     _line(axes, d, [d.end, far], color=appearance.INK, lw=0.9, ls=(0, (4, 3)), zorder=5)
     off = f"{with_unit(abs(shape.offset))} off " if shape.offset else ""
     below = d.on_paper(far)[1] < d.on_paper(d.end)[1]
-    said = f"{appearance.symbol('alpha')} = 0, {off}{shape.zero}"
-    _text(axes, d.on_paper(far), said, (0, -9 if below else 9), color=appearance.VERMILLION)
+    caption = f"{appearance.symbol('alpha')} = 0, {off}{shape.zero}"
+    _text(axes, d.on_paper(far), caption, (0, -9 if below else 9), color=appearance.VERMILLION)
 
 
 def _angles(axes: Axes, d: _Drawing) -> None:
@@ -310,11 +310,11 @@ def _solid(axes: Axes, d: _Drawing, faces: Sequence[FloatArray], colour: tuple[f
     camera = _screen()
     normals = np.array([np.cross(face[1] - face[0], face[2] - face[1]) for face in faces])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    seen = normals @ camera[2] > 1e-9
-    bright = 0.7 + 0.3 * np.clip(normals[seen] @ camera.T @ LIGHT, 0.0, 1.0)
+    mask = normals @ camera[2] > 1e-9
+    bright = 0.7 + 0.3 * np.clip(normals[mask] @ camera.T @ LIGHT, 0.0, 1.0)
     shades = np.clip(bright[:, None] * np.array(colour), 0, 1)
-    shown = [d.on_paper(face) for face, yes in zip(faces, seen, strict=True) if yes]
-    axes.add_collection(PolyCollection(shown, facecolors=shades, edgecolors=shades, linewidths=0.4, zorder=zorder))
+    polygons = [d.on_paper(face) for face, yes in zip(faces, mask, strict=True) if yes]
+    axes.add_collection(PolyCollection(polygons, facecolors=shades, edgecolors=shades, linewidths=0.4, zorder=zorder))
     points = d.on_paper(np.vstack(faces))
     outline = points[ConvexHull(points).vertices]
     axes.fill(*outline.T, fill=False, ec="0.2", lw=0.7, zorder=zorder + 0.01, joinstyle="round")
@@ -356,13 +356,13 @@ def _beyond(direction: FloatArray) -> FloatArray:
 
 def _note(model: Model, shape: RigGeometry) -> str:
     """What is to scale, and what is not; which way the input drives."""
-    said = [
+    sentences = [
         "Arm and pendulum to scale. The pendulum is drawn as the uniform rod that swings as fast; "
         f"○: its centre of oscillation, {_millimetres(shape.oscillation_centre)} from the pivot.",
         "Arrows: positive sense.",
     ]
     push = model.parameter(model.drive).value if model.drive else 0.0
     if push and model.inputs:
-        said.append(f"A positive {appearance.plain(model.inputs[0])} drives θ "
+        sentences.append(f"A positive {appearance.plain(model.inputs[0])} drives θ "
                     f"{'positive' if push > 0 else 'negative'}.")  # fmt: skip
-    return " ".join(said)
+    return " ".join(sentences)

@@ -58,7 +58,7 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
     from fracid.estimation.starts import SAME_COST, final_cost
 
     costs = [(final_cost(s, starts), s) for s in starts]
-    ended = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
+    ranking = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
     figure = appearance.new(7, 4.6, style)
     axes = figure.subplots()
     kinds = {
@@ -67,21 +67,23 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
         "Sobol": ("D", appearance.GREEN),
     }
     for kind, (marker, colour) in kinds.items():
-        for joined in (False, True):
-            mine = [(i + 1, cost) for i, (cost, s) in enumerate(ended)
-                    if s.origin.split()[0] == kind and (s.joined is not None) == joined]  # fmt: skip
-            label = f"{kind}, left in another's minimum" if joined else kind
+        for duplicate in (False, True):
+            mine = [(i + 1, cost) for i, (cost, s) in enumerate(ranking)
+                    if s.origin.split()[0] == kind and (s.joined is not None) == duplicate]  # fmt: skip
+            label = f"{kind}, left in another's minimum" if duplicate else kind
             if mine:
                 axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,
-                          mfc="white" if joined else colour, label=label, zorder=3)  # fmt: skip
-    axes.step([i + 1 for i in range(len(ended))], [cost for cost, _ in ended], where="mid", color="0.7", lw=1, zorder=1)
-    if ended and ended[0][0] > 0:
+                          mfc="white" if duplicate else colour, label=label, zorder=3)  # fmt: skip
+    axes.step(
+        [i + 1 for i in range(len(ranking))], [cost for cost, _ in ranking], where="mid", color="0.7", lw=1, zorder=1
+    )
+    if ranking and ranking[0][0] > 0:
         axes.set_yscale("log")
         _few_decades(axes)
-    best = sum(cost <= SAME_COST * ended[0][0] for cost, _ in ended) if ended else 0
-    lost = f"; {len(starts) - len(ended)} left for their cost" if len(ended) < len(starts) else ""
+    best = sum(cost <= SAME_COST * ranking[0][0] for cost, _ in ranking) if ranking else 0
+    note = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
     name, unit = appearance.cost_label(cost_name)
-    appearance.label(axes, f"{best} of {len(starts)} starts at the lowest cost{lost}",
+    appearance.label(axes, f"{best} of {len(starts)} starts at the lowest cost{note}",
                "start, sorted by its final cost",
                f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -68,10 +68,12 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
     >>> [path.name for path in save(flat, tempfile.mkdtemp(), "plane")]
     ['plane.svg', 'plane.png']
     """
-    known = figure.canvas.get_supported_filetypes()
+    filetypes = figure.canvas.get_supported_filetypes()
     for ending in formats:
-        if ending not in known:
-            raise InputError(f"Figures cannot be written as {ending!r}; expected some of {', '.join(sorted(known))}.")
+        if ending not in filetypes:
+            raise InputError(
+                f"Figures cannot be written as {ending!r}; expected some of {', '.join(sorted(filetypes))}."
+            )
     if not stem or Path(stem).name != stem:
         raise InputError(f"{stem!r} is no name for a file; expected one without a folder and an ending: 'figure2'.")
     contents = {Path(folder) / f"{stem}.{ending}": _rendered(figure, ending) for ending in formats}

@@ -70,19 +70,19 @@ def refuse_twins(experiments: Sequence[Experiment]) -> None:
             raise InputError(f"Two recordings are named {name!r}; give each its own name.")
 
 
-def check_choice(what: str, name: str, known: Collection[str]) -> None:
+def check_choice(what: str, name: str, choices: Collection[str]) -> None:
     """Refuse a name that is none of the known ones."""
-    if name not in known:
-        raise unknown_name(what, name, known)
+    if name not in choices:
+        raise unknown_name(what, name, choices)
 
 
 def _check_ties(p: Parametrisation) -> None:
     """A tie goes to a known name of the same kind and unit, and in no circle."""
-    known = {"order": p.model.order_names, "parameter": p.model.parameter_names}
+    names = {"order": p.model.order_names, "parameter": p.model.parameter_names}
     for what, values in (("order", p.orders), ("parameter", p.parameters)):
         for name, value in values.items():
-            if isinstance(value, Tied) and value.to not in known[what]:
-                raise unknown_name(f"{what} that {name} is tied to", value.to, known[what])
+            if isinstance(value, Tied) and value.to not in names[what]:
+                raise unknown_name(f"{what} that {name} is tied to", value.to, names[what])
             root = root_of(what, name, values)
             if what == "parameter":
                 units = [p.model.parameter(n).unit for n in (name, root)]
@@ -157,10 +157,10 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
         )
     if not np.all(np.isfinite(e.past)) or (e.past_inputs is not None and not np.all(np.isfinite(e.past_inputs))):
         raise InputError(f"{e.name}: a sample of its past is not a finite number; leave such samples out or fill them.")
-    known = {p.model.outputs[o] for o in p.outputs}
-    unknown = set(range(len(p.model.states))) - known - {j for i, j in p.rates.items() if i in known}
-    if unknown:
-        names = ", ".join(p.model.states[i] for i in sorted(unknown))
+    observed = {p.model.outputs[o] for o in p.outputs}
+    unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
+    if unobserved:
+        names = ", ".join(p.model.states[i] for i in sorted(unobserved))
         raise InputError(
             f"{e.name}: its past does not tell {names}; a past needs every angle among the outputs, which are "
             f"{', '.join(p.outputs)}."

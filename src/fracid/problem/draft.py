@@ -134,24 +134,26 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
         raise InputError(
             f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
         )
-    named = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
-    commands = [n for n in angles if n not in named.values() and len(angles) > 1 and _is_command(recording.signals[n])]
-    named["voltage"] = named["voltage"] or next(iter(commands), None)
-    rest = sorted((n for n in angles if n not in named.values()), key=lambda n: _travel(reports[n]), reverse=True)
-    if named["alpha"] is None:
-        named["alpha"] = rest.pop(0) if rest else angles[0]
-    if named["theta"] is None and rest:
-        named["theta"] = rest.pop(0)
-    if named["theta"] == named["alpha"]:
-        named["theta"] = None
+    assignment = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
+    commands = [
+        n for n in angles if n not in assignment.values() and len(angles) > 1 and _is_command(recording.signals[n])
+    ]
+    assignment["voltage"] = assignment["voltage"] or next(iter(commands), None)
+    rest = sorted((n for n in angles if n not in assignment.values()), key=lambda n: _travel(reports[n]), reverse=True)
+    if assignment["alpha"] is None:
+        assignment["alpha"] = rest.pop(0) if rest else angles[0]
+    if assignment["theta"] is None and rest:
+        assignment["theta"] = rest.pop(0)
+    if assignment["theta"] == assignment["alpha"]:
+        assignment["theta"] = None
     columns, notes = {}, []
-    for what, name in named.items():
+    for what, name in assignment.items():
         if name is None:
             continue
         fields, why = _channel(recording, reports[name], what)
         columns[what] = {"column": _column(name, header)} | fields
         notes.append(f"{what} is taken from {name!r}{why}.")
-    others = [n for n in angles if n not in named.values()]
+    others = [n for n in angles if n not in assignment.values()]
     if others and "voltage" not in columns:
         notes.append(f"Not used: {', '.join(map(repr, others))}. The motor's voltage: --column voltage=COLUMN,unit=V.")
     return columns, tuple(notes)
@@ -229,22 +231,22 @@ def draft_project(
     """
     rig_name = rig or "srv02-rotpen"
     rotary_pendulum(rig_name)  # refuses an unknown one
-    said: Columns
+    column_specs: Columns
     if columns is None:
-        said, notes = guess_file(file, time=time, variable=variable)
+        column_specs, notes = guess_file(file, time=time, variable=variable)
     else:
-        said, notes = {n: dict(c) for n, c in columns.items()}, ()
-        if "alpha" not in said:
+        column_specs, notes = {n: dict(c) for n, c in columns.items()}, ()
+        if "alpha" not in column_specs:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
-    recording = inspect_recording(file, said, time=time, variable=variable)
+    recording = inspect_recording(file, column_specs, time=time, variable=variable)
     for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
-        if name in said and "zero" not in said[name]:
+        if name in column_specs and "zero" not in column_specs[name]:
             zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
-            said[name] |= zero
+            column_specs[name] |= zero
             notes += (why,) if why else ()
-    recording = inspect_recording(file, said, time=time, variable=variable)
-    page = _Page(recording, said, rig_name, time, variable, Path(folder), rig is None)
-    return Draft(page.text(), said, notes)
+    recording = inspect_recording(file, column_specs, time=time, variable=variable)
+    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None)
+    return Draft(page.text(), column_specs, notes)
 
 
 # --- what the columns are ----------------------------------------------------------------------------
@@ -252,8 +254,8 @@ def draft_project(
 
 def _first(pattern: str, names: Mapping[str, Any] | list[str]) -> str | None:
     """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
-    found = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
-    return next((n for n in found if re.search(r"pos|ang", n.lower())), found[0] if found else None)
+    matches = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
+    return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
 
 
 def _travel(s: SignalReport) -> float:
@@ -276,7 +278,7 @@ def _channel(recording: Recording, s: SignalReport, what: str) -> tuple[dict[str
         return {"unit": "V", "fill": "hold"}, ", in volts: a command that is logged when it changes"
     if what == "voltage":
         return {"unit": "V"}, ", in volts"
-    if any(said.startswith(f"{s.name} is in ") for said in recording.report.reading):
+    if any(line.startswith(f"{s.name} is in ") for line in recording.report.reading):
         return {}, ", whose unit the header says"
     whole = s.resolution is not None and abs(s.resolution - 1) < 1e-6
     if whole and s.range > 50:
@@ -292,7 +294,7 @@ def _channel(recording: Recording, s: SignalReport, what: str) -> tuple[dict[str
 
 
 def _familiar(counts: float) -> bool:
-    return any(abs(counts / known - 1) < 2e-3 for known in FAMILIAR_COUNTS)
+    return any(abs(counts / standard - 1) < 2e-3 for standard in FAMILIAR_COUNTS)
 
 
 def _zero(s: SignalReport, _: Recording) -> tuple[dict[str, Any], str]:
@@ -330,9 +332,9 @@ def _is_command(x: FloatArray) -> bool:
 def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
     for name, x in zip(table.names, table.values.T, strict=True):
-        seen = x[np.isfinite(x)]
-        called = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
-        if called and 1 < seen.size < x.size and np.ptp(seen) > 0:
+        finite = x[np.isfinite(x)]
+        match = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
+        if match and 1 < finite.size < x.size and np.ptp(finite) > 0:
             return name
     return None
 
@@ -346,10 +348,10 @@ def _way(recording: Recording) -> float:
     if not on.size:
         return 0.0
     after = np.arange(on[0], min(on[0] + round(0.25 / recording.report.clock.step), theta.size))
-    moved = theta[after[np.sign(u[after]) == np.sign(u[on[0]])]] - theta[on[0]]  # until the voltage turns round
-    furthest = float(moved[np.argmax(np.abs(moved))])
-    seen = abs(furthest) > 0.02 * float(theta.max() - theta.min())
-    return math.copysign(1.0, furthest * float(u[on[0]])) if seen else 0.0
+    displacement = theta[after[np.sign(u[after]) == np.sign(u[on[0]])]] - theta[on[0]]  # until the voltage turns round
+    furthest = float(displacement[np.argmax(np.abs(displacement))])
+    observable = abs(furthest) > 0.02 * float(theta.max() - theta.min())
+    return math.copysign(1.0, furthest * float(u[on[0]])) if observable else 0.0
 
 
 def _turns(alpha: FloatArray) -> NDArray[np.intp]:
@@ -472,8 +474,8 @@ class _Page:
         if not self.arm or self.driven:
             return 1.0
         C1, C3, C4, J = (self.model.parameter(n).value for n in ("C1", "C3", "C4", "J_theta"))
-        seen, free = self._inertia(C4), C1 - C3**2 / J
-        factor = min(seen / free, 1.0) if seen < free else max(seen / C1, 1.0)
+        inertia, free = self._inertia(C4), C1 - C3**2 / J
+        factor = min(inertia / free, 1.0) if inertia < free else max(inertia / C1, 1.0)
         return factor if not 1 / LIKE < factor < LIKE else 1.0
 
     def _meaning(self, name: str) -> str:
@@ -489,14 +491,14 @@ class _Page:
 
     def _recording(self) -> list[str]:
         path = Path(self.recording.path).resolve()
-        seen = os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/")
-        lines = ["[[recording]]", _line("name", self.recording.name, ""), _line("file", seen, "")]
+        relative_path = os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/")
+        lines = ["[[recording]]", _line("name", self.recording.name, ""), _line("file", relative_path, "")]
         if self.variable:
             lines.append(_line("variable", self.variable, "# the array in the file"))
         if self.time:
             lines.append(f"time = {_table(self.time)}")
         else:
-            lines += [f"# {said}" for said in self.recording.report.reading if said.startswith("Time ")]
+            lines += [f"# {line}" for line in self.recording.report.reading if line.startswith("Time ")]
         lines += [f"{name} = {_table(fields)}" for name, fields in self.columns.items()]
         lines.append(self._from())
         if self._held():
@@ -542,8 +544,8 @@ class _Page:
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
         own = [
             n
-            for n, used in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
-            if used
+            for n, condition in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
+            if condition
         ]
         if own:
             where = "# where it rests differs from recording to recording"

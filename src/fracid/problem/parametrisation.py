@@ -140,8 +140,8 @@ class Parametrisation:
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""
         vectors = [v.copy() for v in self._fixed[e.name]]
-        for value, unknown, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
-            if unknown.experiment in (None, e.name):
+        for value, parameter, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
+            if parameter.experiment in (None, e.name):
                 vectors[vector][where] = value
         orders, parameters, initial, release = vectors
         if e.past is not None and self.initial_state == "measured":
@@ -249,8 +249,8 @@ class Parametrisation:
     @cached_property
     def rates(self) -> dict[int, int]:
         """For each scored output's state i the state j with D^q x_i = x_j."""
-        scored = [self.model.outputs[name] for name in self.outputs]
-        return {i: self.model.rates[i] for i in scored if i in self.model.rates}
+        indices = [self.model.outputs[name] for name in self.outputs]
+        return {i: self.model.rates[i] for i in indices if i in self.model.rates}
 
     def sizes(self, e: Experiment) -> FloatArray:
         """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).

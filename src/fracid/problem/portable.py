@@ -50,8 +50,8 @@ class Portable:
 
 
 def _carried(parts: Mapping[str, Any]) -> Portable:
-    named = {"cost_function": COSTS[parts["cost_function"]], "memory": portable_memory(parts["memory"])}
-    return Portable(Problem(**{**parts, **named}))
+    objects = {"cost_function": COSTS[parts["cost_function"]], "memory": portable_memory(parts["memory"])}
+    return Portable(Problem(**{**parts, **objects}))
 
 
 def portable_memory(name: str) -> Memory:
@@ -65,7 +65,7 @@ def portable_memory(name: str) -> Memory:
     >>> portable_memory("compressed(1e-08)").name
     'compressed(1e-08)'
     """
-    if found := re.fullmatch(r"compressed\(([^,]+)(?:, lags=(\d+))?\)", name):
-        tolerance, lags = found.groups()
+    if match := re.fullmatch(r"compressed\(([^,]+)(?:, lags=(\d+))?\)", name):
+        tolerance, lags = match.groups()
         return compressed(float(tolerance), **({"lags": int(lags)} if lags else {}))
     return memory_from_name(name)

@@ -224,7 +224,7 @@ class Problem:
         For validation: initial states and `per_recording` parameters are found again, nothing else.
         """
         shared = {u.target: v for u, v in zip(self.unknowns, x.tolist(), strict=True) if u.experiment is None}
-        kept = (*self.per_recording, *self.ties)
-        orders = {n: v if n in kept else shared.get(n, start_of(v)) for n, v in self.orders.items()}
-        parameters = {n: v if n in kept else shared.get(n, start_of(v)) for n, v in self.parameters.items()}
+        own_names = (*self.per_recording, *self.ties)
+        orders = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.orders.items()}
+        parameters = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.parameters.items()}
         return replace(self, orders=orders, parameters=parameters, experiments=experiments)

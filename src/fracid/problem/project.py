@@ -97,12 +97,12 @@ class _Range(_Table):
     scale: float | None = None
 
 
-def _untied(said: Any) -> Any:
+def _untied(table: Any) -> Any:
     """``{ tie = "lambda" }`` says the same as ``"lambda"``."""
-    if not isinstance(said, dict):
-        return said
-    ties = {n: v["tie"] for n, v in said.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
-    return said | {n: v for n, v in ties.items() if isinstance(v, str)}
+    if not isinstance(table, dict):
+        return table
+    ties = {n: v["tie"] for n, v in table.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
+    return table | {n: v for n, v in ties.items() if isinstance(v, str)}
 
 
 _Values = Annotated[dict[str, float | _Range | str], BeforeValidator(_untied)]
@@ -228,11 +228,11 @@ def _text(path: Path) -> str:
     """Read a project file; of a pipe or device nobody knows the end, and a recording by mistake may be large."""
     try:
         refuse_mistaken(path, "project")
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
             raise InputError(f"The project file {path} is no plain file but a pipe or a device; save it to a file.")
-        if found.st_size > LARGEST_FILE:
-            raise InputError(f"The project file {path} has {found.st_size} bytes; expected {LARGEST_FILE} at most.")
+        if status.st_size > LARGEST_FILE:
+            raise InputError(f"The project file {path} has {status.st_size} bytes; expected {LARGEST_FILE} at most.")
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"The project file {path} cannot be read: it is not UTF-8 text; save it as UTF-8.") from None
@@ -254,7 +254,7 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
     """
     try:
-        said = _File.model_validate(_toml(text))
+        content = _File.model_validate(_toml(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not TOML: {_short(error)}.") from None
     except ValidationError as error:
@@ -262,7 +262,7 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     try:
-        return _project(path, text, said, preset or said.fit.preset, trust)
+        return _project(path, text, content, preset or content.fit.preset, trust)
     except NotTrusted:
         raise
     except InputError as error:
@@ -274,14 +274,14 @@ def _toml(text: str) -> dict[str, Any]:
     if any(line.partition("=")[0].count(".") > LONGEST_KEY for line in text.splitlines()):  # it takes their square
         raise InputError(f"a key has more than {LONGEST_KEY} points; a project's has two.")
     try:
-        said = tomllib.loads(text)
+        content = tomllib.loads(text)
     except RecursionError:
         raise InputError("its tables or lists lie too deep in each other; a project has three levels.") from None
     except ValueError as error:
         if isinstance(error, tomllib.TOMLDecodeError):
             raise
         raise InputError("it holds a whole number of thousands of digits.") from None
-    level: list[Any] = [said]
+    level: list[Any] = [content]
     for _ in range(DEEPEST):
         level = [v for item in level for v in (item.values() if isinstance(item, dict) else item)]
         if any(isinstance(v, int) and v.bit_length() > 63 for v in level):
@@ -289,33 +289,33 @@ def _toml(text: str) -> dict[str, Any]:
         level = [v for v in level if isinstance(v, dict | list)]
     if level:
         raise InputError(f"its tables or lists lie more than {DEEPEST} deep in each other; a project has three levels.")
-    return said
+    return content
 
 
-def _short(said: object) -> str:
+def _short(message: object) -> str:
     """In one line that can be seen whole: what a file says may be of any length, and lie in any message."""
-    line = printable(" ".join(str(said).split()))
+    line = printable(" ".join(str(message).split()))
     return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} … {line[-190:]}"
 
 
-def _project(path: Path, text: str, said: _File, preset: str | None, trust: bool) -> Project:
-    fit = _apply(said.fit, preset)
-    own_code = refuse_untrusted(path, (said.model.name, fit.cost), trust)
+def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
+    fit = _apply(content.fit, preset)
+    own_code = refuse_untrusted(path, (content.model.name, fit.cost), trust)
     optimiser_from_name(fit.optimiser)
-    model, parameters = _model(said.model, path.parent)
-    orders = _orders(said.model.orders, model)
-    pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in said.recording]
-    loaded = [_load(r, model, path.parent, past) for r, past in zip(said.recording, pasts, strict=True)]
-    recordings = tuple(recording for recording, _ in loaded)
+    model, parameters = _model(content.model, path.parent)
+    orders = _orders(content.model.orders, model)
+    pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in content.recording]
+    pairs = [_load(r, model, path.parent, past) for r, past in zip(content.recording, pasts, strict=True)]
+    recordings = tuple(recording for recording, _ in pairs)
     _refuse_twins(recordings)
     outputs = tuple(fit.outputs or _common_outputs(model, recordings))
     experiments = [
         Experiment.of(
             r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s)
         )
-        for (r, before), s in zip(loaded, said.recording, strict=True)
+        for (r, before), s in zip(pairs, content.recording, strict=True)
     ]
-    uses = [r.use for r in said.recording]
+    uses = [r.use for r in content.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
         raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
@@ -343,11 +343,11 @@ def _apply(fit: _Fit, preset: str | None) -> _Fit:
     return fit.model_copy(update=PRESETS[preset])
 
 
-def _model(said: _Model, folder: Path) -> tuple[Model, dict[str, Value]]:
+def _model(spec: _Model, folder: Path) -> tuple[Model, dict[str, Value]]:
     """The model with every parameter at its start, and those of the file that are its own."""
-    parameters = {n: _value(n, v) for n, v in said.parameters.items()}
+    parameters = {n: _value(n, v) for n, v in spec.parameters.items()}
     starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
-    model = model_from_name(said.name, said.rig, said.zero, said.actuation, parameters=starts, folder=folder)
+    model = model_from_name(spec.name, spec.rig, spec.zero, spec.actuation, parameters=starts, folder=folder)
     for name, value in parameters.items():
         if isinstance(value, Tied):
             model.parameter(name)
@@ -368,35 +368,35 @@ def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model
     }
 
 
-def _load(said: _Recording, model: Model, folder: Path, past: bool) -> tuple[Recording, Recording | None]:
+def _load(spec: _Recording, model: Model, folder: Path, past: bool) -> tuple[Recording, Recording | None]:
     """Load a recording and, if asked for, what came before; the keys that pydantic did not know are its signals."""
-    columns = dict(said.model_extra or {})
-    known = (*model.outputs, *model.inputs)
+    columns = dict(spec.model_extra or {})
+    signals = (*model.outputs, *model.inputs)
     for name in columns:
-        if name not in known:
-            close = difflib.get_close_matches(name, [*known, "from", "to", "file", "time", "use", "resample"], 1)
-            hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(known)}."
-            raise InputError(f"[[recording]] {said.name or said.file}: unknown key {name!r}; {hint}")
+        if name not in signals:
+            close = difflib.get_close_matches(name, [*signals, "from", "to", "file", "time", "use", "resample"], 1)
+            hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(signals)}."
+            raise InputError(f"[[recording]] {spec.name or spec.file}: unknown key {name!r}; {hint}")
     if not columns:
         raise InputError(
-            f"[[recording]] {said.name or said.file} names no signal; type for example "
-            f'{known[-2] if len(known) > 1 else known[0]} = {{ column = 1, unit = "deg" }}.'
+            f"[[recording]] {spec.name or spec.file} names no signal; type for example "
+            f'{signals[-2] if len(signals) > 1 else signals[0]} = {{ column = 1, unit = "deg" }}.'
         )
-    name = refuse_unseen("the recording's name", said.name or Path(said.file).stem)
-    if past and said.start is None:
+    name = refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
+    if past and spec.start is None:
         raise InputError(
             f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
         )
-    if isinstance(said.start, float) and said.stop is not None and said.start >= said.stop:
-        raise InputError(f"{name}: from = {said.start:g} is not before to = {said.stop:g}.")
-    found = load_recording(
-        folder / said.file, columns, time=said.time, start=None if past else said.start, stop=said.stop,
-        resample=said.resample, name=name, variable=said.variable,
+    if isinstance(spec.start, float) and spec.stop is not None and spec.start >= spec.stop:
+        raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
+    recording = load_recording(
+        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop,
+        resample=spec.resample, name=name, variable=spec.variable,
     )  # fmt: skip
     if not past:
-        return found, None
-    after = found.trim(said.start)
-    return after, found.trim(None, after.time[0] - 0.5 * after.report.clock.step)
+        return recording, None
+    after = recording.trim(spec.start)
+    return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
 
 
 def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
@@ -417,12 +417,12 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
     ]
 
 
-def _orders(said: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:
+def _orders(specs: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
-    for name in said:
+    for name in specs:
         if name not in model.order_names:
             raise unknown_name("order in [model.orders]", name, model.order_names)
-    return {n: _value(n, said.get(n, ORDER_RANGE)) for n in model.order_names}
+    return {n: _value(n, specs.get(n, ORDER_RANGE)) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -432,20 +432,20 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     return outputs
 
 
-def _release_time(name: str, said: _Recording) -> float | Free:
-    value = _value(f"release_time of {name}", said.release_time)
+def _release_time(name: str, spec: _Recording) -> float | Free:
+    value = _value(f"release_time of {name}", spec.release_time)
     assert not isinstance(value, Tied)
     return value
 
 
-def _value(name: str, said: float | _Range | str | Free) -> Value:
-    if isinstance(said, str):
-        return Tied(said)
-    if not isinstance(said, _Range):
-        return said
+def _value(name: str, spec: float | _Range | str | Free) -> Value:
+    if isinstance(spec, str):
+        return Tied(spec)
+    if not isinstance(spec, _Range):
+        return spec
     try:
-        prior = None if said.prior is None else Prior(said.prior.mean, said.prior.sd)
-        return Free(said.start, said.lower, said.upper, prior, said.scale)
+        prior = None if spec.prior is None else Prior(spec.prior.mean, spec.prior.sd)
+        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
@@ -470,7 +470,7 @@ TABLES = EXPECTED | {
 
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
-    faults = faults_by_place(error, tried=["_Range"])
+    faults = faults_by_place(error, alternatives=["_Range"])
     inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
     return " ".join(_sentence(p, faults[p]) for p in inner[:3])
@@ -484,8 +484,8 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
         return f"{where} is missing."
     keys = next((_keys(fault) for fault in faults if fault["type"] == "model_type"), "")
     value = faults[0]["input"]
-    said = str(value).lower() if isinstance(value, bool) else repr(value)
-    return f"{where} = {said}; expected {expected(faults, TABLES, keys=keys)}."
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return f"{where} = {text}; expected {expected(faults, TABLES, keys=keys)}."
 
 
 def _keys(fault: Any) -> str:
@@ -509,6 +509,6 @@ def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
     table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
-    known = [*table.model_fields]
-    match = difflib.get_close_matches(str(path[-1]), known, 1)
-    return f"did you mean {match[0]!r}?" if match else f"the known ones are {', '.join(known)}."
+    keys = [*table.model_fields]
+    match = difflib.get_close_matches(str(path[-1]), keys, 1)
+    return f"did you mean {match[0]!r}?" if match else f"the known ones are {', '.join(keys)}."

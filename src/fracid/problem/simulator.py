@@ -84,8 +84,8 @@ class Simulator:
         if e.release_time == 0.0:
             return run.states[:: self.substeps, columns]
         moving = e.time >= run.time[0]
-        held = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
-        return np.vstack([held, run.at(e.time[moving])[:, columns]])
+        initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
+        return np.vstack([initial, run.at(e.time[moving])[:, columns]])
 
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""

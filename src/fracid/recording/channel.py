@@ -130,7 +130,7 @@ class Channel:
         _require(_is_column(self.column), "column", self.column, "a position from 0 or a name")
 
     @classmethod
-    def of(cls, given: Channel | Mapping[str, Any] | int | str, name: str = "a channel") -> Channel:
+    def of(cls, spec: Channel | Mapping[str, Any] | int | str, name: str = "a channel") -> Channel:
         """Return a channel from a column or a table of fields.
 
         Raises
@@ -143,17 +143,17 @@ class Channel:
         >>> Channel.of({"column": 2, "unit": "deg"}).unit
         'deg'
         """
-        if isinstance(given, Channel):
-            return given
-        if not isinstance(given, Mapping):
-            return cls(given)
-        known = [f.name for f in fields(cls)]
-        for key in given:
-            if key not in known:
-                raise InputError(f"{name}: unknown field {key!r}; the fields of a channel are {', '.join(known)}.")
-        if "column" not in given:
+        if isinstance(spec, Channel):
+            return spec
+        if not isinstance(spec, Mapping):
+            return cls(spec)
+        names = [f.name for f in fields(cls)]
+        for key in spec:
+            if key not in names:
+                raise InputError(f"{name}: unknown field {key!r}; the fields of a channel are {', '.join(names)}.")
+        if "column" not in spec:
             raise InputError(f"{name}: no column given; type e.g. {name} = {{ column = 1 }}.")
-        return cls(**given)
+        return cls(**spec)
 
     @property
     def signal_unit(self) -> str:
@@ -187,15 +187,15 @@ class Channel:
         turns = self.counts_per_turn or 1 if self.unit == "counts" else 1
         value = UNITS[self.unit or "rad"][0] / turns * raw
         if self.unwrap:
-            seen = np.isfinite(value)
-            value[seen] = np.unwrap(value[seen])
+            mask = np.isfinite(value)
+            value[mask] = np.unwrap(value[mask])
         value = self.sign * self.scale * value
         return value - (_rest(value, name) if self.zero == "rest" else float(self.zero))
 
 
-def header_unit(said: str) -> str | None:
+def header_unit(word: str) -> str | None:
     """Return the unit that a header's word means, None if it means none of ``UNITS``."""
-    unit = SPELLINGS.get(said, said)
+    unit = SPELLINGS.get(word, word)
     return unit if unit in UNITS and unit not in ("1", "counts") else None
 
 

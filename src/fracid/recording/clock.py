@@ -78,16 +78,13 @@ class _Said:
     findings: tuple[Finding, ...] = ()
 
 
-def read_clock(
-    table: Table, given: Mapping[str, Any] | int | str | None
-) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
+def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
     """Return time stamps, the rows that have one, and what was done."""
-    spec = dict(given) if isinstance(given, Mapping) else {} if given is None else {"column": given}
-    unknown = set(spec) - {"column", "unit", "rate"}
-    if unknown or (spec and ("rate" in spec) == ("column" in spec)):
+    spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
+    extras = set(spec) - {"column", "unit", "rate"}
+    if extras or (spec and ("rate" in spec) == ("column" in spec)):
         raise InputError(
-            f"time = {given!r} is not possible; expected "
-            "{column = 0}, {column = 0, unit = 'ms'} or {rate = 1000}."
+            f"time = {time!r} is not possible; expected {{column = 0}}, {{column = 0, unit = 'ms'}} or {{rate = 1000}}."
         )
     if "rate" in spec:
         return _from_rate(table, spec["rate"])
@@ -176,11 +173,11 @@ def _header_rate(header: Sequence[str]) -> float | None:
 
 def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
-    named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
-    among = named or range(len(table.names))
+    candidates = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
+    among = candidates or range(len(table.names))
     evenness = {j: e for j in among if (e := unevenness(table.values[:, j])) is not None}
-    if named and not evenness:  # a clock that repeats or goes back: the report will say so
-        return named[0]
+    if candidates and not evenness:  # a clock that repeats or goes back: the report will say so
+        return candidates[0]
     if not evenness:
         header = f" The header says: {short_text(' | '.join(table.header))}." if table.header else ""
         sideways = " It has more columns than rows: should it be turned?" if _is_wide(table) else ""

@@ -40,26 +40,26 @@ def choose_channels(
     if columns is not None:
         if not isinstance(columns, Mapping) or not columns:
             raise InputError(f"columns = {columns!r} names no signal; expected e.g. {{'alpha': 2}}.")
-        return {name: Channel.of(given, name) for name, given in columns.items()}, []
+        return {name: Channel.of(spec, name) for name, spec in columns.items()}, []
     others = [j for j in range(len(table.names)) if j != time and (unevenness(table.values[:, j]) or 1) > 1e-12]
     blank = {j for j in others if np.isnan(table.values[rows, j]).all()}
     still = {j for j in others if j not in blank and _is_still(table.values[rows, j])}
-    kept = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
-    if not kept:
+    indices = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
+    if not indices:
         raise DataError(_no_signal(table, blank))
-    sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in kept)}."]
+    sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in indices)}."]
     sentences += _left_out(table)
-    for left, why in [
+    for group, why in [
         (blank, "blank where time is stamped"),
-        ([j for j in still if j not in kept], "constant"),
+        ([j for j in still if j not in indices], "constant"),
     ]:
-        if left:
-            sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in left)}.")
+        if group:
+            sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in group)}.")
     twice = {name for name, count in Counter(table.names).items() if count > 1}
-    shared = re.match(r".*[/.]|", _common([table.names[j] for j in kept]))
-    cut = len(shared[0]) if shared and len(kept) > 1 else 0  # /joint_states/joint0/position: joint0/position
-    label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in kept}
-    return {label[j]: Channel(j) for j in kept}, sentences
+    shared = re.match(r".*[/.]|", _common([table.names[j] for j in indices]))
+    cut = len(shared[0]) if shared and len(indices) > 1 else 0  # /joint_states/joint0/position: joint0/position
+    label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in indices}
+    return {label[j]: Channel(j) for j in indices}, sentences
 
 
 def _is_still(column: FloatArray) -> bool:
@@ -69,10 +69,10 @@ def _is_still(column: FloatArray) -> bool:
 def _no_signal(table: Table, blank: Collection[int]) -> str:
     """Return why nothing but time is there."""
     names = ", ".join(table.names[:20])
-    said = " ".join(_left_out(table)) or (
+    reason = " ".join(_left_out(table)) or (
         f"Blank throughout: {', '.join(table.names[j] for j in [*blank][:20])}." if blank else f"Its columns: {names}."
     )
-    return f"{table.source} holds no signal besides its time. {said}"
+    return f"{table.source} holds no signal besides its time. {reason}"
 
 
 def _left_out(table: Table) -> list[str]:
@@ -95,16 +95,16 @@ def _is_clock(table: Table, j: int, time: int | None) -> bool:
 
 def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | None) -> None:
     """Refuse a column that is asked for twice, or is the clock: a slip of the finger."""
-    used = {} if time is None else {time: "time"}
+    owners = {} if time is None else {time: "time"}
     for name, channel in channels.items():
         j = table.find(channel.column)
-        if j in used:
+        if j in owners:
             raise InputError(
-                f"{name} and {used[j]} are both column {j}, {short_text(table.names[j])!r}, of {table.source}; "
+                f"{name} and {owners[j]} are both column {j}, {short_text(table.names[j])!r}, of {table.source}; "
                 f"give each "
                 "its own."
             )
-        used[j] = name
+        owners[j] = name
 
 
 def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
@@ -132,8 +132,8 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
             f"{name} is in counts, as the header says; type counts_per_turn = 4096, or what its encoder has."
         )
     if not guessed and header.lower() in ELSEWHERE:
-        known, scale = ELSEWHERE[header.lower()]
-        raise InputError(f'{name} is in {header}, as the header says; type unit = "{known}", scale = {scale}.')
+        base_unit, scale = ELSEWHERE[header.lower()]
+        raise InputError(f'{name} is in {header}, as the header says; type unit = "{base_unit}", scale = {scale}.')
     return replace(
         channel, unit=unit
     ), f"{name}: what the header says of it, {short_text(header)!r}, is taken as {unit}."

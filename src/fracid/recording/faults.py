@@ -132,21 +132,21 @@ def signal_faults(
     >>> [f.code for f in measure(t, {"alpha": degrees}, {"alpha": "rad"}).findings]
     ['degrees-as-radians']
     """
-    found: list[Finding] = []
+    findings: list[Finding] = []
     angles = sum(s.unit == "rad" for s in reports)
     for s in reports:
         x = signals[s.name]
-        seen = np.isfinite(x)
-        if seen.sum() < 10 or not s.range > 0:
+        mask = np.isfinite(x)
+        if mask.sum() < 10 or not s.range > 0:
             continue
-        x, t = (x, time) if seen.all() else (x[seen], time[seen])
+        x, t = (x, time) if mask.all() else (x[mask], time[mask])
         pendulum = s.name == "alpha" or angles == 1
-        found += _unit(s, x, pendulum)
-        found += _jumps(s, t, x)
-        found += _repeated(s, t, x)
-        found += _saturated(s, x)
-        found += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
-    return tuple(found)
+        findings += _unit(s, x, pendulum)
+        findings += _jumps(s, t, x)
+        findings += _repeated(s, t, x)
+        findings += _saturated(s, x)
+        findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
+    return tuple(findings)
 
 
 # --- units -------------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
 
 
 def _familiar(counts: float) -> bool:
-    return any(abs(counts / known - 1) < EXACT for known in FAMILIAR_COUNTS)
+    return any(abs(counts / reference - 1) < EXACT for reference in FAMILIAR_COUNTS)
 
 
 # --- time --------------------------------------------------------------------------------------------
@@ -281,8 +281,8 @@ def _repeats(x: FloatArray, q: float) -> tuple[float, float]:
     noise = math.sqrt(float(np.quantile(np.mean(rough**2, axis=1), 0.25)) / 20)  # where it is quietest
     least = CELLS * max(q, noise)
     went_on = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
-    held = n[went_on & (np.abs(after) > 0.5 * np.abs(before))]
-    return float(held.sum()) / x.size, float(np.median(held)) if held.size else 1.0
+    lengths = n[went_on & (np.abs(after) > 0.5 * np.abs(before))]
+    return float(lengths.sum()) / x.size, float(np.median(lengths)) if lengths.size else 1.0
 
 
 # --- range -------------------------------------------------------------------------------------------
@@ -314,7 +314,7 @@ def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> 
     """(start, stop) of the stretches at exactly the limit that begin and end too steeply for a turning point."""
     at = np.concatenate([[False], x == limit, [False]])
     edges = np.flatnonzero(at[1:] != at[:-1])
-    found = []
+    stretches = []
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         half = (stop - start) // 2
         if stop - start < 3 or start - half < 0 or stop - 1 + half >= x.size:
@@ -322,8 +322,8 @@ def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> 
         falls = abs(limit - x[start - half]), abs(limit - x[stop - 1 + half])
         jumps = gradual is not None and abs(limit - x[start - 1]) > gradual
         if min(falls) > FLAT * q and not jumps:
-            found.append((start, stop))
-    return found
+            stretches.append((start, stop))
+    return stretches
 
 
 # --- sampling ------------------------------------------------------------------------------------------

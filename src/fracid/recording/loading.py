@@ -115,12 +115,12 @@ def inspect_recording(
     path = Path(path)
     before = _state(path)
     table = read_table(path, variable)
-    clock, rows, said = read_clock(table, time)
-    channels, more = choose_channels(table, columns, said.column, rows)
+    clock, rows, source = read_clock(table, time)
+    channels, more = choose_channels(table, columns, source.column, rows)
     if columns is not None:
-        refuse_shared(table, channels, said.column)
-    reading = [*table.notes, *said.sentences, *more]
-    signals, units, held = {}, {}, set()
+        refuse_shared(table, channels, source.column)
+    reading = [*table.notes, *source.sentences, *more]
+    signals, units, holds = {}, {}, set()
     for signal, channel in channels.items():
         channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
         raw, beyond = measurable(table.values[:, table.find(channel.column)])
@@ -128,27 +128,27 @@ def inspect_recording(
         if channel.fill == "hold":
             raw, filled = hold_blanks(raw, signal, channel)
             reading.append(filled)
-            held.add(signal)
+            holds.add(signal)
         signals[signal] = channel.convert(raw[rows].copy(), signal)
         units[signal] = channel.signal_unit
         reading += [unit_said] if unit_said else []
     report = measure(clock, signals, units, tuple(reading))
-    report = replace(report, findings=(*said.findings, *report.findings))
+    report = replace(report, findings=(*source.findings, *report.findings))
     frozen = {n: read_only(x) for n, x in signals.items()}
     digest = _digest(path)
     if _state(path) != before:
         raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
-    whole = Recording(name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(held))
+    whole = Recording(name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds))
     return whole if start is None and stop is None else whole.trim(start, stop)
 
 
 def _state(path: Path) -> tuple[int, int] | None:
     """Return what changes when a file is written to."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return None  # for read_table to tell
-    return found.st_size, found.st_mtime_ns
+    return status.st_size, status.st_mtime_ns
 
 
 def _digest(path: Path) -> str:

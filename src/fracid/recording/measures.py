@@ -132,11 +132,11 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
     >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
     4096
     """
-    seen = np.isfinite(signal)
-    x = signal[seen]
+    mask = np.isfinite(signal)
+    x = signal[mask]
     if x.size < 2:
-        lost = tuple(map(float, time[~seen]))
-        return SignalReport(name, unit, math.nan, math.nan, lost, None, None, math.nan, math.nan, False, None)
+        blanks = tuple(map(float, time[~mask]))
+        return SignalReport(name, unit, math.nan, math.nan, blanks, None, None, math.nan, math.nan, False, None)
     q = resolution(x)
     rest, _, at_rest = tail(x)
     return SignalReport(
@@ -144,7 +144,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
         unit=unit,
         minimum=float(x.min()),
         maximum=float(x.max()),
-        missing=tuple(map(float, time[~seen])),
+        missing=tuple(map(float, time[~mask])),
         resolution=q,
         counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
         noise=white_noise(x),

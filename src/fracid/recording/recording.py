@@ -156,15 +156,15 @@ class Recording:
             for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
         )
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
-        held = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
-        how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{held}.{gaps}{more}"
+        hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
+        how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{hold_note}.{gaps}{more}"
         new = self._with(grid, signals, how)
         # a line between two encoder steps lies on no lattice: what was measured before still holds
-        kept = tuple(
+        reports = tuple(
             replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
             for s, r in zip(new.report.signals, self.report.signals, strict=True)
         )
-        return replace(new, report=replace(new.report, signals=kept))
+        return replace(new, report=replace(new.report, signals=reports))
 
     def _at(self, name: str, grid: FloatArray) -> FloatArray:
         x = self.signals[name]
@@ -237,10 +237,12 @@ class Recording:
                 raise InputError(
                     f"{name}: {n} has shape {x.shape} and time {time.shape}; expected (n_samples,) for both."
                 )
-        known = {n: (units or {}).get(n, "rad") for n in arrays}
+        signal_units = {n: (units or {}).get(n, "rad") for n in arrays}
         digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
-        report = measure(time, arrays, known)
-        return cls(name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, known, report)
+        report = measure(time, arrays, signal_units)
+        return cls(
+            name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report
+        )
 
 
 def demand_fitness(recording: Recording) -> None:
@@ -251,18 +253,18 @@ def demand_fitness(recording: Recording) -> None:
         raise DataError(f"{recording.name}: {' '.join(first)}{more}")
 
 
-def _seconds(name: str, given: Any) -> float:
-    if not isinstance(given, Real):
-        raise InputError(f"{name} = {given!r} is not possible; expected a time [s].")
-    return float(given)
+def _seconds(name: str, value: Any) -> float:
+    if not isinstance(value, Real):
+        raise InputError(f"{name} = {value!r} is not possible; expected a time [s].")
+    return float(value)
 
 
-def _array(name: str, given: Any) -> FloatArray:
+def _array(name: str, samples: Any) -> FloatArray:
     """Turn samples that a caller has into numbers, or say what is wrong; what is masked is missing."""
     try:
-        if np.asarray(given).dtype.kind not in "fiub":
+        if np.asarray(samples).dtype.kind not in "fiub":
             raise TypeError
-        return np.ma.filled(np.ma.asarray(given, dtype=float), np.nan)
+        return np.ma.filled(np.ma.asarray(samples, dtype=float), np.nan)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no array of real numbers: of time seconds, of angles radians.") from None
 

@@ -110,8 +110,8 @@ class Report:
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM else ""
         gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps else ""
         few = "few samples" if c.samples < FEW else ""
-        seen = dict.fromkeys(f"{f.where} {f.code.replace('-', ' ')}" for f in self.findings)
-        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *seen))))
+        findings = dict.fromkeys(f"{f.where} {f.code.replace('-', ' ')}" for f in self.findings)
+        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *findings))))
         length = f"{c.samples} samples, {c.duration:.2f} s at {c.rate:.5g} Hz"
         return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
 
@@ -127,14 +127,14 @@ class Report:
         c = self.clock
         jitter = f"{c.jitter * 1e6:.3g} µs standard deviation, at most {100 * c.worst_jitter:.2g} % of a step"
         gaps = f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all"
-        found = f"{self.release:.3f} s" if self.release is not None else "none"
+        blocks = f"{self.release:.3f} s" if self.release is not None else "none"
         return [
             ("samples", str(c.samples)),
             ("duration", f"{c.duration:.6g} s"),
             ("rate", f"{c.rate:.6g} Hz (step {c.step * 1e3:.6g} ms)" if c.step > 0 else "unknown"),
             ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
             ("gaps", gaps if c.gaps else "none"),
-            ("release", f"{found}: {self.release_reason}"),
+            ("release", f"{blocks}: {self.release_reason}"),
         ]
 
     def signal_rows(self) -> list[dict[str, str]]:
@@ -249,9 +249,9 @@ def _clock_warnings(c: Clock) -> Iterable[str]:
     if 1 < c.samples < FEW:
         yield f"{c.samples} samples are few to identify a model from"
     if c.gaps:
-        listed = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])
+        gaps = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
-        yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({listed}{more})"
+        yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({gaps}{more})"
     if c.worst_jitter > UNIFORM:
         yield f"the step jitters by up to {100 * c.worst_jitter:.2g} %: a fit resamples it to a uniform grid"
 
@@ -275,8 +275,8 @@ def _signal_note(s: SignalReport) -> str | None:
 def _signal_row(s: SignalReport) -> dict[str, str]:
     show = _degrees if s.unit.startswith("rad") else _number
     end = {"rad": "°", "rad/s": "°/s", "1": ""}.get(s.unit, f" {s.unit}")
-    turned = s.rest_offset is not None and abs(s.rest) > 1.5
-    offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if turned else ""
+    half_turn = s.rest_offset is not None and abs(s.rest) > 1.5
+    offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if half_turn else ""
     lattice = f"{s.counts_per_turn}/turn" if s.counts_per_turn else f"{show(s.resolution or 0.0)}{end}"
     return {
         "signal": shortened(s.name),

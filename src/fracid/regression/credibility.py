@@ -50,7 +50,7 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
     >>> print(belief(math.radians(10), ENCODER, 1.0)[:87])
     alpha swings by 10°. In simulated releases of this size the inertias came out up to 14
     """
-    said = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
+    expectation = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
     loud = noise / ENCODER
     worse = f" Here the noise of alpha is {loud:.2g} times theirs: expect more." if loud > LOUD else ""
     lacks = (
@@ -59,4 +59,7 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
         if noise_ratio > LACKS
         else ""
     )
-    return f"alpha swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size {said}.{worse}{lacks}"
+    return (
+        f"alpha swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size "
+        f"{expectation}.{worse}{lacks}"
+    )

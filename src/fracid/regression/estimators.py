@@ -60,8 +60,8 @@ def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tup
 def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArray) -> FloatArray:
     """Solve Zᵀ w (A v − y) = 0."""
     units, zunits = np.linalg.norm(A, axis=0), np.linalg.norm(Z, axis=0)
-    left = (Z / zunits * weights[:, None]).T
-    return np.asarray(np.linalg.lstsq(left @ (A / units), left @ y, rcond=None)[0] / units)
+    instruments = (Z / zunits * weights[:, None]).T
+    return np.asarray(np.linalg.lstsq(instruments @ (A / units), instruments @ y, rcond=None)[0] / units)
 
 
 def _robust(A: FloatArray, y: FloatArray, norm: str) -> tuple[FloatArray, FloatArray]:
@@ -118,9 +118,9 @@ def base_parameters(
     A = stack(system.W, scales)[:, list(free)]
     C = sum(c / s**2 for c, s in zip(system.covariance, scales, strict=True))[np.ix_(free, free)]
     unit = np.linalg.norm(A, axis=0)
-    seen = [i for i in range(len(free)) if unit[i] > 1e-12 * unit.max()]
-    R, order = qr(A[:, seen] / unit[seen], mode="r", pivoting=True)
-    pivots = [seen[i] for i in order]
+    columns = [i for i in range(len(free)) if unit[i] > 1e-12 * unit.max()]
+    R, order = qr(A[:, columns] / unit[columns], mode="r", pivoting=True)
+    pivots = [columns[i] for i in order]
     rank = len(pivots)
     for k in range(1, len(pivots)):
         x = np.append(-solve_triangular(R[:k, :k], R[:k, k]), 1.0) / unit[pivots[: k + 1]]
@@ -128,12 +128,12 @@ def base_parameters(
         if R[k, k] ** 2 <= max(COLLINEAR**2, noise):
             rank = k
             break
-    found: dict[int, dict[int, float]] = {free[i]: {} for i in range(len(free)) if i not in seen}
+    dependent: dict[int, dict[int, float]] = {free[i]: {} for i in range(len(free)) if i not in columns}
     for k in range(rank, len(pivots)):
         x = solve_triangular(R[:rank, :rank], R[:rank, k]) * unit[pivots[k]] / unit[pivots[:rank]]
         weight = np.abs(x) * unit[pivots[:rank]] / unit[pivots[k]]
-        found[free[pivots[k]]] = {free[pivots[i]]: float(x[i]) for i in range(rank) if weight[i] > 0.05}
-    return sorted(free[i] for i in pivots[:rank]), found
+        dependent[free[pivots[k]]] = {free[pivots[i]]: float(x[i]) for i in range(rank) if weight[i] > 0.05}
+    return sorted(free[i] for i in pivots[:rank]), dependent
 
 
 # --- how well ----------------------------------------------------------------------------------------------
@@ -197,12 +197,12 @@ def sandwich(
 
 def fit_percents(system: System, beta: FloatArray) -> dict[str, float]:
     """100 (1 − rms(residual)/rms(largest term)) of each equation that has rows."""
-    found = {}
+    percents = {}
     for name, W in zip(("arm", "pendulum"), system.W, strict=True):
         if len(W):
             largest = np.sqrt(np.mean((W * beta) ** 2, axis=0)).max()
-            found[name] = 100.0 * (1.0 - math.sqrt(float(np.mean((W @ beta) ** 2))) / max(float(largest), 1e-300))
-    return found
+            percents[name] = 100.0 * (1.0 - math.sqrt(float(np.mean((W @ beta) ** 2))) / max(float(largest), 1e-300))
+    return percents
 
 
 def condition_number_of(A: FloatArray) -> float:

@@ -34,11 +34,11 @@ def instruments_of(
     for start in ("tls", "huber", "model"):
         own = own_values(model, names)[list(gauge.free)]
         v = own if start == "model" else solve(start, system, gauge, scales, None)[0]
-        found, own_scales = _iterated(data, system, gauge, scales, names, model, orders, v)
-        if found is None:
+        instruments, own_scales = _iterated(data, system, gauge, scales, names, model, orders, v)
+        if instruments is None:
             continue
-        if min(_likeness(Z, W) for Z, W in zip(found, system.W, strict=True) if len(W)) >= ALIKE:
-            return found, own_scales
+        if min(_likeness(Z, W) for Z, W in zip(instruments, system.W, strict=True) if len(W)) >= ALIKE:
+            return instruments, own_scales
     return None, scales
 
 
@@ -83,17 +83,17 @@ def _simulated(
     values = dict(zip(names, beta.tolist(), strict=True))
     friction = {n: max(values[n], 0.0) for n, kind in model.friction.items() if n in values and kind.power is not None}
     clamped = {} if any(r.swing.arm for r in rows) else {"J_theta": CLAMPED}
-    wanted = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}
-    if any(not model.parameter(n).lower <= v <= model.parameter(n).upper for n, v in wanted.items()):
+    parameters = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}
+    if any(not model.parameter(n).lower <= v <= model.parameter(n).upper for n, v in parameters.items()):
         return None
-    found = []
+    responses = []
     for r in rows:
-        angles = _response(r.swing, model.with_parameters(**wanted), orders)
+        angles = _response(r.swing, model.with_parameters(**parameters), orders)
         if angles is None:
             return None
         base = r.swing.initial[0]
-        found.append(r.smooth(np.concatenate([np.repeat(base[None], r.swing.start, 0), angles]), base))
-    return found
+        responses.append(r.smooth(np.concatenate([np.repeat(base[None], r.swing.start, 0), angles]), base))
+    return responses
 
 
 def _response(s: Swing, model: Model, orders: Mapping[str, float]) -> FloatArray | None:

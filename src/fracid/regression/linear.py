@@ -136,8 +136,8 @@ class Regression:
     @property
     def values(self) -> dict[str, float]:
         """All constants by name, ready as overrides of the model; the cable's offset as theta_rest."""
-        found = {n: c.value for n, c in self.parameters.items() if n != "cable_offset"}
-        return found | theta_rest_of({n: c.value for n, c in self.parameters.items()})
+        constants = {n: c.value for n, c in self.parameters.items() if n != "cable_offset"}
+        return constants | theta_rest_of({n: c.value for n, c in self.parameters.items()})
 
     def __str__(self) -> str:
         """Return a table of values, errors, bias and verdicts."""
@@ -239,24 +239,24 @@ def regress(
     ('identified', True)
     """
     terms_of(model)
-    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    if not given or not all(isinstance(r, Recording) for r in given):
+    records = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    if not records or not all(isinstance(r, Recording) for r in records):
         raise InputError(
             f"recordings = {recordings!r:.60}: expected a Recording or a list of them; arrays become one by "
             'fracid.Recording.of("name", time, {"theta": …, "alpha": …}).'
         )
     if estimator not in get_args(Estimator):
         raise unknown_name("estimator", estimator, get_args(Estimator))
-    swings = [swing_of(r, model) for r in given]
-    wanted = Free(1.0, 0.5, 1.2)
-    chosen = {"lambda": wanted, "mu": wanted} if isinstance(orders, str) else dict(orders)
+    swings = [swing_of(r, model) for r in records]
+    order_range = Free(1.0, 0.5, 1.2)
+    order_specs = {"lambda": order_range, "mu": order_range} if isinstance(orders, str) else dict(orders)
     if isinstance(orders, str) and orders != "search":
         raise InputError(f'orders = {orders!r}: expected "search", or for example {{"lambda": 1.0, "mu": 1.0}}.')
-    return _regress(swings, model, chosen, dict(known or {}), terms, estimator, cutoff)
+    return _regress(swings, model, order_specs, dict(known or {}), terms, estimator, cutoff)
 
 
 def _regress(
-    swings: Sequence[Swing], model: Model, orders: Mapping[str, float | Free], known: dict[str, float],
+    swings: Sequence[Swing], model: Model, orders: Mapping[str, float | Free], fixed_values: dict[str, float],
     terms: Sequence[str] | None, estimator: Estimator, cutoff: float | None,
 ) -> Regression:  # fmt: skip
     orders = {n.rstrip("_"): v for n, v in orders.items()}
@@ -264,13 +264,13 @@ def _regress(
         orders |= {"lambda": 1.0}  # nothing sees it
     for side in ("lower", "upper"):
         model.state_orders({n: getattr(v, side) if isinstance(v, Free) else v for n, v in orders.items()})
-    names, known = _terms(swings, model, known, terms)
+    names, fixed_values = _terms(swings, model, fixed_values, terms)
     hertz, reason = _cutoff(swings, cutoff)
     window = WINDOW / min(s.frequency for s in swings)
     rows = [Rows(s, model, tuple(terms_of(model).names.index(n) for n in names), hertz, window) for s in swings]
     _enough(rows, names)
-    fixed = np.array([known.get(n, 0.0) for n in names])
-    gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in known), fixed)
+    fixed = np.array([fixed_values.get(n, 0.0) for n in names])
+    gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
     data = Data.of(rows)
     at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
     search, spread = None, np.zeros(len(names))
@@ -278,15 +278,15 @@ def _regress(
         own = own_values(model, names)
         basic = _independent(data.system(at), gauge, own)[0]
         search, at, spread = search_orders(data, basic, own, orders)
-    found = _at(data, gauge, names, known, model, at, estimator, spread)
+    regression = _at(data, gauge, names, fixed_values, model, at, estimator, spread)
     late = search is not None and any(s.in_motion for s in swings)
     return replace(
-        _doubted(found, search, late, estimator), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
+        _doubted(regression, search, late, estimator), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
     )  # fmt: skip
 
 
 def _at(
-    data: Data, gauge: Gauge, names: Sequence[str], known: Mapping[str, float], model: Model,
+    data: Data, gauge: Gauge, names: Sequence[str], fixed_values: Mapping[str, float], model: Model,
     orders: Mapping[str, float], estimator: str, spread: FloatArray,
 ) -> Regression:  # fmt: skip
     """Regress at given orders."""
@@ -317,7 +317,7 @@ def _at(
         covariance, np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
     )
     return Regression(
-        parameters=_constants(names, known, gauge, beta, bias, covariance, dependent, model),
+        parameters=_constants(names, fixed_values, gauge, beta, bias, covariance, dependent, model),
         orders=orders, combinations=_combinations(names, dependent, beta), estimator=estimator,
         residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
         weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
@@ -331,22 +331,22 @@ def _at(
 
 
 def _terms(
-    swings: Sequence[Swing], model: Model, known: Mapping[str, float], terms: Sequence[str] | None
+    swings: Sequence[Swing], model: Model, fixed_values: Mapping[str, float], terms: Sequence[str] | None
 ) -> tuple[tuple[str, ...], dict[str, float]]:
     """Names of the columns, and those that are known: what is not looked for is as the model has it."""
     linear = terms_of(model)
     every = linear.names
-    for name in (*known, *(terms or ())):
+    for name in (*fixed_values, *(terms or ())):
         if name not in every:
             raise unknown_name("constant", name, every)
-    for name, value in known.items():
+    for name, value in fixed_values.items():
         if not math.isfinite(value):
             raise InputError(f"known[{name!r}] = {value!r}: expected a finite number.")
-    seen = set(every if any(s.arm for s in swings) else linear.pendulum)
-    looked = (set(linear.lumped if terms is None else terms) - set(known)) & seen
+    candidates = set(every if any(s.arm for s in swings) else linear.pendulum)
+    looked = (set(linear.lumped if terms is None else terms) - set(fixed_values)) & candidates
     if "cable_stiffness" in looked:
         looked.add("cable_offset")
-    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | dict(known)
+    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | dict(fixed_values)
     units = {s.volts for s in swings if s.drive is not None}
     if len(units) == 2:
         raise InputError("One recording has a torque and another a voltage: give all of them the same.")
@@ -354,48 +354,49 @@ def _terms(
         own[model.drive] = own[model.drive] if units == {True} else 1.0
         looked |= {model.drive} if own[model.drive] == 0.0 else set()
     else:
-        seen.discard(model.drive)
+        candidates.discard(model.drive)
         looked.discard(model.drive)
-    held = {n: own[n] for n in every if n in seen - looked and (own[n] != 0.0 or n in known)}
+    constants = {n: own[n] for n in every if n in candidates - looked and (own[n] != 0.0 or n in fixed_values)}
     if not looked:
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
-    if not any(held[n] for n in held if n in (*linear.lumped, model.drive, *known)):
+    if not any(constants[n] for n in constants if n in (*linear.lumped, model.drive, *fixed_values)):
         example = "C4" if "C4" in looked else next(n for n in every if n in looked)
         raise InputError(
             "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
             f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
             f"{model.source.split('.')[0]} has."
         )
-    return tuple(n for n in every if n in looked | set(held)), held
+    return tuple(n for n in every if n in looked | set(constants)), constants
 
 
-def _cutoff(swings: Sequence[Swing], given: float | None) -> tuple[float, str]:
+def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     """Cut-off of the low-pass [Hz] and why."""
     nyquist = 0.5 / max(s.step for s in swings)
     swing = max(s.frequency for s in swings)
-    if given is not None:
-        if not 1.5 * swing < given < 0.8 * nyquist:
+    if cutoff is not None:
+        if not 1.5 * swing < cutoff < 0.8 * nyquist:
             raise InputError(
-                f"cutoff = {given!r} Hz; expected between {1.5 * swing:.3g} (the swing is {swing:.3g} Hz) and "
+                f"cutoff = {cutoff!r} Hz; expected between {1.5 * swing:.3g} (the swing is {swing:.3g} Hz) and "
                 f"{0.8 * nyquist:.3g} (the samples end at {nyquist:.3g} Hz)."
             )
-        return float(given), "as asked for"
+        return float(cutoff), "as asked for"
     spectral = max(s.cutoff for s in swings)
     low, high = (factor * swing for factor in CUTOFF)
-    found = min(max(spectral, low), high, 0.8 * nyquist)
+    frequency = min(max(spectral, low), high, 0.8 * nyquist)
     where = f"the angles' spectrum comes down to ten times the noise at {spectral:.3g} Hz"
-    if found == spectral:
-        return found, where
-    side = "at least" if found == low else "at most"
-    factor = found / swing
-    return found, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
+    if frequency == spectral:
+        return frequency, where
+    side = "at least" if frequency == low else "at most"
+    factor = frequency / swing
+    return frequency, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
 
 
 def _enough(rows: Sequence[Rows], names: Sequence[str]) -> None:
-    used = sum(len(k) for r in rows for k in r.kept)
-    if used < 3 * len(names):
+    count = sum(len(k) for r in rows for k in r.kept)
+    if count < 3 * len(names):
         raise InputError(
-            f"Only {used} rows are left of {', '.join(r.swing.name for r in rows)} once borders and standstill are left"
+            f"Only {count} rows are left of {', '.join(r.swing.name for r in rows)} once borders and standstill are "
+            f"left"
             f" out, for {len(names)} constants: record a longer or larger motion, or release from a larger angle."
         )
 
@@ -420,38 +421,38 @@ def _independent(
 
 
 def _constants(
-    names: Sequence[str], known: Mapping[str, float], gauge: Gauge, beta: FloatArray, bias: FloatArray,
+    names: Sequence[str], fixed_values: Mapping[str, float], gauge: Gauge, beta: FloatArray, bias: FloatArray,
     covariance: FloatArray, dependent: Mapping[int, Mapping[int, float]], model: Model,
 ) -> dict[str, Constant]:  # fmt: skip
     units = {p.name: p.unit for p in model.parameters} | {"cable_offset": "N m"}
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(errors, errors)
-    found = {}
+    constants = {}
     for i, name in enumerate(names):
         value = float(beta[i])
-        if name in known:
-            found[name] = Constant(value, units[name], None, None, "known")
+        if name in fixed_values:
+            constants[name] = Constant(value, units[name], None, None, "known")
         elif i in dependent:
             partners = [names[j] for j in dependent[i]]
-            found[name] = Constant(value, units[name], None, None, _together(partners))
+            constants[name] = Constant(value, units[name], None, None, _together(partners))
         else:
             k = gauge.free.index(i)
-            tied = [names[j] for j, combination in dependent.items() if i in combination]
+            dependents = [names[j] for j, combination in dependent.items() if i in combination]
             close = [names[gauge.free[j]] for j in np.flatnonzero(np.abs(correlation[k]) > 0.97) if j != k]
             error, off = float(errors[k]), float(bias[k])
-            found[name] = Constant(value, units[name], error, off, _verdict(value, error, off, tied, close))
-    return found
+            constants[name] = Constant(value, units[name], error, off, _verdict(value, error, off, dependents, close))
+    return constants
 
 
 def _together(partners: Sequence[str]) -> str:
     return f"only together with {', '.join(partners)}" if partners else "not excited: its column is empty"
 
 
-def _verdict(value: float, error: float, bias: float, tied: Sequence[str], close: Sequence[str]) -> str:
+def _verdict(value: float, error: float, bias: float, dependents: Sequence[str], close: Sequence[str]) -> str:
     """Say in words what the data know of a constant."""
-    if tied:
-        return _together(tied)
+    if dependents:
+        return _together(dependents)
     if abs(bias) > max(0.1 * abs(value), error):
         way = "lowers" if bias * value < 0.0 else "raises"
         percent = 100 * abs(bias / (value - bias)) if value != bias else math.inf
@@ -467,28 +468,28 @@ def _combinations(
     names: Sequence[str], dependent: Mapping[int, Mapping[int, float]], beta: FloatArray
 ) -> dict[str, float]:
     """Each basic constant with the dependent ones that it takes in, by its readable name."""
-    found = {}
+    combinations = {}
     for i in sorted({i for combination in dependent.values() for i in combination}):
         parts = [(c[i], j) for j, c in dependent.items() if i in c]
         name = names[i] + "".join(f" {'+' if c > 0 else '-'} {abs(c):.3g} {names[j]}" for c, j in parts)
-        found[name] = float(beta[i] + sum(c * beta[j] for c, j in parts))
-    return found
+        combinations[name] = float(beta[i] + sum(c * beta[j] for c, j in parts))
+    return combinations
 
 
 def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[str]:
-    found = []
+    messages = []
     for r in rows:
         if not r.swing.arm:
-            found.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
+            messages.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
         if r.swing.in_motion and any(v != 1.0 for v in orders.values()):
-            found.append(
+            messages.append(
                 f"{r.swing.name} starts in motion ({r.swing.initial[1][1]:.2g} rad/s in alpha): at orders other than "
                 "1 what it did before is missing from the memory. Start from rest, or keep the plateau before it."
             )
-    return found
+    return messages
 
 
-def _doubted(found: Regression, search: OrderSearch | None, late: bool, asked: Estimator) -> Regression:
+def _doubted(regression: Regression, search: OrderSearch | None, late: bool, estimator: Estimator) -> Regression:
     """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
 
     ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.
@@ -496,17 +497,17 @@ def _doubted(found: Regression, search: OrderSearch | None, late: bool, asked: E
     even reproduce the motion: its own bias says too little then.
     """
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
-    poor = [n for n, percent in found.fit_percent.items() if percent < POOR]
-    said = [
+    poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
+    messages = [
         f"{n} is hardly seen: its interval is {low:.3g} … {high:.3g}. Give it, or release from a larger angle."
         for n, (low, high) in wide.items()
-    ] + [f"The {n}'s equation fits by {found.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
+    ] + [f"The {n}'s equation fits by {regression.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
     why = [f"moves with {' and '.join(wide)}, which the data hardly see"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]
-    why += ["its simulated response is not like the measured one"] if found.estimator != asked else []
-    verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in found.parameters.items()}
-    return replace(found, parameters=verdicts, warnings=(*found.warnings, *said))
+    why += ["its simulated response is not like the measured one"] if regression.estimator != estimator else []
+    verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in regression.parameters.items()}
+    return replace(regression, parameters=verdicts, warnings=(*regression.warnings, *messages))
 
 
 # --- as the start of a fit -----------------------------------------------------------------------------------
@@ -558,21 +559,21 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
     free_response = all(s.drive is None for s in swings) and set(linear.lumped) <= set(free)
-    known = {"C4": model.parameter("C4").value} if free_response else {}
+    fixed_values = {"C4": model.parameter("C4").value} if free_response else {}
     late = any(s.in_motion for s in swings)
     at = problem.order_starts  # what is tied too; it is not searched
     orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}
-    found = _regress(swings, model, orders, known, free, estimator, None)
-    return start_of(problem, found), found
+    regression = _regress(swings, model, orders, fixed_values, free, estimator, None)
+    return start_of(problem, regression), regression
 
 
-def start_of(problem: Problem, found: Regression) -> FloatArray:
+def start_of(problem: Problem, regression: Regression) -> FloatArray:
     """The start of a problem with what a regression found put in, shape (n_unknowns,).
 
     Parameters
     ----------
     problem : Problem
-    found : Regression
+    regression : Regression
         Of its recordings.  What it calls identified is taken, within the bounds, with the orders that it belongs to:
         those given, and those searched whose interval is narrow enough to say something.
 
@@ -580,11 +581,11 @@ def start_of(problem: Problem, found: Regression) -> FloatArray:
     --------
     See :func:`start_values`.
     """
-    intervals = found.search.interval95 if found.search else {}
-    best = {n: c.value for n, c in found.parameters.items() if c.identified}
-    best |= {n: v for n, v in found.orders.items() if n not in intervals or np.ptp(intervals[n]) < WIDE}
+    intervals = regression.search.interval95 if regression.search else {}
+    best = {n: c.value for n, c in regression.parameters.items() if c.identified}
+    best |= {n: v for n, v in regression.orders.items() if n not in intervals or np.ptp(intervals[n]) < WIDE}
     if "cable_stiffness" in best:
-        best |= theta_rest_of({n: c.value for n, c in found.parameters.items()})
+        best |= theta_rest_of({n: c.value for n, c in regression.parameters.items()})
     shared = {n for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
     x = np.array([best[n] if n in shared & {*best} else v for n, v in zip(problem.names, problem.start, strict=True)])
     return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))

@@ -44,15 +44,15 @@ def search_orders(
     from scipy.optimize import minimize
 
     free = {n: v for n, v in orders.items() if isinstance(v, Free)}
-    seen: list[tuple[FloatArray, float]] = []
+    evaluations: list[tuple[FloatArray, float]] = []
 
     def at(q: ArrayLike) -> dict[str, float]:
-        given = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
-        return {n: given.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
+        values = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
+        return {n: values.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
         value = _projected(data, gauge, own, at(q))[1]
-        seen.append((np.array(np.atleast_1d(q)), value))
+        evaluations.append((np.array(np.atleast_1d(q)), value))
         return math.log(value)
 
     bounds = [(f.lower, f.upper) for f in free.values()]
@@ -62,16 +62,17 @@ def search_orders(
     starts = sorted(grid, key=ratio)[:3]  # the valley is narrow, and the corners have minima of their own
     rough = [minimize(ratio, q, method="Nelder-Mead", bounds=bounds, options=simplex) for q in starts]
     best = min(rough, key=lambda r: r.fun).x
-    found = minimize(ratio, best, method="Nelder-Mead", bounds=bounds, options=simplex | {"maxfev": 80})
-    paths = {n: _profile(ratio, found.x, math.exp(found.fun), bounds, i) for i, n in enumerate(free)}
+    result = minimize(ratio, best, method="Nelder-Mead", bounds=bounds, options=simplex | {"maxfev": 80})
+    paths = {n: _profile(ratio, result.x, math.exp(result.fun), bounds, i) for i, n in enumerate(free)}
     independent = sum(len(t) for t in data.times) / overlap(data.rows[0])
     profile = {n: (path[:, i], np.exp(path[:, -1])) for i, (n, path) in enumerate(paths.items())}
-    interval = {n: _interval(*curve, math.exp(found.fun), independent) for n, curve in profile.items()}
+    interval = {n: _interval(*curve, math.exp(result.fun), independent) for n, curve in profile.items()}
     search = OrderSearch(
-        {n: np.array([q[i] for q, _ in seen]) for i, n in enumerate(free)}, np.array([value for _, value in seen]),
-        profile, interval, "converged" if found.success else str(found.message),
+        {n: np.array([q[i] for q, _ in evaluations]) for i, n in enumerate(free)}, np.array([value for _,
+        value in evaluations]),
+        profile, interval, "converged" if result.success else str(result.message),
     )  # fmt: skip
-    return search, at(found.x), _spread(data, gauge, own, at, paths, interval)
+    return search, at(result.x), _spread(data, gauge, own, at, paths, interval)
 
 
 def _projected(data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float]) -> tuple[FloatArray, float]:

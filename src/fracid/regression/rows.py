@@ -124,9 +124,9 @@ def _from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
 
     Caputo's own would take the slope at the start from the data, and x₂ starts as t^λ, above order 1 hard to tell.
     """
-    found = derivative(x - x[:1], order, step, kind="rl")
-    found[0] = np.where(np.isfinite(found[0]), found[0], 0.0)
-    return found
+    rates = derivative(x - x[:1], order, step, kind="rl")
+    rates[0] = np.where(np.isfinite(rates[0]), rates[0], 0.0)
+    return rates
 
 
 def terms_of(model: Model) -> LinearTerms:
@@ -217,12 +217,12 @@ class Swing:
     @cached_property
     def cutoff(self) -> float:
         """Where the spectrum of the angles comes down to ten times the noise [Hz]."""
-        found = []
+        frequencies = []
         for x, noise in zip(self.angles[self.start :].T, self.noise, strict=True):
             f, power = _spectrum(x, self.step)
             below = (_band(power) < 10.0 * noise**2) & (f > self.frequency)
-            found.append(float(f[below][0]) if below.any() else 0.25 / self.step)
-        return max(found) if self.arm else found[1]
+            frequencies.append(float(f[below][0]) if below.any() else 0.25 / self.step)
+        return max(frequencies) if self.arm else frequencies[1]
 
     @cached_property
     def initial(self) -> tuple[FloatArray, FloatArray]:
@@ -274,15 +274,15 @@ def swing_of(recording: Recording, model: Model) -> Swing:
 
 def _drive(recording: Recording, model: Model) -> tuple[FloatArray | None, bool]:
     """What torque_per_volt multiplies, and whether it is in volts; None where nothing drives."""
-    found = {n: recording.signals[n] for n in ("torque", "voltage") if np.any(recording.signals.get(n, 0.0))}
-    if "torque" in found:
-        return found["torque"], False
-    if "voltage" in found and "voltage" not in model.inputs:
+    drives = {n: recording.signals[n] for n in ("torque", "voltage") if np.any(recording.signals.get(n, 0.0))}
+    if "torque" in drives:
+        return drives["torque"], False
+    if "voltage" in drives and "voltage" not in model.inputs:
         raise InputError(
             f"{recording.name} has a voltage, but the model takes a torque: type fracid.rotary_pendulum(rig, "
             'actuation="voltage"), or give the recording its torque.'
         )
-    return found.get("voltage"), "voltage" in found
+    return drives.get("voltage"), "voltage" in drives
 
 
 def make_swing(
@@ -346,8 +346,8 @@ class Rows:
     def angles(self, noise: FloatArray | float = 0.0) -> FloatArray:
         """The measured angles, low-passed, with more noise where something moves."""
         s = self.swing
-        held = s.angles[: max(1, s.start // 4)].mean(axis=0) if s.start else s.initial[0]
-        return self.smooth(s.angles + noise, held)
+        base = s.angles[: max(1, s.start // 4)].mean(axis=0) if s.start else s.initial[0]
+        return self.smooth(s.angles + noise, base)
 
     @cached_property
     def drive(self) -> FloatArray | None:
@@ -385,16 +385,16 @@ class Rows:
             _rates(theta, orders["lambda"], self.step, scale),
             _rates(alpha, orders["mu"], self.step, scale),
         )
-        found = []
+        pairs = []
         for i in range(len(many)):
             mine = [(x[:, i], a[:, i]) for x, a in (arm_rates, rates)]
             both = _columns(self.model, theta[:, i], alpha[:, i], mine[0], mine[1], self.drive)
             arm, pendulum = (
-                fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[kept]
-                for W, kept in zip(both, self.kept, strict=True)
+                fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[rows]
+                for W, rows in zip(both, self.kept, strict=True)
             )
-            found.append((arm, pendulum))
-        return found
+            pairs.append((arm, pendulum))
+        return pairs
 
 
 @dataclass(frozen=True)
@@ -422,8 +422,8 @@ class Data:
 
     def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Pair]:
         """Rows of all recordings, one below the other, for each of many sets of angles."""
-        found = [r([angles[i] for angles in many], orders) for i, r in enumerate(self.rows)]
-        return [_join([pairs[k] for pairs in found]) for k in range(len(many))]
+        blocks = [r([angles[i] for angles in many], orders) for i, r in enumerate(self.rows)]
+        return [_join([pairs[k] for pairs in blocks]) for k in range(len(many))]
 
     def system(self, orders: Mapping[str, float], draws: int = DRAWS) -> System:
         """W β = 0 at these orders."""

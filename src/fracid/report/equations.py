@@ -103,10 +103,10 @@ def _block(lines: Iterable[tuple[Any, ...]]) -> Markup:
     """One below the other; a long right side begins a row of its own, which a narrow screen has room for."""
     row = Markup('<mtr><mtd class="{}">{}</mtd></mtr>')
     rows = []
-    for left, first, *more in lines:
+    for lhs, first, *more in lines:
         equals = _row(_o("="), first)
-        short = not more and "mfrac" not in first and len(left) < SHORT
-        rows += [row.format("eq", _row(left, equals))] if short else [row.format("eq", left), row.format("rhs", equals)]
+        short = not more and "mfrac" not in first and len(lhs) < SHORT
+        rows += [row.format("eq", _row(lhs, equals))] if short else [row.format("eq", lhs), row.format("rhs", equals)]
         rows += [row.format("rhs", rest) for rest in more]
     return Markup('<math display="block"><mtable>{}</mtable></math>').format(Markup("").join(rows))
 
@@ -213,8 +213,8 @@ class Writer:
             return []
         value = self.constants[name]["value"]
         negative = self.numbers and value is not None and value < 0
-        turned = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
-        e = {**self.constants[name], **turned} if negative else None
+        negation = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
+        e = {**self.constants[name], **negation} if negative else None
         size = _number(digits(e)) if e else self(name)
         return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
 

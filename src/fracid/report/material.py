@@ -84,8 +84,8 @@ class Material:
     def unit(self, signal: str) -> tuple[str, float]:
         """In which unit a signal is shown, and the factor to it."""
         units = {n: u for r in self.project.recordings for n, u in r.units.items()}
-        said = units.get(signal, "rad")
-        return SHOWN_UNITS.get(said, ("" if said == "1" else said, 1.0))
+        unit = units.get(signal, "rad")
+        return SHOWN_UNITS.get(unit, ("" if unit == "1" else unit, 1.0))
 
     def shown(self, signal: str, value: float, form: str = ".2g") -> str:
         """A value of a signal in its shown unit."""
@@ -103,8 +103,8 @@ class Material:
     @cached_property
     def as_recorded(self) -> dict[str, Recording]:
         """Each recording from its file's first sample to its last; as it was used, where the file has gone."""
-        said = tomllib.loads(self.project.text)["recording"]
-        return {r.name: _whole(r, s, self._signals) for r, s in zip(self.project.recordings, said, strict=True)}
+        tables = tomllib.loads(self.project.text)["recording"]
+        return {r.name: _whole(r, s, self._signals) for r, s in zip(self.project.recordings, tables, strict=True)}
 
     @property
     def _signals(self) -> tuple[str, ...]:
@@ -128,15 +128,15 @@ class Material:
 
     @cached_property
     def _beside(self) -> tuple[dict[str, Any], list[str]]:
-        found, damaged = {}, []
+        contents, damaged = {}, []
         for name, (block, wrote) in BESIDE.items():
             try:
-                found[name] = read_as(self.folder / name, block, wrote)
+                contents[name] = read_as(self.folder / name, block, wrote)
             except OSError:
                 continue
             except InputError as error:
                 damaged.append(f"{error} It is left out here.")
-        return found, damaged
+        return contents, damaged
 
 
 def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
@@ -147,13 +147,13 @@ def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
     return replace(r, time=r.time[:samples], measured=measured, fitted=fitted)
 
 
-def _whole(recording: Recording, said: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
-    if not {"from", "to"} & said.keys() and recording.report.resampled is None:
+def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
+    if not {"from", "to"} & table.keys() and recording.report.resampled is None:
         return recording  # it was used whole
     try:
         return inspect_recording(
-            recording.path, {n: said[n] for n in signals if n in said}, time=said.get("time"), name=recording.name,
-            variable=said.get("variable"),
+            recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"), name=recording.name,
+            variable=table.get("variable"),
         )  # fmt: skip
     except (FracidError, OSError):
         return recording

@@ -227,16 +227,16 @@ def _thinned(points: Any, most: int = 1500) -> Any:
 
 def _profiles(material: Material) -> dict[str, Any] | None:
     """The profiles of ``fracid profile``, where it wrote them."""
-    found = material.beside("profiles.json")
-    if found is None or not found.get("profiles"):
+    content = material.beside("profiles.json")
+    if content is None or not content.get("profiles"):
         return None
-    joint = found.get("joint")
+    joint = content.get("joint")
     return {
-        "threshold": found.get("threshold"),
+        "threshold": content.get("threshold"),
         "profiles": [
             {"name": letter(n), "unit": unit(p["unit"]), "values": p["values"], "rise": p["rise"], "best": p["value"],
              "interval95": p["interval95"], "wald95": p["wald95"]}
-            for n, p in found["profiles"].items()
+            for n, p in content["profiles"].items()
         ],
         "joint": joint and joint | {"names": [letter(n) for n in joint["names"]]},
     }  # fmt: skip
@@ -302,7 +302,7 @@ def _driven(material: Material) -> bool:
 def _recording(material: Material, name: str) -> dict[str, Any]:
     """What the page says of one recording."""
     recording = next(r for r in material.project.recordings if r.name == name)
-    whole, said = material.as_recorded[name], material.result["recordings"][name]
+    whole, result = material.as_recorded[name], material.result["recordings"][name]
     return {
         "name": name,
         "file": recording.path.name,
@@ -311,11 +311,11 @@ def _recording(material: Material, name: str) -> dict[str, Any]:
         "notes": whole.report.notes,
         "release": whole.report.release,
         "scores": [
-            {"output": n, "letter": letter(n), "rmse": said["rmse"][n], "fit": said["fit_percent"][n],
-             "shown": "–" if said["rmse"][n] is None else material.shown(n, said["rmse"][n], ".3g")}
+            {"output": n, "letter": letter(n), "rmse": result["rmse"][n], "fit": result["fit_percent"][n],
+             "shown": "–" if result["rmse"][n] is None else material.shown(n, result["rmse"][n], ".3g")}
             for n in material.project.problem.outputs
         ],
-        **{k: said[k] for k in ("use", "from", "to", "samples", "cost")},
+        **{k: result[k] for k in ("use", "from", "to", "samples", "cost")},
     }  # fmt: skip
 
 
@@ -369,7 +369,7 @@ def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[
         return None
     first = compared["structures"][0]
     kinds = [("in_sample", "fitted"), ("held_out", "held out")]
-    columns = [(kind, said, recording) for kind, said in kinds for recording in first[kind]]
+    columns = [(kind, label, recording) for kind, label in kinds for recording in first[kind]]
     best = set(compared["best"].values())
     rows = [
         {

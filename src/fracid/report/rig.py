@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 __all__ = ["rig_lengths"]
 
 
-def rig_lengths(model: Model, found: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
+def rig_lengths(model: Model, parameters: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
     """Arm and pendulum [m] and where the pendulum's angle is zero; None for a model that is not drawn.
 
     Parameters
     ----------
     model : Model
-    found : mapping, optional
+    parameters : mapping, optional
         The parameters of result.json.
 
     Examples
@@ -36,7 +36,7 @@ def rig_lengths(model: Model, found: Mapping[str, Any] | None = None) -> dict[st
     if model.drawing is None:
         return None
     for name in model.drawing.as_found:
-        constant = (found or {}).get(name, {})
+        constant = (parameters or {}).get(name, {})
         if constant.get("identifiable") == "identifiable" and constant["value"] and constant["value"] > 0:
             model = model.with_parameters(**{name: constant["value"]})
     try:

@@ -66,8 +66,8 @@ def digits(estimate: Mapping[str, Any]) -> str:
     value, error = estimate.get("value"), estimate.get("standard_error")
     if value is None or not error or value == 0:
         return number(value, ".6g")
-    wanted = floor(log10(abs(value))) - floor(log10(error)) + 2
-    return number(value, f".{min(10, max(2, wanted))}g")
+    precision = floor(log10(abs(value))) - floor(log10(error)) + 2
+    return number(value, f".{min(10, max(2, precision))}g")
 
 
 def half_width(estimate: Mapping[str, Any]) -> float | None:
@@ -82,7 +82,7 @@ def half_width(estimate: Mapping[str, Any]) -> float | None:
     return None if ends is None else round((ends[1] - ends[0]) / 2, 15)
 
 
-def unit(said: str) -> str:
+def unit(text: str) -> str:
     """A unit with raised exponents.
 
     Examples
@@ -90,7 +90,7 @@ def unit(said: str) -> str:
     >>> unit("kg m^2"), unit("N m s^2/rad^2")
     ('kg m²', 'N m s²/rad²')
     """
-    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], said)
+    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], text)
 
 
 def joined(words: list[str], last: str = "and") -> str:

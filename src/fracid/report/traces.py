@@ -73,14 +73,14 @@ def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
     if n <= points:
         return np.arange(n)
     size = -(-n * 2 * len(signals) // points)
-    kept = [np.array([0, n - 1])]
+    parts = [np.array([0, n - 1])]
     for y in signals:
         padded = np.append(y, np.full(-n % size, np.nan)).reshape(-1, size)
-        known = np.isfinite(padded)
+        mask = np.isfinite(padded)
         at = size * np.arange(len(padded))
-        kept += [at + np.where(known, padded, inf).argmin(axis=1), at + np.where(known, padded, -inf).argmax(axis=1)]
-    found = np.unique(np.concatenate(kept))
-    return found[found < n]
+        parts += [at + np.where(mask, padded, inf).argmin(axis=1), at + np.where(mask, padded, -inf).argmax(axis=1)]
+    indices = np.unique(np.concatenate(parts))
+    return indices[indices < n]
 
 
 def budget(recordings: int) -> int:
@@ -132,7 +132,7 @@ def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]
 def _recorded(material: Material, whole: Recording, r: RecordingFit, points: int) -> dict[str, Any]:
     names = list(whole.signals)
     at = extremes([np.asarray(y, dtype=float) for y in whole.signals.values()], points // 2)
-    shown = {n: material.unit(n) for n in names}
+    units = {n: material.unit(n) for n in names}
     return {
         "t": base64_floats((whole.time - whole.time[0])[at]),
         "start": float(whole.time[0]),
@@ -140,7 +140,7 @@ def _recorded(material: Material, whole: Recording, r: RecordingFit, points: int
         "release": whole.report.release,
         "signals": [
             {"name": n, "letter": letter(n), "unit": unit, "y": base64_floats(factor * whole.signals[n][at])}
-            for n, (unit, factor) in shown.items()
+            for n, (unit, factor) in units.items()
         ],
     }
 
@@ -159,8 +159,8 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
     if not a.whiteness.thinning:  # it could not be tested
         return None
     ρ = autocorrelation(e)
-    shown = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
-    lags = np.unique(np.linspace(0, shown - 1, min(shown, 160)).astype(int))
+    count = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
+    lags = np.unique(np.linspace(0, count - 1, min(count, 160)).astype(int))
     f, S = power_spectrum(e, a.step)
     spectrum = _log_bins(f[1:], S[1:])
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 120)).astype(int))

@@ -44,8 +44,8 @@ def _fit(material: Material) -> Line:
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
     poor = not percents or min(percents) < POOR
     doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
-    said = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
-    return Line("Fit", said, not poor)
+    sentence = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
+    return Line("Fit", sentence, not poor)
 
 
 def _fits(percents: list[float]) -> str:
@@ -60,32 +60,34 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
     for r in recordings.values():
         for output, value in r["rmse"].items():
             worst[output] = max(worst.get(output, 0.0), value)
-    said = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
-    return f"{joined(said)}{' at worst' if len(recordings) > 1 else ''}"
+    errors = [f"{material.shown(n, v)} ({letter(n)})" for n, v in worst.items()]
+    return f"{joined(errors)}{' at worst' if len(recordings) > 1 else ''}"
 
 
 def _orders(material: Material) -> Line:
     orders, rival = material.result["orders"], material.result.get("alternative")
-    said = joined([_order(n, e) for n, e in orders.items()]) + "."
+    sentence = joined([_order(n, e) for n, e in orders.items()]) + "."
     free = {n: e for n, e in orders.items() if e["free"]}
     if not free:
-        return Line("Orders", f"{said} They were given, not found.", True)
+        return Line("Orders", f"{sentence} They were given, not found.", True)
     if rival and rival["warning"]:
-        return Line("Orders", f"{said} {rival['warning']}", False)
+        return Line("Orders", f"{sentence} {rival['warning']}", False)
     if rival:
-        return Line("Orders", f"{said} {_against_integers(material, rival)}", True)
-    return Line("Orders", *_on_their_own(said, free))
+        return Line("Orders", f"{sentence} {_against_integers(material, rival)}", True)
+    return Line("Orders", *_on_their_own(sentence, free))
 
 
-def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
+def _on_their_own(sentence: str, free: Mapping[str, Any]) -> tuple[str, bool]:
     """What intervals alone say of the orders, and whether there is nothing to look at."""
-    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
-    known = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in unknown}
+    non_identifiable = [
+        letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]
+    ]
+    intervals = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in non_identifiable}
     integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
-    without = [n for n in known if integer[n] is None]
-    off = [n for n, ends in known.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
-    inside = [n for n in known if n not in (*off, *without)]
-    doubts = [f"The recordings do not tell {joined(unknown, 'or')}." if unknown else ""]
+    without = [n for n in intervals if integer[n] is None]
+    off = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
+    inside = [n for n in intervals if n not in (*off, *without)]
+    doubts = [f"The recordings do not tell {joined(non_identifiable, 'or')}." if non_identifiable else ""]
     if off:
         values = dict.fromkeys(number(integer[n]) for n in off)
         doubts.append(f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order rival was tried.")
@@ -93,7 +95,7 @@ def _on_their_own(said: str, free: Mapping[str, Any]) -> tuple[str, bool]:
         doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
     if without:
         doubts.append(f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order rival.")
-    return " ".join((said, *filter(None, doubts))), not unknown and not off
+    return " ".join((sentence, *filter(None, doubts))), not non_identifiable and not off
 
 
 def _inside(names: list[str], integer: Mapping[str, float]) -> str:
@@ -121,39 +123,43 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
 
 
 def _prediction(material: Material) -> Line:
-    held = material.used("validate")
-    if not held:
+    validation = material.used("validate")
+    if not validation:
         return Line(
             "Prediction",
             'No recording was held out, so nothing shows that the model predicts. Give one with use = "validate".',
             False,
         )
-    failed = [n for n, r in held.items() if any(v is None for v in r["rmse"].values())]
-    if failed:
-        return Line("Prediction", f"No run reached the end of {joined(failed)}, which was not fitted.", False)
-    what, was = (next(iter(held)), "was") if len(held) == 1 else (f"{len(held)} recordings", "were")
-    percents = [v for r in held.values() for v in r["fit_percent"].values() if v is not None]
-    said = f"It predicts {what}, which {was} not fitted, to {_errors(material, held)} rms{_fits(percents)}"
+    failures = [n for n, r in validation.items() if any(v is None for v in r["rmse"].values())]
+    if failures:
+        return Line("Prediction", f"No run reached the end of {joined(failures)}, which was not fitted.", False)
+    what, was = (next(iter(validation)), "was") if len(validation) == 1 else (f"{len(validation)} recordings", "were")
+    percents = [v for r in validation.values() for v in r["fit_percent"].values() if v is not None]
+    sentence = f"It predicts {what}, which {was} not fitted, to {_errors(material, validation)} rms{_fits(percents)}"
     poor = not percents or min(percents) < POOR
     return Line(
-        "Prediction", f"{said}{'; for one signal that is hardly better than a constant' if poor else ''}.", not poor
+        "Prediction", f"{sentence}{'; for one signal that is hardly better than a constant' if poor else ''}.", not poor
     )
 
 
 def _values(material: Material) -> Line:
     free = {n: e for n, e in (*material.result["orders"].items(), *material.result["parameters"].items()) if e["free"]}
     own = [e for r in material.used("fit").values() for b in ("parameters", "initial_state") for e in r[b].values()]
-    known = [e["identifiable"] == "identifiable" for e in (*free.values(), *(e for e in own if e["free"]))]
-    unknown = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
-    if all(known):
-        return Line("Values", f"The recordings tell all {len(known)} values that were left free.", True)
-    said = f"The recordings tell {sum(known)} of the {len(known)} values that were left free"
-    return Line("Values", f"{said}; not, or not for sure: {joined(unknown)}." if unknown else f"{said}.", False)
+    flags = [e["identifiable"] == "identifiable" for e in (*free.values(), *(e for e in own if e["free"]))]
+    non_identifiable = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
+    if all(flags):
+        return Line("Values", f"The recordings tell all {len(flags)} values that were left free.", True)
+    sentence = f"The recordings tell {sum(flags)} of the {len(flags)} values that were left free"
+    return Line(
+        "Values",
+        f"{sentence}; not, or not for sure: {joined(non_identifiable)}." if non_identifiable else f"{sentence}.",
+        False,
+    )
 
 
 def _checks(material: Material) -> Line:
-    said = [*_search(material), *_step(material), *_left_over(material)]
-    return Line("Checks", " ".join(sentence for sentence, _ in said), all(good for _, good in said))
+    findings = [*_search(material), *_step(material), *_left_over(material)]
+    return Line("Checks", " ".join(sentence for sentence, _ in findings), all(good for _, good in findings))
 
 
 def _search(material: Material) -> Iterator[tuple[str, bool]]:
@@ -174,8 +180,8 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
-    found = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
-    tested = [a for a in found if a.whiteness.thinning]
+    analyses = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
+    tested = [a for a in analyses if a.whiteness.thinning]
     if not tested:
         return
     worst = max(tested, key=lambda a: a.whiteness.correlation_time)

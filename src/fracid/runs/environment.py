@@ -20,13 +20,13 @@ def versions() -> dict[str, str]:
     >>> sorted(versions())
     ['fracid', 'numba', 'numpy', 'pymoo', 'python', 'scipy']
     """
-    found = {"python": platform.python_version()}
+    numbers = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
-            found[package] = version(package)
+            numbers[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+            numbers[package] = "unknown"
+    return numbers
 
 
 def machine() -> dict[str, str]:

@@ -276,11 +276,11 @@ def inputs_of(project: Project) -> dict[str, str]:
     dict
         What, in words → hash or version.
     """
-    found = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
-    found |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
+    inputs = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
+    inputs |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
     for file in project.own_code:
-        found[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(file.read_bytes()).hexdigest()
-    return found | {f"the version of {package}": number for package, number in versions().items()}
+        inputs[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(file.read_bytes()).hexdigest()
+    return inputs | {f"the version of {package}": number for package, number in versions().items()}
 
 
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:

@@ -110,9 +110,9 @@ class Reproduction:
     @property
     def how_far(self) -> str:
         """By how much what was found differs, in words."""
-        found = [d for d in self.differences if d.found]
-        by_size = max((d.size for d in found if d.of_interval > OF_INTERVAL or d.size <= ELSEWHERE), default=0.0)
-        by_interval = max((d.of_interval for d in found if d.size > ELSEWHERE and d.excused), default=0.0)
+        estimates = [d for d in self.differences if d.found]
+        by_size = max((d.size for d in estimates if d.of_interval > OF_INTERVAL or d.size <= ELSEWHERE), default=0.0)
+        by_interval = max((d.of_interval for d in estimates if d.size > ELSEWHERE and d.excused), default=0.0)
         far = [f"{by_size:.1g} of its size"] * (by_size > 0) + [f"{by_interval:.1g} of half its interval"] * (
             by_interval > 0
         )
@@ -201,7 +201,7 @@ def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, s
     from fracid.runs.folder import inputs_of
 
     now = inputs_of(run.project)
-    found = {
+    changes = {
         what: (str(inputs[what]), now[what])
         for what in now
         if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
@@ -211,18 +211,18 @@ def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, s
     except OSError:
         there = {}
     here = machine()
-    return found | {
+    return changes | {
         f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]
     }
 
 
 def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
     """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
-    said = ", ".join(
+    text = ", ".join(
         what if what.startswith("the code") else f"{what} ({before}, now {now})"
         for what, (before, now) in changed.items()
     )
-    return said[:1].upper() + said[1:]
+    return text[:1].upper() + text[1:]
 
 
 # --- value by value ----------------------------------------------------------------------------------
@@ -243,8 +243,8 @@ def compared(
     [('orders.mu.value', 1.1e-05)]
     """
     pairs = list(_pairs((), {**before}, json.loads(json.dumps({**after}))))
-    claimed = _claimed(before)
-    different = [_of_study(d, claimed) for d in pairs if d is not None]
+    half_widths = _claimed(before)
+    different = [_of_study(d, half_widths) for d in pairs if d is not None]
     differences = sorted(different, key=lambda d: (not d.found, d.excused, -d.size, d.where))
     return Reproduction(after, len(pairs), tuple(differences), dict(changed or {}))
 
@@ -264,9 +264,9 @@ def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -
         yield None
     else:
         blocks, names = FOUND
-        found = path[0] in blocks and any(name in names for name in path[-2:])
+        is_estimate = path[0] in blocks and any(name in names for name in path[-2:])
         half = width if path[-1] == "value" else 0.0
-        yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), found)
+        yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), is_estimate)
 
 
 def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
@@ -275,8 +275,8 @@ def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
     return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in cells[0].get("unknowns", {}).items()}
 
 
-def _of_study(d: Difference, claimed: Mapping[str, float]) -> Difference:
-    half = claimed.get(d.where.removeprefix("truth."), 0.0) if d.where.startswith("truth.") else 0.0
+def _of_study(d: Difference, half_widths: Mapping[str, float]) -> Difference:
+    half = half_widths.get(d.where.removeprefix("truth."), 0.0) if d.where.startswith("truth.") else 0.0
     return replace(d, of_interval=_sizes(d.before, d.after, half)[1]) if half > 0 else d
 
 

@@ -77,18 +77,18 @@ class SavedRun(FitPictures):
     @property
     def parameters(self) -> dict[str, Estimate]:
         """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
-        return {n: _estimate(said) for n, said in self.result.get("parameters", {}).items()}
+        return {n: _estimate(entry) for n, entry in self.result.get("parameters", {}).items()}
 
     @property
     def starts(self) -> tuple[Start, ...]:
         """What became of each start, as in :attr:`fracid.Fit.starts`."""
-        return tuple(_start(said, self.problem) for said in self.result.get("starts", []))
+        return tuple(_start(entry, self.problem) for entry in self.result.get("starts", []))
 
     @property
     def cut(self) -> CutCheck | None:
         """How far the orders move with where the record begins, where that was looked at."""
-        said = self.result.get("cut")
-        return None if said is None else CutCheck.of_json(said)
+        entry = self.result.get("cut")
+        return None if entry is None else CutCheck.of_json(entry)
 
     @cached_property
     def recordings(self) -> dict[str, RecordingFit]:
@@ -113,9 +113,9 @@ class SavedRun(FitPictures):
         run = problem.fitted(_vector(problem, self.values), e)
         fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
         cost = np.inf if isinstance(run, Failure) else problem.cost_function.value(e.time, e.measured - fitted)
-        said = self.result.get("recordings", {}).get(e.name, {})
+        entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
-            {n: _estimate(v) for n, v in said.get(key, {}).items()} for key in ("initial_state", "parameters")
+            {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
@@ -125,9 +125,9 @@ class SavedRun(FitPictures):
         if _text(self.project.path) not in (None, self.project.text):
             yield f"{self.project.path} has changed since the run; what counts here is the run's own copy of it."
         for name, r in self.recordings.items():
-            saved = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
+            scores = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
             for output, now in r.rmse.items():
-                before = saved.get(output)
+                before = scores.get(output)
                 if before is not None and not abs(now - before) <= DIFFERENT * before:
                     yield (
                         f"{name}: simulated again with the saved values, the rmse of {output} is {now:.6g} rad; the "
@@ -201,12 +201,12 @@ def _strange(run: SavedRun) -> Iterator[str]:
 
 def _strange_blocks(result: Mapping[str, Any]) -> Iterator[str]:
     """Blocks that name what others have."""
-    joined = {s["origin"]: s["joined"] for s in result.get("starts", [])}
-    for origin in joined:
+    targets = {s["origin"]: s["joined"] for s in result.get("starts", [])}
+    for origin in targets:
         way = [origin]
-        while (after := joined.get(way[-1])) is not None and len(way) <= len(joined):
+        while (after := targets.get(way[-1])) is not None and len(way) <= len(targets):
             way.append(after)
-        if way[-1] not in joined or len(way) > len(joined):
+        if way[-1] not in targets or len(way) > len(targets):
             yield f"the start {origin} joined one that is not there"
     check, spread, cut = result.get("discretisation"), result.get("spread"), result.get("cut")
     if check and not set(check["shift"]) == set(check["orders"]) <= set(result["orders"]):
@@ -221,13 +221,13 @@ def _strange_blocks(result: Mapping[str, Any]) -> Iterator[str]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        found = json_of(text_of(path))
+        content = json_of(text_of(path))
     except (OSError, ValueError):
-        found = None
-    if isinstance(found, dict):
-        if fault := fault_of(found, ResultBlock):
+        content = None
+    if isinstance(content, dict):
+        if fault := fault_of(content, ResultBlock):
             raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
-        return found
+        return content
     kind = _optional(path.parent / "run.json", "kind", "")
     if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
         raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
@@ -273,11 +273,11 @@ def _text(path: Path) -> str | None:
 
 def _places(folder: Path) -> Iterator[Path]:
     """Where the project file may lie: as the run names it, from here or above the run; or in fracid itself."""
-    said = [
+    arguments = [
         *_optional(folder / "environment.json", "command", []),
         *_optional(folder / "run.json", "options", {}).values(),
     ]
-    words = [w for w in said[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
+    words = [w for w in arguments[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
     for word in dict.fromkeys(words):
         yield from (place / word for place in (Path(), *folder.resolve().parents))
     yield from (Path(__file__).parents[1] / "twins").glob("*.toml")  # the demo's
@@ -286,10 +286,10 @@ def _places(folder: Path) -> Iterator[Path]:
 def _optional(path: Path, key: str, otherwise: Any) -> Any:
     """What a file says, where there is one."""
     try:
-        found = json_of(text_of(path))[key]
+        value = json_of(text_of(path))[key]
     except (OSError, ValueError, KeyError, TypeError):
         return otherwise
-    return found if isinstance(found, type(otherwise)) else otherwise
+    return value if isinstance(value, type(otherwise)) else otherwise
 
 
 def _values(result: Mapping[str, Any]) -> dict[str, float]:
@@ -306,14 +306,14 @@ def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
 
 
-def _estimate(said: Mapping[str, Any]) -> Estimate:
+def _estimate(entry: Mapping[str, Any]) -> Estimate:
     """What result.json says of a value; what a result of an older version does not say is as by default."""
-    block = EstimateBlock.model_validate(said)
+    block = EstimateBlock.model_validate(entry)
     return Estimate(**{f.name: getattr(block, f.name) for f in fields(Estimate)})
 
 
-def _start(said: Mapping[str, Any], problem: Problem) -> Start:
+def _start(entry: Mapping[str, Any], problem: Problem) -> Start:
     """What result.json says of a start."""
-    block = StartBlock.model_validate(said)
+    block = StartBlock.model_validate(entry)
     point, end = (np.array([x.get(n, np.nan) for n in problem.names]) for x in (block.point, block.end))
     return Start(**dict(block) | {"point": point, "end": end})

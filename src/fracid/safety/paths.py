@@ -68,13 +68,13 @@ def kind_of(path: Path) -> Kind | None:
     return "recording" if path.suffix.lower() in RECORDINGS else None
 
 
-def refuse_mistaken(path: Path, wanted: Kind) -> None:
+def refuse_mistaken(path: Path, target: Kind) -> None:
     """Raise, with what to type, if a path is of another kind, or not there.
 
     Parameters
     ----------
     path : Path
-    wanted : str
+    target : str
         ``project``, ``recording`` or ``run``.
 
     Raises
@@ -95,20 +95,20 @@ def refuse_mistaken(path: Path, wanted: Kind) -> None:
     fracid.errors.InputError: There is no .../swong.csv. Did you mean .../swing.csv?
     """
     kind = kind_of(path)
-    if kind == wanted:
+    if kind == target:
         return
     if kind is not None:
-        raise InputError(f"{path} is {_instead(path, wanted, kind)}.")
+        raise InputError(f"{path} is {_instead(path, target, kind)}.")
     if not path.exists():
-        raise InputError(f"There is no {path}. {_nearest(path, wanted)}")
+        raise InputError(f"There is no {path}. {_nearest(path, target)}")
 
 
-def _instead(path: Path, wanted: Kind, kind: Kind) -> str:
+def _instead(path: Path, target: Kind, kind: Kind) -> str:
     """What it is, and what to type."""
     run = Path("runs") / path.stem
     study = next((command for name, command in STUDIES.items() if (path / name).exists()), "")
     fitted = f"; its run may be {_typed(run)}" if kind_of(run) == "run" else ""
-    return INSTEAD[wanted, kind].format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
+    return INSTEAD[target, kind].format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
 
 
 def _project_of(folder: Path) -> str:
@@ -120,20 +120,20 @@ def _project_of(folder: Path) -> str:
         return "PROJECT"
 
 
-def _nearest(path: Path, wanted: Kind) -> str:
+def _nearest(path: Path, target: Kind) -> str:
     """The one meant, or what there is to choose from."""
     beside = path.parent
     if not beside.is_dir():
         return f"There is no folder {beside} either; paths begin at {Path.cwd()}."
-    there = {p.name: p for p in sorted(beside.iterdir()) if not p.name.startswith(".") and kind_of(p) == wanted}
+    there = {p.name: p for p in sorted(beside.iterdir()) if not p.name.startswith(".") and kind_of(p) == target}
     by_stem = {Path(name).stem: p for name, p in there.items()}
     if close := difflib.get_close_matches(path.stem, by_stem, n=1):
         return f"Did you mean {_typed(by_stem[close[0]])}?"
-    if not there and wanted == "run":
+    if not there and target == "run":
         there = {p.name: p for p in sorted((beside / "runs").glob("*")) if kind_of(p) == "run"}
     if not there:
         missing = {"project": "Write one: fracid init RECORDING", "run": "Fit one: fracid fit PROJECT"}
-        return f"No other {wanted} is in {beside.resolve()}. {missing.get(wanted, 'Check the path')}."
+        return f"No other {target} is in {beside.resolve()}. {missing.get(target, 'Check the path')}."
     names = [_typed(p) for p in there.values()]
     return f"There {'is' if len(names) == 1 else 'are'} {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}."
 

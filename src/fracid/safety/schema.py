@@ -162,7 +162,7 @@ EXPECTED = {
 """What pydantic's faults mean; those not listed keep its words."""
 
 
-def faults_by_place(error: ValidationError, tried: Iterable[str] = ()) -> dict[tuple[str | int, ...], list[Any]]:
+def faults_by_place(error: ValidationError, alternatives: Iterable[str] = ()) -> dict[tuple[str | int, ...], list[Any]]:
     """Pydantic's faults by where they are, without its notes on which alternatives it tried.
 
     Parameters
@@ -171,7 +171,7 @@ def faults_by_place(error: ValidationError, tried: Iterable[str] = ()) -> dict[t
     tried : iterable of str
         Models that are one of several alternatives.
     """
-    notes = {"float", "int", "str", "bool", *tried}
+    notes = {"float", "int", "str", "bool", *alternatives}
     faults: dict[tuple[str | int, ...], list[Any]] = {}
     for fault in error.errors(include_url=False):
         where = tuple(

@@ -94,8 +94,10 @@ def refuse_unseen(what: str, text: str) -> str:
     Traceback (most recent call last):
     fracid.errors.InputError: the recording's name 'release\n92°' holds U+000A, which cannot be seen; leave it out.
     """
-    if found := next((c for c in text if _unseen(c)), None):
-        raise InputError(f"{what} {ascii_short(text)} holds U+{ord(found):04X}, which cannot be seen; leave it out.")
+    if character := next((c for c in text if _unseen(c)), None):
+        raise InputError(
+            f"{what} {ascii_short(text)} holds U+{ord(character):04X}, which cannot be seen; leave it out."
+        )
     if not text.strip():
         raise InputError(f"{what} is empty; expected something to call it by.")
     if len(text) > LONGEST_NAME:
@@ -133,17 +135,17 @@ def file_stems(names: Iterable[str]) -> dict[str, str]:
     >>> file_stems(["release 92°", "Release-92", "../..", "aux"])
     {'release 92°': 'release-92', 'Release-92': 'Release-92-2', '../..': 'recording', 'aux': 'aux-'}
     """
-    found: dict[str, str] = {}
-    taken: set[str] = set()
+    stems: dict[str, str] = {}
+    keys: set[str] = set()
     for name in dict.fromkeys(names):
         whole = re.sub(r"[^0-9A-Za-z_]+", "-", name).strip("-")[:LONGEST_STEM] or "recording"
         first = stem = f"{whole}-" if whole.lower() in RESERVED else whole
         number = 2
-        while stem.lower() in taken:
+        while stem.lower() in keys:
             stem, number = f"{first}-{number}", number + 1
-        taken.add(stem.lower())
-        found[name] = stem
-    return found
+        keys.add(stem.lower())
+        stems[name] = stem
+    return stems
 
 
 def csv_cell(text: str) -> str:

@@ -80,6 +80,6 @@ def fault_of_end(content: Any, unknowns: int, outcomes: Iterable[str]) -> str:
         return fault
     if len(content["end"]) != unknowns:
         return f"end has {len(content['end'])} entries; expected {unknowns}"
-    known = tuple(outcomes)
+    expected = tuple(outcomes)
     outcome = content["outcome"]
-    return "" if outcome in known else f"outcome is {shown(outcome)}; expected {' or '.join(known)}"
+    return "" if outcome in expected else f"outcome is {shown(outcome)}; expected {' or '.join(expected)}"

@@ -198,7 +198,7 @@ class AmplitudeTest:
         return as_json(AmplitudeBlock, self)
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any]) -> AmplitudeTest:
+    def of_json(cls, content: Mapping[str, Any]) -> AmplitudeTest:
         """The same from :meth:`to_json`.
 
         Examples
@@ -207,7 +207,7 @@ class AmplitudeTest:
         >>> AmplitudeTest.of_json(test.to_json()) == test
         True
         """
-        block = AmplitudeBlock.model_validate(said)
+        block = AmplitudeBlock.model_validate(content)
         windows = tuple(Window(**dict(w)) for w in block.windows)
         return cls(windows, tuple(_drifts(windows)), tuple(block.notes))
 
@@ -261,9 +261,13 @@ def amplitude_test(
             "drift: take a built-in one."
         )
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
-    known = uncertainty(problem, x, jobs=jobs)
-    errors = {} if isinstance(known, Failure) else dict(zip(problem.names, known.standard_error.tolist(), strict=True))
-    found: list[Window] = []
+    precision = uncertainty(problem, x, jobs=jobs)
+    errors = (
+        {}
+        if isinstance(precision, Failure)
+        else dict(zip(problem.names, precision.standard_error.tolist(), strict=True))
+    )
+    window_fits: list[Window] = []
     notes: list[str] = []
     for fitted, at, e in fits:
         spans = _spans(e, windows)
@@ -275,8 +279,8 @@ def amplitude_test(
             if isinstance(window, Failure):
                 notes.append(str(window))
             else:
-                found.append(window)
-    return AmplitudeTest(tuple(found), tuple(_drifts(found)), tuple(notes))
+                window_fits.append(window)
+    return AmplitudeTest(tuple(window_fits), tuple(_drifts(window_fits)), tuple(notes))
 
 
 # --- windows -----------------------------------------------------------------------------------------------
@@ -338,13 +342,13 @@ def _window_values(
     problem: Problem, x: FloatArray, e: Experiment, errors: Mapping[str, float]
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
-    found, values, _ = problem.unpack(x, e)
-    at = dict(zip(problem.model.orders, found.tolist(), strict=True))
-    freed = any(isinstance(v, Free) for v in problem.orders.values())
+    order_values, values, _ = problem.unpack(x, e)
+    at = dict(zip(problem.model.orders, order_values.tolist(), strict=True))
+    any_free = any(isinstance(v, Free) for v in problem.orders.values())
     orders: dict[str, Value] = {}
     for name, v in problem.orders.items():
         span = v if isinstance(v, Free) else ORDER
-        fixed = isinstance(v, Tied) or (freed and not isinstance(v, Free))
+        fixed = isinstance(v, Tied) or (any_free and not isinstance(v, Free))
         orders[name] = (v if isinstance(v, Tied) else at[name]) if fixed else _around(at[name], span)
     parameters: dict[str, Value] = dict(zip(problem.model.parameter_names, values.tolist(), strict=True))
     kinds = problem.model.friction
@@ -367,23 +371,27 @@ def _around(value: float, span: Free) -> Free:
 
 
 def _window(
-    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], known: Mapping[str, float], jobs: int
+    problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], fit_errors: Mapping[str, float], jobs: int
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
-    piece, times = _piece(problem, x, e, span, known), e.start + e.step * np.array([span[0], span[1] - 1])
+    piece, times = _piece(problem, x, e, span, fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
     best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
-    found = uncertainty(piece, best.point, jobs=jobs)
-    errors = {} if isinstance(found, Failure) else dict(zip(piece.names, found.standard_error.tolist(), strict=True))
+    precision = uncertainty(piece, best.point, jobs=jobs)
+    errors = (
+        {} if isinstance(precision, Failure) else dict(zip(piece.names, precision.standard_error.tolist(), strict=True))
+    )
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
     sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
-    told = {n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders}
+    standard_errors = {
+        n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
+    }
     whole = span == (0, len(e.measured))
-    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, told)
+    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, standard_errors)
 
 
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
@@ -409,18 +417,20 @@ def _drifts(windows: Sequence[Window]) -> list[Drift]:
     groups = {name: [w for w in windows if w.recording == name and not w.whole] for name in
               dict.fromkeys(w.recording for w in windows)}  # fmt: skip
     groups |= {RELEASES: [w for w in windows if w.whole]}
-    found = [_drift(order, over, group) for over, group in groups.items()
+    drifts = [_drift(order, over, group) for over, group in groups.items()
              for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip
-    return [d for d in found if d is not None]
+    return [d for d in drifts if d is not None]
 
 
 def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
     """How an order goes with amplitude over windows; None where fewer than two tell it."""
-    told = [w for w in group if math.isfinite(w.standard_errors.get(order, math.inf))]
-    told.sort(key=lambda w: -w.amplitude[order])
-    if len(told) < 2:
+    informative = [w for w in group if math.isfinite(w.standard_errors.get(order, math.inf))]
+    informative.sort(key=lambda w: -w.amplitude[order])
+    if len(informative) < 2:
         return None
-    A, q, s = (np.array([getattr(w, name)[order] for w in told]) for name in ("amplitude", "orders", "standard_errors"))
+    A, q, s = (
+        np.array([getattr(w, name)[order] for w in informative]) for name in ("amplitude", "orders", "standard_errors")
+    )
     probability, explained, change = trend(A, q, s)
     return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), tuple(s.tolist()), probability, explained, change)
 

@@ -179,10 +179,10 @@ class Comparison:
         })  # fmt: skip
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any]) -> Comparison:
+    def of_json(cls, content: Mapping[str, Any]) -> Comparison:
         """The same from :meth:`to_json`, or from compare.json."""
-        block = ComparisonBlock.model_validate(said)
-        amplitude = {n: AmplitudeTest.of_json(test) for n, test in said["amplitude"].items()}
+        block = ComparisonBlock.model_validate(content)
+        amplitude = {n: AmplitudeTest.of_json(test) for n, test in content["amplitude"].items()}
         return cls(tuple(map(_row_of, block.rows)), block.verdict, tuple(block.notes), tuple(block.outputs),
                    block.effective_samples, block.leave_one_out, block.cost_name, block.seed, block.starts,
                    amplitude)  # fmt: skip
@@ -269,11 +269,11 @@ def compare(
     study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
-    found = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
+    comparison = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
                        base.cost_function.name, seed, starts)  # fmt: skip
-    tests = study.amplitude(found) if amplitude else {}
+    tests = study.amplitude(comparison) if amplitude else {}
     integers = {n: base.model.integer_order(n) for n in base.orders}
-    return replace(found, verdict=_verdict(found, integers), amplitude=tests)
+    return replace(comparison, verdict=_verdict(comparison, integers), amplitude=tests)
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -381,22 +381,26 @@ def _fit_structure(
     values = dict(zip(problem.names, best.point.tolist(), strict=True))
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
-        failed = {e.name: _score(problem, e, errors) for e in problem.experiments}
+        scores = {e.name: _score(problem, e, errors) for e in problem.experiments}
         return as_json(FittedBlock, {
-            "values": values, "cost": None, "outcome": str(errors), "in_sample": failed, "parameters": len(values),
+            "values": values, "cost": None, "outcome": str(errors), "in_sample": scores, "parameters": len(values),
             "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
             "squares": None, "samples": 2.0,
         })  # fmt: skip
-    known = uncertainty(problem, best.point, jobs=jobs)
-    told = [] if isinstance(known, Failure) else [known.interval(best.point, i) for i in range(len(values))]
+    precision = uncertainty(problem, best.point, jobs=jobs)
+    intervals = (
+        [] if isinstance(precision, Failure) else [precision.interval(best.point, i) for i in range(len(values))]
+    )
+    indices = () if isinstance(precision, Failure) else np.flatnonzero(precision.at_bound)
+    at_bound = [problem.names[i] for i in indices]
     return as_json(FittedBlock, {
         "values": values,
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": effective_samples(errors),
-        "parameters": len(values) - (0 if isinstance(known, Failure) else len(known.confounded)),
-        "at_bound": [] if isinstance(known, Failure) else [problem.names[i] for i in np.flatnonzero(known.at_bound)],
-        "orders": {problem.names[i]: told[i] if told else None for i in problem.order_indices},
+        "parameters": len(values) - (0 if isinstance(precision, Failure) else len(precision.confounded)),
+        "at_bound": at_bound,
+        "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
         "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
         "outcome": outcome,
@@ -413,11 +417,11 @@ def _fitted(
     ends = [(result.best, f"from its own start, {result.outcome.value}")]
     for origin, values in below.items():
         x = structure.embed(values)
-        began = problem.evaluate(x)
-        if not math.isfinite(began.cost):
+        evaluation = problem.evaluate(x)
+        if not math.isfinite(evaluation.cost):
             continue
         onward = _descended(problem, x, jobs, watch, budget=WARM)
-        ends.append((min(began, onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
+        ends.append((min(evaluation, onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
     best, how = min(ends, key=lambda end: end[0].cost)
     if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
@@ -475,26 +479,26 @@ class _Study:
     def fit(self) -> dict[tuple[str, str], dict[str, Any]]:
         """(Fold, structure) → what :func:`_fit_structure` gave."""
         self.total = sum(len(self.ladder(fold).structures) for fold in self.folds)
-        found: dict[tuple[str, str], dict[str, Any]] = {}
+        fits: dict[tuple[str, str], dict[str, Any]] = {}
         for wave in self._waves():
-            tasks = [Task(_key(fold, s), self._arguments(fold, s, found, len(wave))) for fold, s in wave]
-            ended = self._run(_fit_structure, tasks)
-            found |= {(fold, s.name): ended[_key(fold, s)] for fold, s in wave}
-        return found
+            tasks = [Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave]
+            results = self._run(_fit_structure, tasks)
+            fits |= {(fold, s.name): results[_key(fold, s)] for fold, s in wave}
+        return fits
 
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
         waves: dict[int, list[tuple[str, Structure]]] = {}
         for fold in self.folds:
-            found = self.ladder(fold)
-            for s in found.structures:
-                waves.setdefault(found.frictions.index(s.friction) + s.fractional, []).append((fold, s))
+            hierarchy = self.ladder(fold)
+            for s in hierarchy.structures:
+                waves.setdefault(hierarchy.frictions.index(s.friction) + s.fractional, []).append((fold, s))
         return iter(waves[k] for k in sorted(waves))
 
     def _arguments(
-        self, fold: str, s: Structure, found: Mapping[tuple[str, str], dict[str, Any]], beside: int
+        self, fold: str, s: Structure, fits: Mapping[tuple[str, str], dict[str, Any]], beside: int
     ) -> tuple[Any, ...]:
-        below = {n: found[fold, n]["values"] for n in s.below if found[fold, n]["cost"] is not None}
+        below = {n: fits[fold, n]["values"] for n in s.below if fits[fold, n]["cost"] is not None}
         return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
                 max(1, self.execution.jobs // beside))  # fmt: skip
 
@@ -505,19 +509,19 @@ class _Study:
             if progress is not None:
                 progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
 
-        ended = replace(self.execution, progress=over_all).run(work, tasks)
+        results = replace(self.execution, progress=over_all).run(work, tasks)
         self.done += len(tasks)
-        return ended
+        return results
 
-    def amplitude(self, found: Comparison) -> dict[str, AmplitudeTest]:
+    def amplitude(self, comparison: Comparison) -> dict[str, AmplitudeTest]:
         """The amplitude test of the paper's structure and of the best fractional one."""
-        rows = [row for row in found.rows if row.paper] + [found.best(fractional=True)]
+        rows = [row for row in comparison.rows if row.paper] + [comparison.best(fractional=True)]
         names = dict.fromkeys(row.name for row in rows if math.isfinite(row.cost))
         tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
-                                              dict(found[name].values), max(1, self.execution.jobs // len(names))))
+                                              dict(comparison[name].values), max(1, self.execution.jobs // len(names))))
                  for name in names]  # fmt: skip
-        ended = self._run(_test_amplitude, tasks)
-        return {name: AmplitudeTest.of_json(ended[f"amplitude | {name}"]) for name in names}
+        results = self._run(_test_amplitude, tasks)
+        return {name: AmplitudeTest.of_json(results[f"amplitude | {name}"]) for name in names}
 
 
 def _key(fold: str, s: Structure) -> str:
@@ -538,18 +542,18 @@ def _test_amplitude(
 
 
 def _rows(
-    found: Ladder, fitted: Mapping[tuple[str, str], dict[str, Any]], folds: Mapping[str, tuple[str, ...]],
+    hierarchy: Ladder, fitted: Mapping[tuple[str, str], dict[str, Any]], folds: Mapping[str, tuple[str, ...]],
     problem: Problem,
 ) -> tuple[tuple[Row, ...], float]:  # fmt: skip
     """The table's rows, and the samples that the residuals of the best in sample are worth."""
-    whole = {s.name: fitted[WHOLE, s.name] for s in found.structures}
-    counted = [r for r in whole.values() if r["cost"] is not None]
-    samples = min(counted, key=lambda r: float(r["cost"]))["samples"] if counted else 2.0
+    whole = {s.name: fitted[WHOLE, s.name] for s in hierarchy.structures}
+    successes = [r for r in whole.values() if r["cost"] is not None]
+    samples = min(successes, key=lambda r: float(r["cost"]))["samples"] if successes else 2.0
     criteria = {n: schwarz(r["squares"], r["parameters"], samples, problem.cost_function)
                 if r["squares"] is not None else math.inf for n, r in whole.items()}  # fmt: skip
     lowest = min(criteria.values())
     rows = []
-    for s in found.structures:
+    for s in hierarchy.structures:
         r, free = whole[s.name], s.problem.orders
         orders = {n: (_order(s, r["values"], n), _pair(r["orders"].get(s.problem.ties.get(n, n)))) for n in free}
         held_out = {n: score for fold in folds for n, score in
@@ -572,8 +576,8 @@ def _pair(ends: Sequence[float] | None) -> tuple[float, float] | None:
     return None if ends is None else (ends[0], ends[1])
 
 
-def _score_of(said: Mapping[str, Any]) -> Score:
-    return Score(**dict(ScoreBlock.model_validate(said)))
+def _score_of(content: Mapping[str, Any]) -> Score:
+    return Score(**dict(ScoreBlock.model_validate(content)))
 
 
 def _best(rows: Sequence[Row]) -> Row:
@@ -582,26 +586,30 @@ def _best(rows: Sequence[Row]) -> Row:
     return min(rows, key=lambda row: row.bic)
 
 
-def _verdict(found: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
+def _verdict(comparison: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
     """In words; `integers` are the orders' integer values, 1 for those left out."""
-    integer, fractional = found.best(fractional=False), found.best(fractional=True)
-    if not found.held_out:
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    if not comparison.held_out:
         return _verdict_in_sample(integer, fractional)
     if not math.isfinite(min(integer.error, fractional.error)):
         return "No structure predicts every held-out recording: their runs fail."
     ones = _ones(fractional, integers or {})
-    said = (_verdict_held_out(found, integer, fractional), ones, _paper_beside(found, integer, fractional))
-    return " ".join(sentence for sentence in said if sentence)
+    sentences = (
+        _verdict_held_out(comparison, integer, fractional),
+        ones,
+        _paper_beside(comparison, integer, fractional),
+    )
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _verdict_held_out(found: Comparison, integer: Row, fractional: Row) -> str:
-    ratio, N = _ratio(fractional, integer), len(found.held_out)
-    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in found.held_out)
+def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
+    ratio, N = _ratio(fractional, integer), len(comparison.held_out)
+    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
     against = f"{fractional.name} ({_errors(fractional)}) against {integer.name} ({_errors(integer)})"
     few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
     if ratio < 1 - MARGIN and helped > N / 2:
         return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
-    if (sentence := _replaced(found)) and ratio > 1 - MARGIN:
+    if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
         return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
     if abs(ratio - 1) <= MARGIN:
         return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
@@ -614,9 +622,9 @@ def _verdict_held_out(found: Comparison, integer: Row, fractional: Row) -> str:
     return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
 
 
-def _replaced(found: Comparison) -> str:
+def _replaced(comparison: Comparison) -> str:
     """Orders help where viscous friction is alone, but dry friction helps more."""
-    rows = {row.name: row for row in found.rows}
+    rows = {row.name: row for row in comparison.rows}
     names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
     if not all(name in rows for name in names):
         return ""
@@ -637,20 +645,20 @@ def _change(ratio: float) -> str:
 
 def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
     """Where every interval of its free orders holds 1, or what else the model says is integer."""
-    told = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
-    values = [integers.get(n, 1.0) for n, _, _ in told]
-    held = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, told, strict=True)]
-    if not told or not all(held):
+    estimates = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
+    values = [integers.get(n, 1.0) for n, _, _ in estimates]
+    coverage = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, estimates, strict=True)]
+    if not estimates or not all(coverage):
         return ""
-    orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in told)
+    orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in estimates)
     what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
     return f"There the orders are {what} within their intervals ({orders})."
 
 
-def _paper_beside(found: Comparison, integer: Row, fractional: Row) -> str:
+def _paper_beside(comparison: Comparison, integer: Row, fractional: Row) -> str:
     """How the paper's structure does, where it is not the best."""
     best = integer if _ratio(fractional, integer) > 1 - MARGIN else fractional
-    paper = [row for row in found.rows if row.paper and row is not best]
+    paper = [row for row in comparison.rows if row.paper and row is not best]
     if not paper or not _ratio(best, paper[0]) < 1 - MARGIN:
         return ""
     if not math.isfinite(paper[0].error):
@@ -664,12 +672,12 @@ def _verdict_in_sample(integer: Row, fractional: Row) -> str:
     gain = integer.bic - fractional.bic
     if not math.isfinite(gain):
         return 'No recording is held out, and there is no criterion for this cost: hold some out (use = "validate").'
-    told = (
+    conclusion = (
         f"orders explain more in sample (BIC {gain:.3g} lower)" if gain > STRONG else
         f"orders explain nothing that friction does not (BIC {-gain:+.3g} with them)"
     )  # fmt: skip
     return (
-        f"No recording was held out, so this is no proof: {told}, {fractional.name} against {integer.name}. "
+        f"No recording was held out, so this is no proof: {conclusion}, {fractional.name} against {integer.name}. "
         'Hold some out (use = "validate"), or leave one out in turn (--leave-one-out).'
     )
 

@@ -96,14 +96,14 @@ def integer_alternative(
     >>> round(rival.parameters["coulomb_alpha"], 5), rival.gain < 0
     (0.002, True)
     """
-    found = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
-    off = {n: v for n, v in found.items() if is_off(problem, n, v, widths.get(n, 0.0))}
+    order_values = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
+    off = {n: v for n, v in order_values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
     if not off or best.residuals is None:
         return None
-    freed = _seen(problem, best, freed_friction(problem))
-    rival = replace(problem, parameters={**problem.parameters, **freed}, method="pi2", orders=integer_values(problem))
-    kept = dict(zip(problem.names, best.point.tolist(), strict=True))
-    as_found = np.array([kept.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
+    ranges = _seen(problem, best, freed_friction(problem))
+    rival = replace(problem, parameters={**problem.parameters, **ranges}, method="pi2", orders=integer_values(problem))
+    best_values = dict(zip(problem.names, best.point.tolist(), strict=True))
+    as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
         result = growing(rival, rival.start, jobs, Watch(), also=(as_found,))
         if result.interrupted:
@@ -115,9 +115,9 @@ def integer_alternative(
         return None
     values = dict(zip(rival.names, integer.point.tolist(), strict=True))
     n, gain = _gain(problem, best, rival, integer)
-    friction = {name: values[name] for name in freed}
+    friction = {name: values[name] for name in ranges}
     orders = _in_words(problem)
-    structure = f"{orders}; {', '.join(freed)} free" if freed else orders
+    structure = f"{orders}; {', '.join(ranges)} free" if ranges else orders
     return Alternative(
         structure, (*off, *(n for n, to in problem.ties.items() if to in off)),
         integer.cost, friction, gain, n, _warning(orders, off, friction, best.cost, integer.cost, gain),
@@ -151,12 +151,12 @@ def integer_values(problem: Problem) -> dict[str, Value]:
     >>> integer_values(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
     {'lambda': 0.9, 'mu': 1.0}
     """
-    found: dict[str, Value] = {}
+    orders: dict[str, Value] = {}
     for n, v in problem.orders.items():
-        solved = problem.model.solved_at(n)
+        integer_value = problem.model.solved_at(n)
         searched = isinstance(problem.orders.get(problem.ties.get(n, n)), Free)
-        found[n] = solved if searched and solved is not None else v
-    return found
+        orders[n] = integer_value if searched and integer_value is not None else v
+    return orders
 
 
 def _in_words(problem: Problem) -> str:
@@ -191,32 +191,32 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
     own = {p.name: problem.parameters.get(p.name, p.value) for p in problem.model.parameters}
     torques = {p.name: p.value for p in problem.model.parameters if p.unit == "N m"} | problem.parameter_starts
     reach = 0.5 * max((abs(torques[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
-    freed = {}
+    ranges = {}
     for name, kind in problem.model.friction.items():
-        value, wanted = own[name], kind.damps_like_an_order if names is None else name in names
-        if not wanted or not isinstance(value, float | int):
+        value, is_free = own[name], kind.damps_like_an_order if names is None else name in names
+        if not is_free or not isinstance(value, float | int):
             continue
         start = max(float(value), kind.begins * reach) if kind.begins else float(value)
-        freed[name] = Free(start, min(kind.off, start), max(reach, 2 * start))
-    return freed
+        ranges[name] = Free(start, min(kind.off, start), max(reach, 2 * start))
+    return ranges
 
 
-def _seen(problem: Problem, best: Evaluation, freed: Mapping[str, Free]) -> dict[str, Free]:
+def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dict[str, Free]:
     """Those that change the residuals when a hundredth of their reach is added: not the arm's if it is clamped."""
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
         return {}
-    here, seen = np.concatenate([e.ravel() for e in errors]), {}
-    for name, value in freed.items():
+    here, observable = np.concatenate([e.ravel() for e in errors]), {}
+    for name, value in ranges.items():
         more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
         errors = more.errors(best.point)
         if isinstance(errors, Failure):  # it even ends the run
-            seen[name] = value
+            observable[name] = value
             continue
         change = np.concatenate([e.ravel() for e in errors]) - here
         if np.linalg.norm(change) > UNSEEN * np.linalg.norm(here):
-            seen[name] = value
-    return seen
+            observable[name] = value
+    return observable
 
 
 def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Evaluation) -> tuple[float, float]:
@@ -245,9 +245,10 @@ def _warning(
             f"{orders}: no evidence of fractional dynamics. With {integers} the same model explains the recordings "
             f"as well: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
         )
-    told = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
+    conclusion = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
     return (
         f"{orders}: no evidence of fractional dynamics. The integer-order model with friction free ({with_what}) "
-        f"{told}: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders stand in "
+        f"{conclusion}: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders "
+        f"stand in "
         f"for friction that the model lacks or fixes; free {', '.join(friction)}."
     )

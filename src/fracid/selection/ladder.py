@@ -110,8 +110,8 @@ class Structure:
         orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
         kinds = self.problem.model.friction
         friction = {u.name: kinds[u.target].off for u in self.problem.unknowns if u.target in kinds}
-        known = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
-        return np.array([known.get(u.name, u.range.start) for u in self.problem.unknowns])
+        assignment = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
+        return np.array([assignment.get(u.name, u.range.start) for u in self.problem.unknowns])
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
@@ -130,10 +130,10 @@ class Ladder:
 
     def __getitem__(self, name: str) -> Structure:
         """The structure of that name; an InputError names those that there are."""
-        named = {s.name: s for s in self.structures}
-        if name not in named:
-            raise unknown_name("structure", name, tuple(named))
-        return named[name]
+        structures = {s.name: s for s in self.structures}
+        if name not in structures:
+            raise unknown_name("structure", name, tuple(structures))
+        return structures[name]
 
     @property
     def frictions(self) -> tuple[str, ...]:
@@ -188,14 +188,16 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
     top = _free(problem, rungs, tuple(rungs))
     blind = unseen(top, SEEN)
     nowhere = blind - {n for e in others for n in _seen_in(e, top)}
-    lost = {rung: names for rung, names in rungs.items() if set(names) <= nowhere}
-    rungs = {rung: names for rung, names in rungs.items() if rung not in lost}
+    exclusions = {rung: names for rung, names in rungs.items() if set(names) <= nowhere}
+    rungs = {rung: names for rung, names in rungs.items() if rung not in exclusions}
     if not rungs:
         raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
     notes += missing
-    notes += [f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in lost.items()]
+    notes += [
+        f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in exclusions.items()
+    ]
     kinds = problem.model.friction
-    alone = sorted(blind - {n for names in lost.values() for name in names for n in (name, *kinds[name].rests)})
+    alone = sorted(blind - {n for names in exclusions.values() for name in names for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
     return Ladder(tuple(_structures(problem, rungs, blind)), tuple(notes))
 
@@ -293,11 +295,11 @@ def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[s
     """The problem with the friction of some rungs free, of the others 0, and with its orders free."""
     ranges = freed_friction(problem, tuple(n for rung in on for n in rungs[rung]))
     nothing = {n: problem.model.friction[n].off for names in rungs.values() for n in names}
-    given = {n: _holding(v, nothing[n]) if n in nothing else v for n, v in problem.parameters.items()}
+    base = {n: _holding(v, nothing[n]) if n in nothing else v for n, v in problem.parameters.items()}
     off: dict[str, float | Free | Tied] = {
         n: nothing[n] for rung, names in rungs.items() if rung not in on for n in names
     }
-    parameters = {**given, **ranges, **off}
+    parameters = {**base, **ranges, **off}
     rests = _rests(problem, parameters, [n for rung in on for n in rungs[rung]])
     parameters |= rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))

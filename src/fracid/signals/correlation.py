@@ -23,7 +23,7 @@ WIDE = 5
 """A sum of autocorrelations ends at the first lag that is so many times the correlation time up to it (Sokal)."""
 
 
-def longest_stretch(known: NDArray[np.bool_]) -> slice:
+def longest_stretch(mask: NDArray[np.bool_]) -> slice:
     """The longest stretch without a gap.
 
     Examples
@@ -31,7 +31,7 @@ def longest_stretch(known: NDArray[np.bool_]) -> slice:
     >>> longest_stretch(np.array([True, False, True, True, False]))
     slice(2, 4, None)
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     starts, ends = edges[::2], edges[1::2]
     if not starts.size:
         return slice(0, 0)

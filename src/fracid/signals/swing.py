@@ -128,8 +128,8 @@ def swing_start(signal: FloatArray) -> int:
     >>> swing_start(np.array([1.0, 1.0, 0.99, 0.5, 0.0]))
     3
     """
-    moved = np.flatnonzero(np.abs(signal - signal[0]) > 0.05 * np.ptp(signal))
-    return int(moved[0]) if moved.size else 0
+    departure = np.flatnonzero(np.abs(signal - signal[0]) > 0.05 * np.ptp(signal))
+    return int(departure[0]) if departure.size else 0
 
 
 HELD = 0.6
@@ -174,8 +174,8 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     >>> release_time(t, np.sin(6 * t))
     (None, 'the pendulum is not held still before its fastest motion')
     """
-    seen = np.isfinite(signal)
-    t, x = time[seen], signal[seen]
+    finite = np.isfinite(signal)
+    t, x = time[finite], signal[finite]
     if x.size < 10 or np.ptp(x) == 0:
         return None, "nothing moves"
     speed = _speed(t, x)
@@ -187,10 +187,10 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     last = int(slow[-1])
     travel, quarter = abs(x[fastest] - x[last]), t[fastest] - t[last]
     away = np.flatnonzero(np.abs(x[:last] - x[last]) > 0.05 * travel)
-    held = float(t[last] - t[away[-1] + 1 if away.size else 0])
-    if held < HELD * quarter:
+    duration = float(t[last] - t[away[-1] + 1 if away.size else 0])
+    if duration < HELD * quarter:
         return None, mid_swing
-    return float(t[last]), f"held for {held:.2f} s before"
+    return float(t[last]), f"held for {duration:.2f} s before"
 
 
 def _speed(t: FloatArray, x: FloatArray) -> FloatArray:

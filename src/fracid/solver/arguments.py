@@ -155,11 +155,11 @@ def check_initial_and_orders(
     initial: ArrayLike, orders: ArrayLike, states: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x(0), its slope and one order a state."""
-    given, q = vector("initial", initial), vector("orders", orders)
-    if given.ndim > 2 or (given.ndim == 2 and given.shape[1] != 2):
-        raise InputError(f"initial has the shape {given.shape}; expected (n_states,), or (n_states, 2) with the "
+    values, q = vector("initial", initial), vector("orders", orders)
+    if values.ndim > 2 or (values.ndim == 2 and values.shape[1] != 2):
+        raise InputError(f"initial has the shape {values.shape}; expected (n_states,), or (n_states, 2) with the "
                          "first derivatives in the second column.")  # fmt: skip
-    x0, slope = (given, np.zeros(len(given))) if given.ndim == 1 else np.ascontiguousarray(given.T)
+    x0, slope = (values, np.zeros(len(values))) if values.ndim == 1 else np.ascontiguousarray(values.T)
     if states is not None and len(x0) != states:
         raise InputError(f"initial has {len(x0)} states; the model has {states}.")
     if q.ndim != 1 or len(q) not in (1, len(x0)):
@@ -176,9 +176,9 @@ def check_initial_and_orders(
 
 def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[float, int]:
     """The step and how many of them; `exact` where samples are given, which fix it."""
-    for name, given in (("step", step), ("start", start), ("end", end)):
-        if np.ndim(given) or np.asarray(given).dtype.kind not in "fiu":
-            raise InputError(f"{name} = {given!r}: expected a number of seconds.")
+    for name, value in (("step", step), ("start", start), ("end", end)):
+        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu":
+            raise InputError(f"{name} = {value!r}: expected a number of seconds.")
     if not (math.isfinite(step) and step > 0):
         raise InputError(f"step = {step!r}: the step must be a positive number of seconds.")
     if not math.isfinite(start):
@@ -237,12 +237,12 @@ def check_times(times: ArrayLike | None, start: float, end: float) -> FloatArray
     """Times to be read, ascending, between start and end [s]; None for the grid."""
     if times is None:
         return None
-    wanted = vector("times", times)
-    if wanted.ndim != 1 or not wanted.size or np.any(np.diff(wanted) < 0):
+    instants = vector("times", times)
+    if instants.ndim != 1 or not instants.size or np.any(np.diff(instants) < 0):
         raise InputError("times must be a list of times in ascending order.")
-    for t in wanted[(wanted < start) | (wanted > end)]:
+    for t in instants[(instants < start) | (instants > end)]:
         raise InputError(f"times: {t:g} is not between start = {start:g} and end = {end:g}.")
-    return wanted
+    return instants
 
 
 def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None) -> FloatArray:
@@ -255,8 +255,8 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
         raise InputError(f"inputs has the shape {u.shape}: one row of {steps + 1} inputs, where the grid has as many "
                          "points. Turn it round: inputs.T.")  # fmt: skip
     if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
-        wanted = "n_inputs" if count is None else count
-        raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {wanted}), a row for each of the "
+        columns = "n_inputs" if count is None else count
+        raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {columns}), a row for each of the "
                          f"{steps + 1} grid points from the first known sample on, or one for all.")  # fmt: skip
     return u
 

@@ -62,8 +62,8 @@ def when_called(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         @cache
         def compiled() -> Callable[..., Any]:
-            found: Callable[..., Any] = kept(signature, nogil=True, error_model="numpy")(function)
-            return found
+            kernel: Callable[..., Any] = kept(signature, nogil=True, error_model="numpy")(function)
+            return kernel
 
         @wraps(function)
         def run(*arguments: Any) -> Any:
@@ -143,10 +143,10 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
     def load(self, key: Any) -> Any:
         path, mark = self._place(key)
         try:
-            written = path.read_bytes()
+            data = path.read_bytes()
         except OSError:
             return None
-        digest, content = written[:32], written[32:]
+        digest, content = data[:32], data[32:]
         return pickle.loads(content) if digest == hashlib.sha256(mark + content).digest() else None
 
     def save(self, key: Any, data: Any) -> None:

@@ -120,8 +120,8 @@ def _quadrature(
     """
     gamma, inner = math.exp(math.lgamma(a)), LOW_NODES
     spacing = _spacing(a, SPACING * tolerance)
-    left = 0.3 * (1 + abs(a)) * math.expm1(spacing) ** 2  # of nodes of which a mean takes the place
-    s_end = _upper_end(a, UPPER * tolerance * gamma / (spacing * left)) / first
+    remainder = 0.3 * (1 + abs(a)) * math.expm1(spacing) ** 2  # of nodes of which a mean takes the place
+    s_end = _upper_end(a, UPPER * tolerance * gamma / (spacing * remainder)) / first
     s_J = _low_width(a, spacing, LOWER * tolerance * gamma, double) / steps
     s_J = min(s_J, s_end * math.exp(-4 * spacing))  # in a short run, or next to order 1
     count = math.ceil(math.log(s_end / s_J) / spacing - 1e-9) - 1
@@ -219,14 +219,14 @@ def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray,
 
 
 @helper
-def _next_root(c: FloatArray, known: FloatArray) -> float:
+def _next_root(c: FloatArray, roots: FloatArray) -> float:
     """The largest root of Σ c_k x^k that is not yet known, all being in (0, 1): Newton's method, from above."""
     x = 1.1
     for _ in range(60):
         value = derivative = 0.0
         for k in range(len(c) - 1, -1, -1):
             derivative, value = derivative * x + value, value * x + c[k]
-        for root in known:
+        for root in roots:
             derivative -= value / (x - root)
         change = value / derivative
         x -= change

@@ -126,8 +126,8 @@ def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
     """
     row, M = stacked.table[r], stacked.modes
     start, forget, enter, collect, foresee = _columns(stacked.lags, M)
-    known, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
-    more = 8 + stacked.sizes[r, 0] - known  # lags to make of the exponentials, for L to be a multiple of 8
+    offset, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
+    more = 8 + stacked.sizes[r, 0] - offset  # lags to make of the exponentials, for L to be a multiple of 8
     for j in range(1, len(exact)):  # an assignment of slices would take Numba two seconds more to compile
         row[7 + j], row[start + 7 + j] = exact[j], first[j]
     for m in range(len(decay)):
@@ -135,16 +135,16 @@ def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
         row[forget + m0 + m], row[enter + m0 + m] = np.expm1(BLOCK * s), first_ratio[m]
         for j in range(more + BLOCK - 1):
             weight = amplitude[m] * np.exp(j * s)
-            row[known + j] += weight
-            row[start + known + j] += weight * first_ratio[m]
+            row[offset + j] += weight
+            row[start + offset + j] += weight * first_ratio[m]
         for j in range(BLOCK):
             row[collect + j * M + m0 + m] = np.exp((BLOCK - 1 - j) * s)
             row[foresee + BLOCK * (m0 + m) + j] = amplitude[m] * np.exp((more + j) * s)
     if ramp != 0.0:
         row[enter] = -shift  # the first sample's panel is half a hat, whose centre is later
         for j in range(more + BLOCK - 1):
-            row[known + j] += ramp * j
-            row[start + known + j] += ramp * (j / 2 - shift)
+            row[offset + j] += ramp * j
+            row[start + offset + j] += ramp * (j / 2 - shift)
         for j in range(BLOCK):
             row[collect + j * M] = BLOCK - 1 - j
             row[foresee + j] = ramp

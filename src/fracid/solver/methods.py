@@ -5,8 +5,7 @@ and completion, the memory that it sums with, its order and its limit, and what 
 from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
 A loop takes f, the :class:`~fracid.solver.loop_arguments.Run` and the array to fill, and returns the last good index
-and how the
-run ended.
+and how the run ended.
 
 The loops take a second to import, so a row fetches its own when it first runs.
 """

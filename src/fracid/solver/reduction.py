@@ -114,8 +114,8 @@ class System:
         >>> round(float(decay.solve(step=1e-3, end=1.0).states[-1, 0]), 5)
         0.38695
         """
-        given: dict[str, Any] = {"parameters": self.parameters} | options
-        return solve_fde(self.rhs, self.orders, self.initial, step=step, end=end, **given)
+        arguments: dict[str, Any] = {"parameters": self.parameters} | options
+        return solve_fde(self.rhs, self.orders, self.initial, step=step, end=end, **arguments)
 
 
 def multi_term(
@@ -235,8 +235,8 @@ def linear_multi_term(
     rows = np.array([highest if driver == HIGHEST else one[driver] for driver in drivers])
     A, b = rows[:, :-1], rows[:, -1]
     rhs, load = _forcing(forcing)
-    given = _numbers("parameters", parameters)
-    return _system(rhs, a, nodes, drivers, initial, np.concatenate([A.ravel(), *([b, given] if load else [])]))
+    values = _numbers("parameters", parameters)
+    return _system(rhs, a, nodes, drivers, initial, np.concatenate([A.ravel(), *([b, values] if load else [])]))
 
 
 def linear_system(A: ArrayLike, B: ArrayLike | None = None, *, orders: ArrayLike, initial: ArrayLike) -> System:
@@ -281,15 +281,15 @@ def linear_system(A: ArrayLike, B: ArrayLike | None = None, *, orders: ArrayLike
 # --- which state is integrated from which ----------------------------------------------------------------
 
 
-def _chain(a: float, a_m: float, named: set[float]) -> float:
+def _chain(a: float, a_m: float, orders: set[float]) -> float:
     """The nearest derivative above a that is named and composes; else the next whole one."""
-    above = min({b for b in named if b > a} | {a_m})
+    above = min({b for b in orders if b > a} | {a_m})
     if a.is_integer():
         return above if above - a < 2 else a + 1
     return min(above, float(math.ceil(a)))
 
 
-def _star(a: float, a_m: float, named: set[float]) -> float:  # noqa: ARG001 (of one signature with _chain)
+def _star(a: float, a_m: float, orders: set[float]) -> float:  # noqa: ARG001 (of one signature with _chain)
     """The highest derivative where it composes, else the next whole one."""
     if a.is_integer():
         return a_m if a_m - a < 2 else a + 1
@@ -301,13 +301,13 @@ _DRIVER = {"chain": _chain, "star": _star}
 
 def _drivers(a: tuple[float, ...], form: str) -> tuple[list[float], tuple[int, ...]]:
     """The derivatives that are states, increasing, and which of them, or :data:`HIGHEST`, each is integrated from."""
-    a_m, named = a[-1], {0.0, *a[:-1]}
+    a_m, orders = a[-1], {0.0, *a[:-1]}
     driver: dict[float, float] = {}
-    left = set(named)
-    while left:
-        order = left.pop()
-        driver[order] = _DRIVER[form](order, a_m, named)
-        left |= {driver[order]} - {*driver, a_m}
+    worklist = set(orders)
+    while worklist:
+        order = worklist.pop()
+        driver[order] = _DRIVER[form](order, a_m, orders)
+        worklist |= {driver[order]} - {*driver, a_m}
     nodes = sorted(driver)
     return nodes, tuple(HIGHEST if driver[n] == a_m else nodes.index(driver[n]) for n in nodes)
 
@@ -383,8 +383,8 @@ def _named_after(function: Any, rhs: Any) -> RightHandSide:
     """Errors name the caller's function, and the caller's function is not taken for one to be cached on disk."""
     rhs.__name__ = rhs.__qualname__ = getattr(function, "__name__", "function")
     rhs.__module__ = "reduced"
-    named: RightHandSide = rhs
-    return named
+    result: RightHandSide = rhs
+    return result
 
 
 def _forcing(forcing: Any) -> tuple[RightHandSide, bool]:
@@ -433,20 +433,20 @@ def _numbers(name: str, values: Any) -> FloatArray:
 
 def _increasing(orders: Any) -> tuple[float, ...]:
     """The orders, rounded to a whole number where they are one but for rounding."""
-    given = _numbers("orders", orders)
-    if given.ndim != 1 or len(given) == 0:
+    values = _numbers("orders", orders)
+    if values.ndim != 1 or len(values) == 0:
         raise InputError(f"orders = {orders!r}: expected the orders of the derivatives, increasing, the one to solve "
                          "for last, such as orders=(0, 1.5, 2).")  # fmt: skip
-    a = tuple(float(round(v)) if abs(v - round(v)) < SAME else float(v) for v in given)
+    a = tuple(float(round(v)) if abs(v - round(v)) < SAME else float(v) for v in values)
     for low, high in pairwise(sorted(a)):
         if high - low < SAME:
             raise InputError(f"orders = {orders!r}: {low:g} is there twice; name each derivative once.")
     if min(a) < 0:
         raise InputError(f"orders = {orders!r}: {min(a):g} is negative; expected 0 (y itself) or more.")
     if a != tuple(sorted(a)):
-        wanted = ", ".join(f"{v:g}" for v in sorted(a))
+        suggestion = ", ".join(f"{v:g}" for v in sorted(a))
         raise InputError(f"orders = {orders!r}: expected them increasing, the one to solve for last; "
-                         f"type orders=({wanted}), and mind that d follows them.")  # fmt: skip
+                         f"type orders=({suggestion}), and mind that d follows them.")  # fmt: skip
     if a[-1] == 0:
         raise InputError(f"orders = {orders!r}: the highest is 0, so there is no derivative to solve for; "
                          "add its order, such as orders=(0, 1.5).")  # fmt: skip

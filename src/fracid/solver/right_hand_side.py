@@ -114,10 +114,10 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
         if needed > there:
             raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
                              f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip
-    given = {"x": x0.copy(), "u": u.copy(), "p": p.copy()}
+    arguments = {"x": x0.copy(), "u": u.copy(), "p": p.copy()}
     try:
         with np.errstate(all="ignore"):
-            returned = function(0.0, *given.values(), out)
+            returned = function(0.0, *arguments.values(), out)
     except ArithmeticError:
         return  # compiled, it gives inf, and the run's outcome says so
     except (IndexError, ValueError) as error:
@@ -133,7 +133,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
         raise InputError(f"The right-hand side {name_of(function)} returns a value; "
                          "it must write the derivatives into out and return nothing: out[0] = ...")  # fmt: skip
     for argument, before in (("x", x0), ("u", u), ("p", p)):
-        if not np.array_equal(given[argument], before):
+        if not np.array_equal(arguments[argument], before):
             raise InputError(f"The right-hand side {name_of(function)} changes {argument}, which is not its own; "
                              f"it may write into out alone. Copy what is to be changed: "
                              f"y = {argument}[0].")  # fmt: skip

@@ -190,10 +190,10 @@ def _correct_block(n, knots, k, parabolas, ahead):
 @inline
 def _add_parabola(n, count, first, knots, k, parabolas, ahead):
     """Newton's form over the knots 2k, 2k + 1, 2k + 2, for n and some after it."""
-    left, middle = float(n - knots[2 * k]), float(n - knots[2 * k + 1])
+    edge, middle = float(n - knots[2 * k]), float(n - knots[2 * k + 1])
     for i in range(len(ahead)):
         c0, c1, c2 = parabolas[k, i, 0], parabolas[k, i, 1], parabolas[k, i, 2]
-        value, slope = c0 + left * (c1 + middle * c2), c1 + (left + middle) * c2
+        value, slope = c0 + edge * (c1 + middle * c2), c1 + (edge + middle) * c2
         for j in range(count):
             ahead[i, first + j] += value + j * (slope + j * c2)
 
@@ -213,43 +213,43 @@ def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
 
 
 @inline
-def _slow(x, last, f, known, newest, scale):
+def _slow(x, last, f, history, newest, scale):
     """Tell whether the next sweep would move x by too much, after the last one moved it there from `last`."""
-    moved = next_move = 0.0
+    last_move = next_move = 0.0
     for i in range(len(x)):
-        moved = max(moved, scale[i] * abs(x[i] - last[i]))
-        next_move = max(next_move, scale[i] * abs(known[i] + newest[i] * f[i] - x[i]))
-    return next_move > max(SLOW * moved, SETTLED)
+        last_move = max(last_move, scale[i] * abs(x[i] - last[i]))
+        next_move = max(next_move, scale[i] * abs(history[i] + newest[i] * f[i] - x[i]))
+    return next_move > max(SLOW * last_move, SETTLED)
 
 
 # The arguments of Newton's method are not grouped: a NamedTuple of arrays has its references counted at each call of a
 # function that is not inlined, which costs ``pi2-implicit`` 14 % of a step.
 @helper
-def _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial):
+def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
-    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `kept`; it is made anew where an iteration
+    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `reuse`; it is made anew where an iteration
     moves x by more than a tenth of the one before.  After NEWTON iterations it takes what it has (a kink may keep it
     from settling); the check at half the step tells.  Returns whether W is worth keeping.
     """
     states, moved_before = len(x), math.inf
     for _ in range(NEWTON):
-        if not kept:
+        if not reuse:
             _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial)
         for i in range(states):
-            trial[i] = known[i] + newest[i] * f[i] - x[i]
-        moved = 0.0
+            trial[i] = history[i] + newest[i] * f[i] - x[i]
+        move = 0.0
         for i in range(states):
             change = 0.0
             for c in range(states):
                 change += W[i, states + c] * trial[c]
             x[i] += change
-            moved = max(moved, abs(change) / (SMALL + abs(x[i])))
+            move = max(move, abs(change) / (SMALL + abs(x[i])))
         rhs(t, x, u, p, f)
-        if not moved > 1e-12:
-            return np.isfinite(moved)
-        kept = moved < 0.1 * moved_before
-        moved_before = moved
+        if not move > 1e-12:
+            return np.isfinite(move)
+        reuse = move < 0.1 * moved_before
+        moved_before = move
     return False
 
 
@@ -258,10 +258,10 @@ def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
     """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
     n = len(x)
     for c in range(n):
-        d, kept = 1e-7 * (0.01 + abs(x[c])), x[c]
-        x[c] = kept + d
+        d, value = 1e-7 * (0.01 + abs(x[c])), x[c]
+        x[c] = value + d
         rhs(t, x, u, p, trial)
-        x[c] = kept
+        x[c] = value
         for i in range(n):
             W[i, c] = (i == c) - newest[i] * (trial[i] - f[i]) / d
             W[i, n + c] = i == c
@@ -269,13 +269,13 @@ def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
 
 
 @helper
-def _rare(newton, joins, measured, rhs, t, x, u, p, f, known, newest, W, kept, trial, x0):
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0):
     """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
     if newton:
-        kept = _newton(rhs, t, x, u, p, f, known, newest, W, kept, trial)
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial)
     if joins:
         _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
-    return kept
+    return reuse
 
 
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
@@ -285,12 +285,16 @@ def step_pi2(rhs, run, third, out):
     begin, x0, together, knots, parabolas = start_together(rhs, run, third)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
-    given = max(m, together + 1)  # the first step whose state is not known before
+    first_free = max(m, together + 1)  # the first step whose state is not known before
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
     x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
-    last_x, known, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
+    last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
-    W, trial, kept = np.zeros((states, 2 * states)), np.zeros(states), states < 0  # Newton's; False, but no literal
+    W, trial, factors_valid = (
+        np.zeros((states, 2 * states)),
+        np.zeros(states),
+        states < 0,
+    )  # Newton's; False, but no literal
     mode = flush_denormals()
     rhs(t0, x, now, p, f)
     for i in range(states):
@@ -311,15 +315,15 @@ def step_pi2(rhs, run, third, out):
                 scale[i] = 1 / (SMALL + abs(x[i]))
         _read(u, n, now)
         for i in range(states):  # predict: f goes on in a straight line, or in a parabola
-            known[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
-            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= given else begin[n, i]
+            x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
-        sweeps = 0 if n < given else corrections if n > EARLY or corrections == 0 else corrections + 4
+        sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
             for i in range(states):
-                last_x[i], x[i] = x[i], known[i] + newest[i] * f[i]
+                last_x[i], x[i] = x[i], history_part[i] + newest[i] * f[i]
                 if not abs(x[i]) <= limit:
                     last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             if how != COMPLETED:
@@ -327,10 +331,12 @@ def step_pi2(rhs, run, third, out):
         if how != COMPLETED:
             break
         rhs(t, x, now, p, f)
-        newton = n >= given and (corrections == 0 or _slow(x, last_x, f, known, newest, scale))
+        newton = n >= first_free and (corrections == 0 or _slow(x, last_x, f, history_part, newest, scale))
         joins = n == m > together
         if newton or joins:
-            kept = _rare(newton, joins, past[m], rhs, t, x, now, p, f, known, newest, W, kept, trial, x0)
+            factors_valid = _rare(
+                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0
+            )
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

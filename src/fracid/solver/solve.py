@@ -283,9 +283,9 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         raise InputError(f"The right-hand side {name_of(equation.rhs)} fails on the way: {type(error).__name__}: "
                          f"{error}. Here x and out have {states} entries, u has {equation.inputs.shape[1]}, "
                          f"p has {len(equation.parameters)}.") from None  # fmt: skip
-    kept = max(0, last) // options.every + 1
+    count = max(0, last) // options.every + 1
     return Trajectory(
-        initial.time + np.arange(kept, dtype=np.float64) * (step * options.every), out[:kept], _OUTCOMES[how], step,
+        initial.time + np.arange(count, dtype=np.float64) * (step * options.every), out[:count], _OUTCOMES[how], step,
         options.method, options.memory.name, equation.orders, initial.time - step * (len(past) - 1),
     )  # fmt: skip
 

@@ -130,16 +130,16 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
                         sums[m] = sums[m - 1]
                     sums[place] = total
                     count += 1
-    chosen, taken = np.zeros(MOST + 2), 0
+    selection, size = np.zeros(MOST + 2), 0
     for k in range(1, count):
-        least = 0.0 if taken == 0 else APART_THIRD if third else APART
-        if taken < MOST and sums[k] - chosen[taken] > least:
-            taken += 1
-            chosen[taken] = sums[k]
-    if not third and taken > 0 and chosen[taken] < 0.75:
-        taken += 1
-        chosen[taken] = 1.0
-    return chosen[1 : taken + 1].copy()
+        least = 0.0 if size == 0 else APART_THIRD if third else APART
+        if size < MOST and sums[k] - selection[size] > least:
+            size += 1
+            selection[size] = sums[k]
+    if not third and size > 0 and selection[size] < 0.75:
+        size += 1
+        selection[size] = 1.0
+    return selection[1 : size + 1].copy()
 
 
 @_alone
@@ -441,7 +441,7 @@ def _solve_together(rhs, run, x, f, A, M, base):
             for c in range(len(now) if len(u) > 1 else 0):
                 now[c] = u[n, c]
             rhs(t0 + n * h, x[n], now, run.p, f[n])
-        moved = 0.0
+        move = 0.0
         for n in range(m, s + 1):
             for i in range(states):
                 total = slope[i] * (n * h)
@@ -457,12 +457,12 @@ def _solve_together(rhs, run, x, f, A, M, base):
                 for c in range(size):
                     change += W[(n - 1) * states + i, size + c] * residual[c]
                 x[n, i] += change
-                moved = max(moved, abs(change) / (1e-3 + abs(x[n, i])))
+                move = max(move, abs(change) / (1e-3 + abs(x[n, i])))
                 if not abs(x[n, i]) <= run.limit:
                     return False
-        if moved < 1e-14:
+        if move < 1e-14:
             return True
-    return moved < 1e-11
+    return move < 1e-11
 
 
 @helper

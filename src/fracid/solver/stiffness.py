@@ -57,14 +57,14 @@ def linearised(rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray,
     >>> linearised(pendulum, 0.0, np.zeros(2), np.zeros(0), np.zeros(0)).round(3).tolist()
     [[0.0, 1.0], [-9.0, 0.0]]
     """
-    at, J, moved = np.empty(len(x)), np.empty((len(x), len(x))), x.copy()
+    at, J, state = np.empty(len(x)), np.empty((len(x), len(x))), x.copy()
     try:
-        rhs(t, moved, u, p, at)
+        rhs(t, state, u, p, at)
         for c, value in enumerate(x.tolist()):
             d = 1e-7 * (0.01 + abs(value))
-            moved[c] = value + d
-            rhs(t, moved, u, p, J[c])
-            moved[c] = value
+            state[c] = value + d
+            rhs(t, state, u, p, J[c])
+            state[c] = value
             J[c] -= at
             J[c] /= d
     except (ArithmeticError, ValueError):  # a division by zero, or a root of what is negative, in plain Python
@@ -86,7 +86,7 @@ def modes(J: FloatArray, gain: FloatArray) -> NDArray[np.complex128]:
     return np.asarray(np.linalg.eigvals(scaled), dtype=np.complex128)
 
 
-def steps_a_period(found: NDArray[np.complex128]) -> float:
+def steps_a_period(eigenvalues: NDArray[np.complex128]) -> float:
     """Steps for each period of the fastest mode that swings rather than dies; infinite where none does.
 
     Examples
@@ -94,7 +94,7 @@ def steps_a_period(found: NDArray[np.complex128]) -> float:
     >>> round(steps_a_period(np.array([0.3j, -0.3j])), 1)
     20.9
     """
-    swinging = [abs(m.imag) for m in found if abs(m.imag) > abs(m.real)]
+    swinging = [abs(m.imag) for m in eigenvalues if abs(m.imag) > abs(m.real)]
     return float(2 * math.pi / max(swinging)) if swinging and max(swinging) > 0 else math.inf
 
 
@@ -146,13 +146,13 @@ def _fault(
     linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
-    found = [modes(J, gain) for J in linear]
-    largest = max((float(np.max(np.abs(m))) for m in found if m.size), default=0.0)
+    spectra = [modes(J, gain) for J in linear]
+    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
     if largest > _follows(run):
         return _too_stiff(run, largest)
     if away or run.outcome is Outcome.DIVERGED:
         return _runs_away(run, largest)
-    steps = sorted(map(steps_a_period, found))[LOOKED_AT // 2]
+    steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)
         return Finding("coarse-steps", "", steps, STEPS_A_PERIOD, "steps a period",
@@ -197,11 +197,11 @@ def _too_stiff(run: Trajectory, largest: float) -> Finding:
     follows = _follows(run)
     q = float(np.max(run.orders))
     shorter = run.step * (0.5 * follows / largest) ** (1 / q)
-    ended = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""
+    note = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""
     return Finding(
         "stiff", "", largest, follows, "|J|h",
         f"The step is too long for {run.method}: |J|h is {largest:.3g}, and an explicit scheme follows up to about "
-        f'{follows:g}{ended}. Type method = "pi2", or a step of {shorter:.2g} s.',
+        f'{follows:g}{note}. Type method = "pi2", or a step of {shorter:.2g} s.',
     )  # fmt: skip
 
 

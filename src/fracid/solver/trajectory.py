@@ -75,12 +75,12 @@ class Trajectory:
         >>> bool(abs(run.at([0.2345]) - solve_fde(decay, 0.8, [1.0], step=0.0067, end=0.2345).states[-1]) < 1e-5)
         True
         """
-        wanted = np.atleast_1d(vector("times", times))
+        instants = np.atleast_1d(vector("times", times))
         first, last = self.time[0], self.time[-1]
         slack = 1e-9 * self.step
-        for t in wanted[(wanted < first - slack) | (wanted > last + slack)]:
+        for t in instants[(instants < first - slack) | (instants > last + slack)]:
             raise InputError(f"times: {t:g} is outside of the run, which goes from {first:g} to {last:g}.")
-        return _between(self, wanted)
+        return _between(self, instants)
 
 
 def _between(run: Trajectory, times: FloatArray) -> FloatArray:
@@ -104,18 +104,18 @@ def _between(run: Trajectory, times: FloatArray) -> FloatArray:
 
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
-    shown = reprlib.repr(values)
+    text = reprlib.repr(values)
     if np.ma.is_masked(values):
         raise InputError(
-            f"{name} = {shown}: some values are masked, and what is behind a mask is no number to count on."
+            f"{name} = {text}: some values are masked, and what is behind a mask is no number to count on."
         )
     try:
-        given = np.array(values, ndmin=1)
-        if np.iscomplexobj(given):
+        array = np.array(values, ndmin=1)
+        if np.iscomplexobj(array):
             raise TypeError
-        numbers = given.astype(np.float64)
+        numbers = array.astype(np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {shown}: expected numbers.") from None
+        raise InputError(f"{name} = {text}: expected numbers.") from None
     if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name} = {shown}: every value must be a finite number.")
+        raise InputError(f"{name} = {text}: every value must be a finite number.")
     return numbers

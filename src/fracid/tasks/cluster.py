@@ -68,9 +68,9 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
             future.add_done_callback(ends.put)
         if not waiting:
             return
-        ended = _drained(ends, alone.check)
-        whole = [f for f in ended if f.status == "finished"]
-        failures = [_given_up(waiting[f.key][1], f.exception()) for f in ended if f.status != "finished"]
+        completions = _drained(ends, alone.check)
+        whole = [f for f in completions if f.status == "finished"]
+        failures = [_given_up(waiting[f.key][1], f.exception()) for f in completions if f.status != "finished"]
         for future, result in zip(whole, client.gather(whole), strict=True):
             task = waiting.pop(future.key)[1]
             if failure := failure_of(task, result):
@@ -85,11 +85,11 @@ def _drained(ends: queue.SimpleQueue[Any], idle: Callable[[], None]) -> list[Any
     """All that has ended, one at least; `idle` is asked while nothing ends."""
     while True:
         try:
-            ended = [ends.get(timeout=IDLE)]
+            completions = [ends.get(timeout=IDLE)]
         except queue.Empty:
             idle()
         else:
-            return [*ended, *(ends.get() for _ in range(ends.qsize()))]
+            return [*completions, *(ends.get() for _ in range(ends.qsize()))]
 
 
 def _given_up(task: Task, error: BaseException) -> Stopped:
@@ -112,9 +112,9 @@ def _client(address: str) -> Iterator[Any]:
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything
-        said = next(iter(str(error).splitlines()), type(error).__name__)
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError(
-            f"No Dask scheduler answers at {address}: {said}. Start one with dask scheduler and workers with dask "
+            f"No Dask scheduler answers at {address}: {reason}. Start one with dask scheduler and workers with dask "
             "worker ADDRESS, or leave the cluster out: --executor processes."
         ) from None
     with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves

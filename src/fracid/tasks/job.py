@@ -102,13 +102,13 @@ class Ended:
 
 def perform(work: Work, arguments: tuple[Any, ...]) -> Ended:
     """Do the work, here; what it raises is the text of the end."""
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     try:
         text = json.dumps(work(*arguments), ensure_ascii=False, allow_nan=False)
     except Exception as error:
-        said = f"{type(error).__name__}: {error}"
-        return Ended("", time.perf_counter() - began, said, traceback.format_exc())
-    return Ended(text, time.perf_counter() - began)
+        message = f"{type(error).__name__}: {error}"
+        return Ended("", time.perf_counter() - start_time, message, traceback.format_exc())
+    return Ended(text, time.perf_counter() - start_time)
 
 
 @dataclass(frozen=True)
@@ -174,14 +174,14 @@ def one_blas_thread() -> Any:
     return threadpool_limits(1, "blas")
 
 
-def failure_of(task: Task, ended: Ended | BaseException) -> Stopped | None:
+def failure_of(task: Task, outcome: Ended | BaseException) -> Stopped | None:
     """Why a repetition has no result; None where it has one."""
-    if isinstance(ended, BaseException):
-        return Stopped(f"The repetition {task.key!r} cannot be sent or read back: {ended}.")
-    if ended.text:
+    if isinstance(outcome, BaseException):
+        return Stopped(f"The repetition {task.key!r} cannot be sent or read back: {outcome}.")
+    if outcome.text:
         return None
-    failure = Stopped(f"The repetition {task.key!r} failed: {ended.failure}.")
-    failure.__cause__ = _Traceback(ended.where)
+    failure = Stopped(f"The repetition {task.key!r} failed: {outcome.failure}.")
+    failure.__cause__ = _Traceback(outcome.where)
     return failure
 
 

@@ -202,10 +202,10 @@ def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
     ...     append_whole(file, b"one\\n", 0)
     4
     """
-    left = memoryview(content)
+    remainder = memoryview(content)
     try:
-        while left:
-            left = left[file.write(left) :]
+        while remainder:
+            remainder = remainder[file.write(remainder) :]
     except BaseException as error:  # Ctrl-C too leaves no half of a line
         with suppress(OSError):
             file.truncate(end)  # also a full disk can take back
@@ -235,27 +235,27 @@ def _read(
 ) -> tuple[dict[str, Json], tuple[str, ...], int]:
     """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
     texts, end = whole_lines(path)
-    torn = path.stat().st_size > end
-    if torn:
+    has_fragment = path.stat().st_size > end
+    if has_fragment:
         file.truncate(end)
     lines = [line_content(text) for text in texts]
     if not lines:
         return {}, (), 0
     _check_study(path, lines[0], json.loads(json.dumps(study)))
-    done: dict[str, Json] = {}
+    results: dict[str, Json] = {}
     damaged = [1] if lines[0] is None else []
     for number, line in enumerate(lines[1:], 2):
         if line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
             damaged.append(number)
         else:
-            done.setdefault(line["key"], line.get("value"))
+            results.setdefault(line["key"], line.get("value"))
     notes = []
-    if torn:
+    if has_fragment:
         notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
     if damaged:
         numbers = ", ".join(map(str, damaged[:20])) + ", ..." * (len(damaged) > 20)
         notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
-    return done, tuple(notes), end
+    return results, tuple(notes), end
 
 
 def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Json]) -> None:

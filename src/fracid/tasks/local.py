@@ -49,23 +49,23 @@ __all__ = ["deaf_to_ctrl_c", "follow_parent", "on_processes", "on_threads"]
 def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], window: int) -> Ends:
     """Keep `window` tasks under way, so that a study of millions waits here and not in a queue."""
     waiting: dict[Future[Ended], Task] = {}
-    lost: list[Task] = []
+    orphans: list[Task] = []
     stopped: BaseException | None = None
     while True:
         try:
-            while len(waiting) < window and not (lost or stopped) and (task := next(tasks, None)) is not None:
-                _submit(submit, task, waiting, lost)
+            while len(waiting) < window and not (orphans or stopped) and (task := next(tasks, None)) is not None:
+                _submit(submit, task, waiting, orphans)
             if not waiting:
                 break
-            ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            completions, _ = wait(waiting, return_when=FIRST_COMPLETED)
         except KeyboardInterrupt as interruption:
             if stopped:
                 raise
-            stopped, ended = interruption, set()
-        for future in [future for future in waiting if future in ended]:  # in their order
+            stopped, completions = interruption, set()
+        for future in [future for future in waiting if future in completions]:  # in their order
             task = waiting.pop(future)
             if isinstance(future.exception(), BrokenExecutor):
-                lost.append(task)
+                orphans.append(task)
             elif failure := failure_of(task, future.exception() or future.result()):
                 stopped = stopped or failure
             else:
@@ -74,16 +74,16 @@ def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], w
             waiting = {future: task for future, task in waiting.items() if not future.cancel()}
     if stopped:
         raise stopped
-    return lost
+    return orphans
 
 
 def _submit(
-    submit: Callable[[Task], Future[Ended]], task: Task, waiting: dict[Future[Ended], Task], lost: list[Task]
+    submit: Callable[[Task], Future[Ended]], task: Task, waiting: dict[Future[Ended], Task], orphans: list[Task]
 ) -> None:
     try:
         waiting[submit(task)] = task
     except BrokenExecutor:
-        lost.append(task)
+        orphans.append(task)
 
 
 def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
@@ -94,10 +94,10 @@ def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[T
 
 def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
     """A worker that dies takes its pool along; what was under way is then done one by one, to find who kills."""
-    job, left = Job.of(work, tasks), iter(tasks)
+    job, backlog = Job.of(work, tasks), iter(tasks)
     packed = job.packed()
-    while lost := (yield from _in_a_pool(job, packed, left, jobs, 2 * jobs)):
-        if killers := (yield from _in_a_pool(job, packed, iter(lost), 1, 1)):
+    while orphans := (yield from _in_a_pool(job, packed, backlog, jobs, 2 * jobs)):
+        if killers := (yield from _in_a_pool(job, packed, iter(orphans), 1, 1)):
             raise Stopped(
                 f"The repetition {killers[0].key!r} was given up: a worker process died twice while it ran, the second "
                 "time with nothing beside it (killed from outside, out of memory, or a crash in compiled code)."

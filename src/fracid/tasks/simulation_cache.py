@@ -106,21 +106,21 @@ class Memo:
     def get(self, key: bytes, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
         """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
         place = self._places.get(key)
-        if place is not None and (kept := self._at(key, *place)) is not None:
-            return kept
-        found = compute()
+        if place is not None and (hit := self._at(key, *place)) is not None:
+            return hit
+        outputs = compute()
         self.computed += 1
-        self._keep(key, found)
-        return found
+        self._keep(key, outputs)
+        return outputs
 
-    def _keep(self, key: bytes, found: FloatArray | Failure) -> None:
+    def _keep(self, key: bytes, outputs: FloatArray | Failure) -> None:
         kind, rows, columns = b"T", 1, 0
-        if isinstance(found, Failure):
-            content: bytes | memoryview = f"{found.reason.name} {found.detail}".encode()
+        if isinstance(outputs, Failure):
+            content: bytes | memoryview = f"{outputs.reason.name} {outputs.detail}".encode()
             columns = len(content)
         else:
-            kind, (rows, columns) = b"C" if found.flags.c_contiguous else b"F", found.shape
-            flat = np.ascontiguousarray(found if kind == b"C" else found.T).reshape(-1)
+            kind, (rows, columns) = b"C" if outputs.flags.c_contiguous else b"F", outputs.shape
+            flat = np.ascontiguousarray(outputs if kind == b"C" else outputs.T).reshape(-1)
             content = flat.view(np.uint8).data
         try:
             with self._lock:

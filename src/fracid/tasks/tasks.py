@@ -87,21 +87,21 @@ def run_tasks(
     run = executor_from_name(executor)
     _check(work, tasks, executor)
     at_least("jobs", jobs, 1)
-    done = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
-    left = [t for t in tasks if t.key not in done]
-    watch = _Watch(len(tasks), done, progress)
-    if left:
+    results = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
+    backlog = [t for t in tasks if t.key not in results]
+    watch = _Watch(len(tasks), results, progress)
+    if backlog:
         try:
-            for task, ended in run(work, left, jobs):
-                done[task.key] = json.loads(ended.text)
+            for task, outcome in run(work, backlog, jobs):
+                results[task.key] = json.loads(outcome.text)
                 if journal is not None:
-                    journal.append(task.key, done[task.key], ended.seconds)
-                watch.tell(done[task.key])
+                    journal.append(task.key, results[task.key], outcome.seconds)
+                watch.tell(results[task.key])
         except KeyboardInterrupt:
-            raise Unfinished(f"Interrupted. {_kept(len(done), len(tasks), journal)}") from None
+            raise Unfinished(f"Interrupted. {_kept(len(results), len(tasks), journal)}") from None
         except Stopped as stopped:
-            raise Unfinished(f"{stopped} {_kept(len(done), len(tasks), journal)}") from stopped.__cause__
-    return {t.key: done[t.key] for t in tasks}
+            raise Unfinished(f"{stopped} {_kept(len(results), len(tasks), journal)}") from stopped.__cause__
+    return {t.key: results[t.key] for t in tasks}
 
 
 @dataclass(frozen=True)
@@ -131,20 +131,20 @@ class Execution:
         )
 
 
-def _kept(done: int, total: int, journal: Journal | None) -> str:
+def _kept(count: int, total: int, journal: Journal | None) -> str:
     if journal is None:
-        return f"{done} of {total} repetitions were done."
-    return f"{done} of {total} repetitions are done and kept; fracid resume {resumable(journal.path)} goes on."
+        return f"{count} of {total} repetitions were done."
+    return f"{count} of {total} repetitions are done and kept; fracid resume {resumable(journal.path)} goes on."
 
 
 class _Watch:
     """Counts, and tells `progress`."""
 
-    def __init__(self, total: int, done: dict[str, Json], progress: Callable[[Progress], None] | None) -> None:
-        self._total, self._done, self._earlier, self._progress = total, done, len(done), progress
+    def __init__(self, total: int, results: dict[str, Json], progress: Callable[[Progress], None] | None) -> None:
+        self._total, self._done, self._earlier, self._progress = total, results, len(results), progress
         self._began = time.perf_counter()
         self._best: float | None = None
-        for value in done.values():
+        for value in results.values():
             self._look(value)
         self._tell()
 
@@ -167,11 +167,11 @@ class _Watch:
 
 
 def _check(work: Work, tasks: Sequence[Task], executor: str) -> None:
-    seen: set[str] = set()
+    keys: set[str] = set()
     for task in tasks:
-        if task.key in seen:
+        if task.key in keys:
             raise InputError(f"Two tasks have the key {task.key!r}; a key names one repetition.")
-        seen.add(task.key)
+        keys.add(task.key)
     name = getattr(work, "__qualname__", "")
     if executor != "threads" and (not name or "<" in name or not hasattr(work, "__module__")):
         raise InputError(f"{work!r} cannot be sent to other processes: give a function of a module, or threads.")

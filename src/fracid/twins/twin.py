@@ -89,15 +89,17 @@ class Twin:
         """Refuse what is no recording."""
         for what, value in (("step", self.step), ("end", self.end - self.hold)):
             if not (math.isfinite(value) and value > 0):
-                said = f"end = {self.end:g} s with hold = {self.hold:g} s" if what == "end" else f"step = {value:g} s"
-                raise InputError(f"{said} is not possible; expected an end after the release and a step above 0.")
+                setting = (
+                    f"end = {self.end:g} s with hold = {self.hold:g} s" if what == "end" else f"step = {value:g} s"
+                )
+                raise InputError(f"{setting} is not possible; expected an end after the release and a step above 0.")
         if self.end / self.step > MOST:
             raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
         if not 1 <= self.substeps <= 1000:
             raise InputError(f"substeps = {self.substeps} is not possible; expected a whole number from 1 to 1000.")
 
     @classmethod
-    def of_model(cls, model: Model, *, name: str = "", **given: Any) -> Twin:
+    def of_model(cls, model: Model, *, name: str = "", **fields: Any) -> Twin:
         """Take a model with its own values; orders left out are 1.
 
         Parameters
@@ -120,8 +122,8 @@ class Twin:
         >>> list(recording.signals), recording.time.size, recording.report.release
         (['theta', 'alpha'], 301, 1.0)
         """
-        orders = dict.fromkeys(model.order_names, 1.0) | dict(given.pop("orders", {}))
-        return cls(name or model.name, model, orders, **{"parameters": {}, **given})
+        orders = dict.fromkeys(model.order_names, 1.0) | dict(fields.pop("orders", {}))
+        return cls(name or model.name, model, orders, **{"parameters": {}, **fields})
 
     @classmethod
     def of_problem(cls, problem: Problem, x: FloatArray, experiment: Experiment) -> Twin:
@@ -161,7 +163,7 @@ class Twin:
             problem.history(x, experiment),
         )  # fmt: skip
 
-    def changed(self, **given: Any) -> Twin:
+    def changed(self, **changes: Any) -> Twin:
         """The same with other orders, parameters or initial states by name, or other fields.
 
         Raises
@@ -176,8 +178,8 @@ class Twin:
         >>> dict(twin.changed(orders={"mu": 0.9}).orders)
         {'lambda': 1.0, 'mu': 0.9}
         """
-        named = {name: getattr(self, name) for name in ("orders", "parameters", "initial") if name in given}
-        new = replace(self, **given | {name: {**old, **given[name]} for name, old in named.items()})
+        mappings = {name: getattr(self, name) for name in ("orders", "parameters", "initial") if name in changes}
+        new = replace(self, **changes | {name: {**old, **changes[name]} for name, old in mappings.items()})
         new.model.state_orders(new.orders)
         new.model.parameter_vector(new.parameters)
         new.model.state_vector(new.initial)
@@ -208,18 +210,18 @@ class Twin:
             As :func:`fracid.simulate`.
         """
         h = self.step / self.substeps
-        wanted = (self.time[-1] - self.hold) / h
-        steps = max(1, round(wanted)) if self._whole(h) else math.ceil(wanted) + 2  # both neighbours of the last sample
+        count = (self.time[-1] - self.hold) / h
+        steps = max(1, round(count)) if self._whole(h) else math.ceil(count) + 2  # both neighbours of the last sample
         run = simulate(
             self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
             parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
             memory=self.memory, inputs=self._driven(steps, h), history=self.history,
             limit=LIMIT if self.model.angles else BEYOND,
         )  # fmt: skip
-        held, moving = self._held_and_moving(run)
+        plateau, moving = self._held_and_moving(run)
         states = run.states[np.rint((moving - self.hold) / h).astype(int)] if self._whole(h) else run.at(moving)
-        before = np.repeat(run.states[:1], held.size, axis=0)
-        return replace(run, time=np.concatenate([held, moving]), states=np.vstack([before, states]), origin=0.0)
+        before = np.repeat(run.states[:1], plateau.size, axis=0)
+        return replace(run, time=np.concatenate([plateau, moving]), states=np.vstack([before, states]), origin=0.0)
 
     def _whole(self, h: float) -> bool:
         """Whether the release is on the grid of steps."""
@@ -228,8 +230,8 @@ class Twin:
     def _held_and_moving(self, run: Trajectory) -> tuple[FloatArray, FloatArray]:
         """The samples before the release, and those that the run reached."""
         slack = 1e-6 * self.step
-        held, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
-        return self.time[held], self.time[moving & ~held]
+        plateau, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
+        return self.time[plateau], self.time[moving & ~plateau]
 
     def _driven(self, steps: int, h: float) -> FloatArray | None:
         """u on the grid of the run, with a past from its beginning on."""
@@ -267,8 +269,8 @@ class Twin:
             For an output that the model does not have, noise below 0, or counts that are no encoder's.
         """
         levels = {n: float((noise or {}).get(n, 0.0)) for n in self.model.outputs}
-        if unknown := set(noise or {}) - set(levels):
-            raise InputError(f"There is no output {min(unknown)!r}; {self.model.name} has {', '.join(levels)}.")
+        if extras := set(noise or {}) - set(levels):
+            raise InputError(f"There is no output {min(extras)!r}; {self.model.name} has {', '.join(levels)}.")
         if not all(0 <= v < math.inf for v in levels.values()):
             raise InputError(f"noise = {dict(noise or {})} is not possible; expected standard deviations from 0 on.")
         if counts < 0 or 0 < counts < 3:
@@ -283,8 +285,8 @@ class Twin:
             signals[name] = np.interp(run.time, times, values)
             units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
-            called = f"state {name}" if name in signals else name
-            signals[called], units[called] = x, "1"
+            label = f"state {name}" if name in signals else name
+            signals[label], units[label] = x, "1"
         return Recording.of(self.name, self.start + run.time, signals, units)
 
 

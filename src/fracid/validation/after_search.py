@@ -73,7 +73,7 @@ NEXT_TO_NOTHING = 1e-4
 """Of its size, by which an unknown may be off, however narrow its interval."""
 
 
-def after(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> tuple[Finding, ...]:
+def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1) -> tuple[Finding, ...]:
     """Look at a minimum.
 
     Parameters
@@ -81,7 +81,7 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or Failure
+    uncertainty : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
@@ -103,12 +103,12 @@ def after(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs
     >>> [f.code for f in after(problem, problem.start, none)]         # order 1 does not explain it
     ['cannot-explain', 'cannot-explain']
     """
-    found = [*_loose_memory(problem, x, known, jobs), *_short_window(problem, known)]
-    parabola = _parabola(problem, x, known, jobs)
-    found += noisy_start(problem, x, known, jobs=jobs, parabola=parabola)
-    found += _stopped_short(problem, x, known, parabola)
-    found += misread(problem, x, known, jobs=jobs)
-    return (*found, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
+    findings = [*_loose_memory(problem, x, uncertainty, jobs), *_short_window(problem, uncertainty)]
+    parabola = _parabola(problem, x, uncertainty, jobs)
+    findings += noisy_start(problem, x, uncertainty, jobs=jobs, parabola=parabola)
+    findings += _stopped_short(problem, x, uncertainty, parabola)
+    findings += misread(problem, x, uncertainty, jobs=jobs)
+    return (*findings, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
 
 
 def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
@@ -124,7 +124,7 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
     tuple of Finding
         Of the recordings whose run fails.
     """
-    found = []
+    findings = []
     for e in problem.experiments:
         run = problem.simulate(x, e)
         if not run.completed:
@@ -132,14 +132,14 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
             gain = run.step**orders * time_scale(problem.model, values) ** (1 - orders)
             u = e.inputs if problem.substeps == 1 else e.inputs[:1]
             fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, values)
-            found += [] if fault is None else [replace(fault, where=e.name)]
-    return tuple(found)
+            findings += [] if fault is None else [replace(fault, where=e.name)]
+    return tuple(findings)
 
 
 # --- the minimum -----------------------------------------------------------------------------------------
 
 
-def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Iterator[Finding]:
+def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Iterator[Finding]:
     """Simulate with a better memory, and project the difference on the unknowns."""
     if _tolerance(problem) <= CERTIFIED or not problem.names:
         return
@@ -159,7 +159,7 @@ def _loose_memory(problem: Problem, x: FloatArray, known: Uncertainty | Failure,
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     shift = np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale
     for i, u in enumerate(problem.unknowns):
-        se = math.nan if isinstance(known, Failure) else float(known.standard_error[i])
+        se = math.nan if isinstance(uncertainty, Failure) else float(uncertainty.standard_error[i])
         half = NORMAL_95 * se
         if u.kind == "order":
             half = max(LEAST_SHIFT, half if math.isfinite(half) else 0.0)
@@ -177,9 +177,9 @@ def _tolerance(problem: Problem) -> float:
     return 0.0 if kind == "full" else 1.0
 
 
-def _short_window(problem: Problem, known: Uncertainty | Failure) -> Iterator[Finding]:
+def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Iterator[Finding]:
     """Orders that are not known well, where the records have few swings."""
-    if isinstance(known, Failure):
+    if isinstance(uncertainty, Failure):
         return
     longest = max(problem.experiments, key=lambda e: swing_count(largest_output(e)))
     y = largest_output(longest)
@@ -190,7 +190,7 @@ def _short_window(problem: Problem, known: Uncertainty | Failure) -> Iterator[Fi
         return
     seconds = (len(y) - begins) * longest.step
     for i in problem.order_indices:
-        half, reach = NORMAL_95 * float(known.standard_error[i]), problem.unknowns[i].range
+        half, reach = NORMAL_95 * float(uncertainty.standard_error[i]), problem.unknowns[i].range
         if not WANTED < half <= reach.upper - reach.lower:  # known well enough, or not seen at all
             continue
         enough = max(seconds * (half / WANTED) ** (2 / 3), min(FEW_SWINGS * period, 2 * len(y)) * longest.step)
@@ -199,11 +199,11 @@ def _short_window(problem: Problem, known: Uncertainty | Failure) -> Iterator[Fi
             f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
 
 
-def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
+def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
     """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
-    if isinstance(known, Failure):
-        return known
-    free = np.flatnonzero(~known.at_bound)
+    if isinstance(uncertainty, Failure):
+        return uncertainty
+    free = np.flatnonzero(~uncertainty.at_bound)
     if not len(free):
         return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     return curvature(problem, x, free, jobs=jobs)
@@ -212,7 +212,7 @@ def _parabola(problem: Problem, x: FloatArray, known: Uncertainty | Failure, job
 def noisy_start(
     problem: Problem,
     x: FloatArray,
-    known: Uncertainty | Failure,
+    uncertainty: Uncertainty | Failure,
     *,
     jobs: int = 1,
     parabola: Curvature | Failure | None = None,
@@ -224,7 +224,7 @@ def noisy_start(
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum, or next to it.
-    known : Uncertainty or Failure
+    uncertainty : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
@@ -250,15 +250,17 @@ def noisy_start(
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    if isinstance(known, Failure) or problem.initial_state not in LOOSER:
+    if isinstance(uncertainty, Failure) or problem.initial_state not in LOOSER:
         return ()
-    found = _parabola(problem, x, known, jobs) if parabola is None else parabola
+    quadratic = _parabola(problem, x, uncertainty, jobs) if parabola is None else parabola
     noise = _noise_at_the_start(problem, x)
-    shift = None if isinstance(found, Failure) or not noise else start_shift(problem, x, found, noise, jobs=jobs)
+    shift = (
+        None if isinstance(quadratic, Failure) or not noise else start_shift(problem, x, quadratic, noise, jobs=jobs)
+    )
     if shift is None:
         return ()
     with np.errstate(invalid="ignore", divide="ignore"):
-        times = np.nan_to_num(shift / known.standard_error, nan=0.0, posinf=0.0)
+        times = np.nan_to_num(shift / uncertainty.standard_error, nan=0.0, posinf=0.0)
     beyond = np.flatnonzero(times > 1)
     if not len(beyond):
         return ()
@@ -274,15 +276,15 @@ def noisy_start(
 
 
 def _stopped_short(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, found: Curvature | Failure
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, parabola: Curvature | Failure
 ) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
-    if isinstance(found, Failure) or isinstance(known, Failure):
+    if isinstance(parabola, Failure) or isinstance(uncertainty, Failure):
         return
-    step, cost = newton_step(problem, x, found)
+    step, cost = newton_step(problem, x, parabola)
     size = [max(abs(v), 1e-2 * min(u.range.upper - u.range.lower, 1.0))
             for u, v in zip(problem.unknowns, x.tolist(), strict=True)]  # fmt: skip
-    least, half = NEXT_TO_NOTHING * np.array(size), NORMAL_95 * known.standard_error
+    least, half = NEXT_TO_NOTHING * np.array(size), NORMAL_95 * uncertainty.standard_error
     intervals = np.abs(step) / np.where(np.isfinite(half), np.maximum(half, least), math.inf)
     here, i = problem.cost(x), int(np.argmax(intervals))
     lower = 100 * (1 - cost / here) if here > 0 else 0.0

@@ -125,14 +125,14 @@ def before(
     [('wrong-zero', 180)]
     """
     every = (*problem.experiments, *validation)
-    found = [f for e in every for f in _of_the_samples(problem, e, (reports or {}).get(e.name))]
-    in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in found)
+    findings = [f for e in every for f in _of_the_samples(problem, e, (reports or {}).get(e.name))]
+    in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in findings)
     if in_its_unit:  # else all that follows from it would be said too
-        found += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
-    found += _worst(f for e in problem.experiments for f in _steps(problem, e))
-    if in_its_unit and not any(f.code == "wrong-zero" for f in found):
-        found += _wrong_sign(problem, jobs)
-    return tuple(found)
+        findings += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
+    findings += _worst(f for e in problem.experiments for f in _steps(problem, e))
+    if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
+        findings += _wrong_sign(problem, jobs)
+    return tuple(findings)
 
 
 # --- the samples -------------------------------------------------------------------------------------
@@ -144,10 +144,10 @@ def _of_the_samples(problem: Problem, e: Experiment, report: Report | None) -> l
         if len(e.inputs) > 1:
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
         units = {n: e.units.get(n, "rad" if n in problem.outputs else "V") for n in signals}
-        found = signal_faults(e.time, signals, [measure_signal(n, units[n], e.time, y) for n, y in signals.items()])
+        findings = signal_faults(e.time, signals, [measure_signal(n, units[n], e.time, y) for n, y in signals.items()])
     else:
-        found = report.findings
-    return [replace(f, where=f"{e.name}: {f.where}") for f in found]
+        findings = report.findings
+    return [replace(f, where=f"{e.name}: {f.where}") for f in findings]
 
 
 def largest_output(e: Experiment) -> FloatArray:
@@ -171,8 +171,8 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     x = np.zeros(len(problem.model.states))
     for o, value in posture.items():
         x[problem.model.outputs[o]] = value
-    found = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
-    growth = max((m.real for m in found if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
+    eigenvalues = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
+    growth = max((m.real for m in eigenvalues if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
     falls = growth * min(swing_period(largest_output(e)), len(e.measured)) * e.step > 1
     pendulum = problem.model.pendulum
     if pendulum in posture and problem.model.angles[pendulum].rest:
@@ -220,9 +220,9 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     orders, values, _ = problem.unpack(problem.start, e)
     h = e.step / problem.substeps
     gain = h**orders * time_scale(problem.model, values) ** (1 - orders)
-    found = [_modes(problem, at, values, gain) for at in _measured_states(problem, e)]
-    largest = max((float(np.max(np.abs(m))) for m in found if m.size), default=0.0)
-    steps = float(np.median([steps_a_period(m) for m in found]))
+    spectra = [_modes(problem, at, values, gain) for at in _measured_states(problem, e)]
+    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+    steps = float(np.median([steps_a_period(m) for m in spectra]))
     follows = METHODS[problem.method].follows
     if largest > follows:
         more = problem.substeps * math.ceil((2 * largest / follows) ** (1 / float(np.max(orders))))
@@ -258,10 +258,10 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
         yield float(e.time[k]), x, e.inputs[min(k, len(e.inputs) - 1)]
 
 
-def _worst(found: Iterator[Finding]) -> list[Finding]:
+def _worst(findings: Iterator[Finding]) -> list[Finding]:
     """One of each code: the worst."""
     worst: dict[str, Finding] = {}
-    for f in found:
+    for f in findings:
         before = worst.get(f.code)
         ratio = f.number / f.limit if f.code == "stiff" else f.limit / f.number
         if before is None or ratio > (before.number / f.limit if f.code == "stiff" else f.limit / before.number):
@@ -274,16 +274,17 @@ def _worst(found: Iterator[Finding]) -> list[Finding]:
 
 def _wrong_sign(problem: Problem, jobs: int) -> Iterator[Finding]:
     """Each recording by itself, for each has signs of its own; one finding for those with the same angle turned."""
-    found: dict[tuple[str, ...], list[tuple[str, float, float]]] = {}
+    groups: dict[tuple[str, ...], list[tuple[str, float, float]]] = {}
     for e in _most_moved(problem):
-        either, given, best = _turned_round(replace(problem, experiments=(e,)), jobs)
+        either, residual, best = _turned_round(replace(problem, experiments=(e,)), jobs)
         if either:
-            found.setdefault(either, []).append((e.name, given, best))
-    for either, recordings in found.items():
-        _, given, best = max(recordings, key=lambda r: r[1] / r[2])
+            groups.setdefault(either, []).append((e.name, residual, best))
+    for either, recordings in groups.items():
+        _, residual, best = max(recordings, key=lambda r: r[1] / r[2])
         names = ", ".join(name for name, _, _ in recordings)
-        yield Finding("wrong-sign", f"{names}: {either[0]}", 100 * given, 100 * BAD, "% of the motion left over",
-            f"two swings, fitted, leave {100 * given:.0f} % of the motion over, and {100 * best:.0f} % with the sign "
+        yield Finding("wrong-sign", f"{names}: {either[0]}", 100 * residual, 100 * BAD, "% of the motion left over",
+            f"two swings, fitted, leave {100 * residual:.0f} % of the motion over, and {100 * best:.0f} % with the "
+            f"sign "
             f"of {' or '.join(either)} turned round: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
 
 
@@ -293,8 +294,8 @@ def _most_moved(problem: Problem) -> list[Experiment]:
     def least(e: Experiment) -> float:
         return float(np.min(np.ptp(e.measured, axis=0)))
 
-    kept = sorted(problem.experiments, key=least, reverse=True)[:SIGNS]
-    return [e for e in problem.experiments if any(e is other for other in kept)]
+    selection = sorted(problem.experiments, key=least, reverse=True)[:SIGNS]
+    return [e for e in problem.experiments if any(e is other for other in selection)]
 
 
 def _turned_round(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, float]:
@@ -304,14 +305,14 @@ def _turned_round(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, 
     """
     early = _two_swings(problem)
     angles = [] if early is None else _signed(early)
-    if early is None or not angles or (given := _left_over(early, jobs)) < BAD:
+    if early is None or not angles or (residual := _left_over(early, jobs)) < BAD:
         return (), 0.0, 0.0
-    turned = {o: _left_over(_turned(early, o), jobs) for o in angles}
-    best = min(turned.values())
-    if not best < min(BAD, BETTER * given):
-        return (), given, best
+    reversals = {o: _left_over(_turned(early, o), jobs) for o in angles}
+    best = min(reversals.values())
+    if not best < min(BAD, BETTER * residual):
+        return (), residual, best
     same = len(angles) == 2 and not np.any(early.experiments[0].inputs)  # undriven, one turned is the other turned
-    return tuple(o for o in angles if same or turned[o] < 1.5 * best), given, best
+    return tuple(o for o in angles if same or reversals[o] < 1.5 * best), residual, best
 
 
 def _two_swings(problem: Problem) -> Problem | None:

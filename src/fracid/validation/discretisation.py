@@ -48,7 +48,9 @@ COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
 
-def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Discretisation:
+def discretisation_check(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int
+) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there."""
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
@@ -62,7 +64,7 @@ def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | F
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
+    width = {n: max(LEAST_SHIFT, half_width(uncertainty, x, i)) for n, i in at.items()}
     warning = " ".join(
         f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
         f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."

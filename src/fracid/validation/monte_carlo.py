@@ -188,9 +188,9 @@ class SavedStudy:
     """Repetitions a cell."""
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any]) -> SavedStudy:
+    def of_json(cls, content: Mapping[str, Any]) -> SavedStudy:
         """From the content of noise.json."""
-        block = StudyBlock.model_validate(said)
+        block = StudyBlock.model_validate(content)
         cells = tuple(map(_cell_of, block.cells))
         return cls(tuple(block.truth), block.cost_name, cells, block.optimiser, block.seeds)
 
@@ -278,10 +278,10 @@ class NoiseStudy:
 
     def sentences(self) -> tuple[str, ...]:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
-        found = (*map(str, self.findings), *self._of_the_search(),
+        sentences = (*map(str, self.findings), *self._of_the_search(),
                  *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
-        biased = any("times its spread" in sentence for sentence in found)
-        return (*found, f"What may make a bias: {'; '.join(self._causes())}.") if biased else found
+        biased = any("times its spread" in sentence for sentence in sentences)
+        return (*sentences, f"What may make a bias: {'; '.join(self._causes())}.") if biased else sentences
 
     def _causes(self) -> Iterator[str]:
         """What makes a bias, and what to do about it."""
@@ -310,20 +310,20 @@ class NoiseStudy:
 
     def _of_the_intervals(self, name: str) -> str:
         rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
-        held, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
+        hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
         if not intervals:
             return f"{name}: no repetition gave an interval."
-        said = f"{name}: {held} of {intervals} intervals of 95 % hold the truth ({100 * held / intervals:.1f} %)"
+        text = f"{name}: {hits} of {intervals} intervals of 95 % hold the truth ({100 * hits / intervals:.1f} %)"
         narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
         if narrow:
-            return f"{said}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."
-        if _promises_too_much(held, intervals):
-            return f"{said}: they promise too much."
-        if held / intervals > BELIEVED[1] and binomial95(held, intervals)[0] > 0.95:
-            return f"{said}: they are wider than they need be."
+            return f"{text}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."
+        if _promises_too_much(hits, intervals):
+            return f"{text}: they promise too much."
+        if hits / intervals > BELIEVED[1] and binomial95(hits, intervals)[0] > 0.95:
+            return f"{text}: they are wider than they need be."
         if intervals < ENOUGH:
-            return f"{said}: too few to tell whether they can be believed."
-        return f"{said}: they can be believed."
+            return f"{text}: too few to tell whether they can be believed."
+        return f"{text}: they can be believed."
 
 
 def noise_study(
@@ -463,12 +463,13 @@ class Plan:
             run_tasks(repetition, self.tasks, executor=executor, jobs=jobs, journal=journal, progress=progress)
         )
 
-    def study(self, found: Mapping[str, Any]) -> NoiseStudy:
+    def study(self, results: Mapping[str, Any]) -> NoiseStudy:
         """Gather what the repetitions found, by the keys of the tasks."""
-        each = {cell: [found[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
+        each = {cell: [results[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
         return NoiseStudy(
             self.problem, self.truth, tuple(_cell(self.problem, self.truth, *cell, each[cell]) for cell in self.cells),
-            {key: found[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed, self.findings,
+            {key: results[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed,
+            self.findings,
         )  # fmt: skip
 
 
@@ -500,7 +501,7 @@ def planned(
     return Plan(problem, _checked_truth(problem, x), cells, seeds, seed, how)
 
 
-def binomial95(held: int, trials: int) -> tuple[float, float]:
+def binomial95(hits: int, trials: int) -> tuple[float, float]:
     """The exact 95 % interval of a share [CP]_.
 
     Examples
@@ -511,8 +512,8 @@ def binomial95(held: int, trials: int) -> tuple[float, float]:
     """
     from scipy.special import betaincinv
 
-    low = betaincinv(held, trials - held + 1, 0.025) if held else 0.0
-    high = betaincinv(held + 1, trials - held, 0.975) if held < trials else 1.0
+    low = betaincinv(hits, trials - hits + 1, 0.025) if hits else 0.0
+    high = betaincinv(hits + 1, trials - hits, 0.975) if hits < trials else 1.0
     return float(low), float(high)
 
 
@@ -559,24 +560,24 @@ def repetition(
     begun = {"evaluations": result.evaluations, "cost_of_truth": at_truth}
     if not math.isfinite(best.cost):
         return as_json(FailedBlock, begun | {"failure": best.reason or "no run reached its end", "cost": None})
-    known = uncertainty(problem, best.point)
+    precision = uncertainty(problem, best.point)
     return as_json(RepetitionBlock, begun | {
         "failure": "",
         "cost": best.cost,
         "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
         "standard_errors": {
-            n: None if isinstance(known, Failure) else float(known.standard_error[i])
+            n: None if isinstance(precision, Failure) else float(precision.standard_error[i])
             for i, n in enumerate(problem.names)
         },
         "intervals": {
-            n: None if isinstance(known, Failure) else known.interval(best.point, i)
+            n: None if isinstance(precision, Failure) else precision.interval(best.point, i)
             for i, n in enumerate(problem.names)
         },
-        "fractional": _called_fractional(problem, best, known) if how["rival"] else None,
+        "fractional": _called_fractional(problem, best, precision) if how["rival"] else None,
     })  # fmt: skip
 
 
-def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | Failure) -> bool | None:
+def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertainty | Failure) -> bool | None:
     """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
 
     None where no free order has an integer value.
@@ -584,7 +585,7 @@ def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | 
     free = [problem.unknowns[i].target for i in problem.order_indices]
     if free and all(problem.model.integer_order(n) is None for n in free):
         return None
-    half = {problem.unknowns[i].target: half_width(known, best.point, i) for i in problem.order_indices}
+    half = {problem.unknowns[i].target: half_width(precision, best.point, i) for i in problem.order_indices}
     off = [i for i in problem.order_indices
            if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
     if not off:
@@ -598,11 +599,11 @@ def _called_fractional(problem: Problem, best: Evaluation, known: Uncertainty | 
 
 def _cell(problem: Problem, truth: FloatArray, level: float, resolution: float, each: list[dict[str, Any]]) -> Cell:
     good = [r for r in each if not r["failure"]]
-    asked = [r["fractional"] for r in good if r["fractional"] is not None]
+    decisions = [r["fractional"] for r in good if r["fractional"] is not None]
     return Cell(
         level, resolution, len(each), dict(Counter(r["failure"] for r in each if r["failure"])),
         sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
-        float(np.mean([r["evaluations"] for r in each])), sum(asked) if asked else None,
+        float(np.mean([r["evaluations"] for r in each])), sum(decisions) if decisions else None,
         {u.name: _statistics(u.name, u.unit, float(true), good)
          for u, true in zip(problem.unknowns, truth, strict=True)}, unit_of(problem),
     )  # fmt: skip
@@ -627,21 +628,21 @@ def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) 
     )  # fmt: skip
 
 
-def _promises_too_much(held: int, intervals: int) -> bool:
+def _promises_too_much(hits: int, intervals: int) -> bool:
     """Coverage below what can be believed, and not by chance."""
-    return held / intervals < BELIEVED[0] and binomial95(held, intervals)[1] < 0.95
+    return hits / intervals < BELIEVED[0] and binomial95(hits, intervals)[1] < 0.95
 
 
 def _why(cell: Cell, s: Statistics) -> str:
     """What spoils the coverage of an unknown."""
-    said = f"{cell.label} ({s.held} of {s.intervals}"
+    text = f"{cell.label} ({s.held} of {s.intervals}"
     if s.bias is not None and s.spread and abs(s.bias) > BIASED * s.spread:
-        return f"{said}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
+        return f"{text}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
     if s.claimed and s.spread and s.spread > 1.15 * s.claimed:
-        return f"{said}: the spread is {s.spread / s.claimed:.1f} times the standard error)"
+        return f"{text}: the spread is {s.spread / s.claimed:.1f} times the standard error)"
     if cell.stopped_short > 0.1 * cell.repetitions:
-        return f"{said}: the search stopped short in {cell.stopped_short})"
-    return f"{said})"
+        return f"{text}: the search stopped short in {cell.stopped_short})"
+    return f"{text})"
 
 
 def _label(level: float, resolution: float, unit: str = "rad") -> str:

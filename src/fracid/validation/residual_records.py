@@ -197,14 +197,14 @@ class ResidualAnalysis:
     @property
     def sentences(self) -> dict[str, str]:
         """Each question's line of plain words, in the order in which they should be read."""
-        said = {
+        sentences = {
             "whiteness": self.whiteness.sentence,
             "spectrum": self.spectrum.sentence,
             "normality": self.normality.sentence,
             "variance": self.variance.sentence,
             "level": self.level.sentence,
         }
-        return {name: sentence for name, sentence in said.items() if sentence}
+        return {name: sentence for name, sentence in sentences.items() if sentence}
 
     def to_json(self) -> dict[str, Any]:
         """Everything as plain JSON values, what is not known as null; angles in radians.

@@ -58,11 +58,11 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     if np.abs(e).max() <= 1e-12 * size:
         return "The fitted values are the measured ones but for the rounding of numbers: nothing is left to test."
     if np.ptp(e) <= 1e-9 * np.abs(e).max():
-        said = f"All {e.size} residuals are {with_unit(e[0], unit, '.2g')}: the simulation is off by a constant and by "
+        text = f"All {e.size} residuals are {with_unit(e[0], unit, '.2g')}: the simulation is off by a constant and by "
         if unit != "rad":
-            return f'{said}nothing else, so the zero of the signal is: use zero = "rest", or free what it rests at.'
+            return f'{text}nothing else, so the zero of the signal is: use zero = "rest", or free what it rests at.'
         return (
-            f"{said}nothing else, so the zero of the angle or the rest angle is; free it (theta_rest, alpha_rest), or "
+            f"{text}nothing else, so the zero of the angle or the rest angle is; free it (theta_rest, alpha_rest), or "
             'use zero = "rest".'
         )
     return ""
@@ -111,34 +111,37 @@ MISSING = {
 """What a multiple of the swing's frequency says of the model; 4 says what 2 says, 5 what 3 says."""
 
 
-def spectrum_sentences(found: Spectrum) -> Iterator[str]:
+def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
     """What the spectrum shows: drift, the swing's band, a line."""
-    if found.slow_share >= DRIFT:
+    if spectrum.slow_share >= DRIFT:
         yield (
-            f"{_percent(found.slow_share)} of its power is slower than {found.slow_below:.2g} Hz: a drift. The rest "
+            f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz: a drift. "
+            f"The rest "
             "angle creeps or is off, or the cable or friction holds the rig where the model lets go."
         )
-    if found.line is None:
-        if found.slow_share < DRIFT:
-            slow = f"{_percent(found.slow_share)} of its power is slower than {found.slow_below:.2g} Hz"
+    if spectrum.line is None:
+        if spectrum.slow_share < DRIFT:
+            slow = f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz"
             yield f"No frequency stands out, and there is no drift: {slow}."
         return
-    line = found.line
-    said = f"{_percent(line.share)} of its power lies at {line.frequency:.3g} Hz, "
+    line = spectrum.line
+    text = f"{_percent(line.share)} of its power lies at {line.frequency:.3g} Hz, "
     if line.harmonic is None:
-        other = f"no multiple of the swing's {found.swing:.3g} Hz" if found.swing else "where nothing is simulated"
-        yield f"{said}{other}: another part that moves (bench, link, mains), or a motion that the model has not."
+        other = (
+            f"no multiple of the swing's {spectrum.swing:.3g} Hz" if spectrum.swing else "where nothing is simulated"
+        )
+        yield f"{text}{other}: another part that moves (bench, link, mains), or a motion that the model has not."
     else:
         what = "the swing's own frequency" if line.harmonic == 1 else f"{line.harmonic} times the swing's"
-        yield f"{said}{what}: {MISSING[line.harmonic if line.harmonic < 4 else line.harmonic - 2]}."
+        yield f"{text}{what}: {MISSING[line.harmonic if line.harmonic < 4 else line.harmonic - 2]}."
 
 
 def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, independent: int) -> str:
     """What the distribution shows, and what to do."""
     tested = f"Anderson-Darling {_p(p)} on {_apart(independent)}" if math.isfinite(p) else _too_few(independent)
     if ppcc >= NORMAL:
-        seen = "; what the test sees, be it the encoder's steps, is too small to matter" if p < SIGNIFICANT else ""
-        return f"Normal enough: PPCC {ppcc:.3f} ({tested}){seen}."
+        note = "; what the test sees, be it the encoder's steps, is too small to matter" if p < SIGNIFICANT else ""
+        return f"Normal enough: PPCC {ppcc:.3f} ({tested}){note}."
     shape, cure = shape_and_cure
     if not p < SIGNIFICANT:
         return f"Of a shape that is not normal, PPCC {ppcc:.3f}, {shape}; it may be chance ({tested})."
@@ -192,17 +195,17 @@ GROWS: tuple[tuple[str, str, str], ...] = (
 
 def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float) -> str:
     """What the spread over time, size and speed shows."""
-    known = [(c, texts) for c, texts in zip(contrasts, GROWS, strict=True) if math.isfinite(c.ratio)]
-    uneven = [(c, texts) for c, texts in known if c.uneven]
+    pairs = [(c, texts) for c, texts in zip(contrasts, GROWS, strict=True) if math.isfinite(c.ratio)]
+    uneven = [(c, texts) for c, texts in pairs if c.uneven]
     if not uneven:
-        worst = max((max(c.ratio, 1 / c.ratio) for c, _ in known), default=1.0)
+        worst = max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0)
         return f"It scatters alike early and late, near and far, slow and fast: within a factor of {worst:.2f}."
     sure = [(c, texts) for c, texts in uneven if c.sure]
-    said = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
+    text = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
-        return f"It is {said}; that may be chance, of {effective_samples:,.0f} samples that count."
+        return f"It is {text}; that may be chance, of {effective_samples:,.0f} samples that count."
     most, (_, larger, smaller) = _telling(sure)
-    return f"It is {said}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
+    return f"It is {text}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
 
 
 def _telling(sure: list[tuple[Contrast, tuple[str, str, str]]]) -> tuple[Contrast, tuple[str, str, str]]:
@@ -224,22 +227,22 @@ def _tail(c: Contrast) -> str:
 def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     """What the size of the residual shows beside the encoder's step."""
     floor = step / math.sqrt(12)
-    said = (
+    text = (
         f"rms {with_unit(rms, unit, '.2g')}, {_times(rms / step)} steps of the encoder{offset_phrase(mean, rms, unit)}"
     )
     if rms < AT_THE_FLOOR * floor:
-        return f"{said}: rounding alone leaves {floor / step:.2g}. A better model cannot be seen with this encoder."
+        return f"{text}: rounding alone leaves {floor / step:.2g}. A better model cannot be seen with this encoder."
     rest = "noise" if white else "the model or a disturbance"
     if rms < 2 * floor:
-        return f"{said}: rounding has {_percent((floor / rms) ** 2)} of its power, the rest is {rest}."
-    return f"{said}, {_times(rms / floor)} times what rounding leaves: it is {rest}, not the encoder."
+        return f"{text}: rounding has {_percent((floor / rms) ** 2)} of its power, the rest is {rest}."
+    return f"{text}, {_times(rms / floor)} times what rounding leaves: it is {rest}, not the encoder."
 
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
     """Said where a tenth of the power is the mean."""
     whose = "an angle's zero or rest" if unit == "rad" else "the signal's zero or rest"
-    said = f", of which a constant {with_unit(mean, unit, '.2g')}: {whose} is off"
-    return said if mean**2 > 0.1 * rms**2 else ""
+    text = f", of which a constant {with_unit(mean, unit, '.2g')}: {whose} is off"
+    return text if mean**2 > 0.1 * rms**2 else ""
 
 
 # --- words -----------------------------------------------------------------------------------------

@@ -204,8 +204,8 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float) -> Spectrum:
     part = float(np.sum(share[near]) - np.mean(near))
     stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
     line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
-    found = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak, part, line)
-    return replace(found, sentence=" ".join(spectrum_sentences(found)))
+    spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak, part, line)
+    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum)))
 
 
 # --- normality -------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Leve
         return Level("")
     mean, rms = float(np.mean(e)), float(np.sqrt(np.mean(e**2)))
     if step is None or not 0 < step < math.inf:
-        said = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No step of an encoder is seen."
-        return Level(said, mean, rms)
+        text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No step of an encoder is seen."
+        return Level(text, mean, rms)
     floor = step / math.sqrt(12)
     return Level(level_sentence(mean, rms, step, unit, white), mean, rms, step, rms / step, floor)

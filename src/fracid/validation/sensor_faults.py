@@ -110,7 +110,7 @@ class Misreading:
     """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
-def misread(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> Iterator[Finding]:
+def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1) -> Iterator[Finding]:
     """Say the fault that explains most of what is left over at a minimum, if it matters.
 
     Parameters
@@ -118,7 +118,7 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jo
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum.
-    known : Uncertainty or Failure
+    uncertainty : Uncertainty or Failure
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
@@ -140,10 +140,10 @@ def misread(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jo
     >>> [(f.code, f.where) for f in misread(problem, fit.x, fit.uncertainty)]
     [('late', 'alpha')]
     """
-    every = misreadings(problem, x, known, jobs=jobs)
-    found = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
-    most = max((m.share for m in found), default=0.0)
-    matter = [m for m in found if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
+    every = misreadings(problem, x, uncertainty, jobs=jobs)
+    candidates = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
+    most = max((m.share for m in candidates), default=0.0)
+    matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
         says, mend = _size(problem, best), _mend(best)
@@ -161,16 +161,18 @@ def _moves(m: Misreading) -> bool:
     return m.half_intervals > MOVES and abs(m.shift) > LEAST_SHIFT
 
 
-def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1) -> list[Misreading]:
+def misreadings(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1
+) -> list[Misreading]:
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals."""
-    if isinstance(known, Failure) or not problem.names:
+    if isinstance(uncertainty, Failure) or not problem.names:
         return []
-    kept = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
-    if kept < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
+    length = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
+    if length < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
         return []
-    if kept < max(len(e.measured) for e in problem.experiments):
-        problem = replace(problem.until(kept * max(e.step for e in problem.experiments)), memo=None)
-    free = np.flatnonzero(np.isfinite(known.standard_error))
+    if length < max(len(e.measured) for e in problem.experiments):
+        problem = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None)
+    free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
     if not len(free):
         return []
     errors, forms, J = problem.errors(x), _forms(problem, x), jacobian(problem, x, free, jobs=jobs)
@@ -183,11 +185,11 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *
     Q, R = np.linalg.qr(weight * np.concatenate([j.reshape(-1, len(free)) for j in J]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
-    half = NORMAL_95 * known.standard_error[free]
+    half = NORMAL_95 * uncertainty.standard_error[free]
     lattice = {o: max(resolution(e.measured[:, k]) or 1e-300 for e in problem.experiments)
                for k, o in enumerate(problem.outputs)}  # fmt: skip
     orders = [k for k, i in enumerate(free) if i in problem.order_indices]
-    found = []
+    faults = []
     for (code, signal), form in forms:
         z = weight[:, 0] * _stacked(form)
         own = z - Q @ (Q.T @ z)
@@ -195,19 +197,19 @@ def misreadings(problem: Problem, x: FloatArray, known: Uncertainty | Failure, *
         if power <= OWN**2 * float(z @ z):
             continue
         size = -float(own @ e) / power
-        left = e + size * own
+        residual = e + size * own
         change = -np.linalg.solve(R, Q.T @ (e + size * z))
         ends = x[free[orders]] + change[orders]
         if np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]])):
             continue  # further than an order can be: no linear step goes there
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
-        found.append(Misreading(
-            code, signal, size, abs(size) * power / _scatter(left * own, len(problem.outputs)),
-            1 - float(left @ left) / float(e @ e), "" if k is None else problem.unknowns[free[k]].target,
+        faults.append(Misreading(
+            code, signal, size, abs(size) * power / _scatter(residual * own, len(problem.outputs)),
+            1 - float(residual @ residual) / float(e @ e), "" if k is None else problem.unknowns[free[k]].target,
             0.0 if k is None else float(change[k]), 0.0 if k is None else float(abs(change[k]) / half[k]),
             2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
         ))  # fmt: skip
-    return found
+    return faults
 
 
 def _stacked(parts: list[FloatArray]) -> FloatArray:
@@ -247,7 +249,7 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     if any(isinstance(y, Failure) for y in fitted):
         return None
-    found = []
+    forms = []
     for k, output in enumerate(problem.outputs):
         for code, form in FORMS.items():
             columns = []
@@ -255,8 +257,8 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
                 z = np.zeros_like(e.measured)
                 z[:, k] = form(e, np.asarray(y)[:, k])
                 columns.append(z)
-            found.append(((code, output), columns))
-    return found + _late_inputs(problem, x, fitted)
+            forms.append(((code, output), columns))
+    return forms + _late_inputs(problem, x, fitted)
 
 
 def _late_inputs(

@@ -132,8 +132,8 @@ class CutCheck:
             return " ".join(self.warnings)
         if not self.rivals:
             return "Nothing else that is taken for the motion before the start fits as well."
-        moved = ", ".join(f"{n} by {self._farthest(n).shift[n]:+.2g}" for n in self.orders)
-        return f"No order moves by more than its interval, wherever the record is cut; at most they move: {moved}."
+        shifts = ", ".join(f"{n} by {self._farthest(n).shift[n]:+.2g}" for n in self.orders)
+        return f"No order moves by more than its interval, wherever the record is cut; at most they move: {shifts}."
 
     def _ratio(self, t: Treatment) -> float:
         """Its residual's rms over that of the fit, a geometric mean over the outputs: each counts by its own size."""
@@ -182,7 +182,7 @@ class CutCheck:
         })  # fmt: skip
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any]) -> CutCheck:
+    def of_json(cls, content: Mapping[str, Any]) -> CutCheck:
         """The same from :meth:`to_json`.
 
         Examples
@@ -192,7 +192,7 @@ class CutCheck:
         >>> CutCheck.of_json(check.to_json()) == check
         True
         """
-        block = CutBlock.model_validate(said)
+        block = CutBlock.model_validate(content)
         treatments = tuple(Treatment(name, **dict(t)) for name, t in block.treatments.items())
         return cls(**dict(block.as_fitted), half_width=block.half_width, treatments=treatments, left_out=block.left_out)
 
@@ -268,21 +268,21 @@ def cut_check(
             FailureReason.OWN_COST,
             f"the cost {problem.cost_function.name} is a user's own, which least squares cannot refine",
         )
-    if isinstance(failed := problem.errors(x), Failure):
-        return Failure(FailureReason.RUN, f"the fit's own run fails: {failed}")
+    if isinstance(failure := problem.errors(x), Failure):
+        return Failure(FailureReason.RUN, f"the fit's own run fails: {failure}")
     records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
     names = [problem.unknowns[i].target for i in problem.order_indices]
     treatments, left_out = [], {}
     for name, treatment in TREATMENTS.items():
         try:
             other = treatment(problem, records)
-            found = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget)
+            result = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget)
         except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
-            found = Failure(FailureReason.REFUSED, str(error))
-        if isinstance(found, Failure):
-            left_out[name] = str(found)
+            result = Failure(FailureReason.REFUSED, str(error))
+        if isinstance(result, Failure):
+            left_out[name] = str(result)
         else:
-            treatments.append(found)
+            treatments.append(result)
     ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
     return CutCheck(
         dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
@@ -333,11 +333,11 @@ def whole_recordings(project: Project) -> list[Recording]:
     """
     signals = (*project.problem.model.outputs, *project.problem.model.inputs)
     return [
-        recording if "from" not in said else load_recording(
-            recording.path, {n: said[n] for n in signals if n in said}, time=said.get("time"), stop=said.get("to"),
-            name=recording.name, resample=said.get("resample", "needed"), variable=said.get("variable"),
+        recording if "from" not in table else load_recording(
+            recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"), stop=table.get("to"),
+            name=recording.name, resample=table.get("resample", "needed"), variable=table.get("variable"),
         )
-        for said, recording in zip(tomllib.loads(project.text)["recording"], project.recordings, strict=True)
+        for table, recording in zip(tomllib.loads(project.text)["recording"], project.recordings, strict=True)
     ]  # fmt: skip
 
 
@@ -424,10 +424,10 @@ def _turning_point(e: Experiment) -> int | None:
 # --- pieces of records -----------------------------------------------------------------------------------------
 
 
-def _whole(e: Experiment, given: Experiment | None) -> Experiment:
+def _whole(e: Experiment, record: Experiment | None) -> Experiment:
     """A recording with all samples before its start: as given, or from its past; itself where nothing is known."""
-    if given is not None:
-        return given
+    if record is not None:
+        return record
     if e.past is None:
         return e
     return replace(
@@ -483,12 +483,12 @@ def _refitted(
 
 def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
     """The minimum x in another problem's unknowns; the state of a start at another time from the fit's own run."""
-    kept = dict(zip(problem.names, x.tolist(), strict=True))
+    values = dict(zip(problem.names, x.tolist(), strict=True))
     for e, later in zip(problem.experiments, other.experiments, strict=True):
         at = later.start - e.start
         if at < 0:  # the start as measured
-            kept = {n: v for n, v in kept.items() if not n.endswith(f"(0) [{e.name}]")}
+            values = {n: v for n, v in values.items() if not n.endswith(f"(0) [{e.name}]")}
         elif at > 0:
             state = problem.simulate(x, e).at([at])[0]
-            kept |= {f"{n}(0) [{e.name}]": float(v) for n, v in zip(problem.model.states, state, strict=True)}
-    return np.array([kept.get(n, start) for n, start in zip(other.names, other.start.tolist(), strict=True)])
+            values |= {f"{n}(0) [{e.name}]": float(v) for n, v in zip(problem.model.states, state, strict=True)}
+    return np.array([values.get(n, start) for n, start in zip(other.names, other.start.tolist(), strict=True)])

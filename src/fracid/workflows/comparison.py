@@ -123,9 +123,9 @@ def run_comparison(
     ):
         for note in journal.notes:
             observer.notice(note)
-        found = compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
-    record = found.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
-    return FinishedComparison(project, found, folder, _written(found, project, record, folder), record)
+        comparison = compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
+    record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
+    return FinishedComparison(project, comparison, folder, _written(comparison, project, record, folder), record)
 
 
 def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -135,24 +135,28 @@ def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
-    said = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "seed")}
+    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "seed")}
     place = None if executor == "threads" else executor
     more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
-    return command_of("compare", project.path, {"out": out, **said, **more, "trust": bool(project.own_code)})
+    return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})
 
 
 def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any], str]:
     """What is wrong with a result that the journal has."""
     problem = project.problem
-    fitted, held = ({e.name for e in those} for those in (problem.experiments, project.validation))
+    fitted, validation = ({e.name for e in those} for those in (problem.experiments, project.validation))
 
-    def fault(key: str, said: Any) -> str:
+    def fault(key: str, result: Any) -> str:
         if key.startswith("amplitude |"):
-            return fault_of(said, AmplitudeBlock)
-        there = fault_of_fitted(said, problem.outputs)
+            return fault_of(result, AmplitudeBlock)
+        there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there
-        return "" if set(said["in_sample"]) == fitted and set(said["held_out"]) == held else "of other recordings"
+        return (
+            ""
+            if set(result["in_sample"]) == fitted and set(result["held_out"]) == validation
+            else "of other recordings"
+        )
 
     return fault
 
@@ -174,14 +178,14 @@ def _header(journal: Path) -> Any:
     return next((line["study"] for line in lines_of(journal, StudyLine)), None)
 
 
-def _written(found: Comparison, project: Project, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+def _written(comparison: Comparison, project: Project, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
     """Write all that was found; gives the figures."""
     from fracid.plots import save
 
-    texts = {"project.toml": project.text, TABLE: csv_text(found.table()), RESULT: json_document(record)}
+    texts = {"project.toml": project.text, TABLE: csv_text(comparison.table()), RESULT: json_document(record)}
     write_files(folder, texts)
-    paths = [*save(found.plot(), folder / FIGURES, "ladder")]
-    for name, stem in file_stems(found.amplitude).items():
-        if found.amplitude[name].drifts:
-            paths += save(found.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
+    paths = [*save(comparison.plot(), folder / FIGURES, "ladder")]
+    for name, stem in file_stems(comparison.amplitude).items():
+        if comparison.amplitude[name].drifts:
+            paths += save(comparison.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
     return tuple(paths)

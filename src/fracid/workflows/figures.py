@@ -52,9 +52,9 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
     with deaf_to_ctrl_c():
         rig = _submitted(beside, _draw_rig, model, folder)  # starts it
 
-    def draw(found: Fit) -> tuple[Path, ...]:
+    def draw(fit: Fit) -> tuple[Path, ...]:
         with _ended_with_this(beside):
-            return _draw(found, project, folder, jobs, beside, rig)
+            return _draw(fit, project, folder, jobs, beside, rig)
 
     try:
         with _ended_with_this(beside):
@@ -89,7 +89,7 @@ def _prepare() -> None:
 
 
 def _draw(
-    found: Fit,
+    fit: Fit,
     project: Project,
     folder: Path,
     jobs: int,
@@ -100,16 +100,16 @@ def _draw(
     from fracid.estimation.cost_plane import cost_plane
     from fracid.report import write_report
 
-    recordings = found.recordings, project.resolutions, folder
-    drawn = _submitted(beside, _draw_recordings, *recordings)
-    rest = saved(of_search(found), folder)
-    if isfinite(found.cost):
-        two = len(found.problem.order_indices) >= 2
-        plane = cost_plane(found.problem, found.x, jobs=jobs) if two else None
-        rest += saved(of_plane(found, plane, folder), folder) if plane is not None else ()
-        rest += (write_report(folder, found, project, plane=plane, jobs=jobs),)
-    first = _awaited(rig, _draw_rig, found.problem.model, folder)
-    return first + _awaited(drawn, _draw_recordings, *recordings) + rest
+    recordings = fit.recordings, project.resolutions, folder
+    future = _submitted(beside, _draw_recordings, *recordings)
+    rest = saved(of_search(fit), folder)
+    if isfinite(fit.cost):
+        two = len(fit.problem.order_indices) >= 2
+        plane = cost_plane(fit.problem, fit.x, jobs=jobs) if two else None
+        rest += saved(of_plane(fit, plane, folder), folder) if plane is not None else ()
+        rest += (write_report(folder, fit, project, plane=plane, jobs=jobs),)
+    first = _awaited(rig, _draw_rig, fit.problem.model, folder)
+    return first + _awaited(future, _draw_recordings, *recordings) + rest
 
 
 def _submitted(
@@ -123,11 +123,11 @@ def _submitted(
 
 
 def _awaited(
-    drawn: Future[tuple[Path, ...]] | None, work: Callable[..., tuple[Path, ...]], *what: Any
+    future: Future[tuple[Path, ...]] | None, work: Callable[..., tuple[Path, ...]], *what: Any
 ) -> tuple[Path, ...]:
     """What the other process drew, or this one draws."""
     try:
-        return work(*what) if drawn is None else drawn.result()
+        return work(*what) if future is None else future.result()
     except BrokenExecutor:
         return work(*what)
 
@@ -178,19 +178,19 @@ def of_recordings(
             yield f"figure3-{stem}-{output}", residual_plots(recording, output, resolution=resolution, style=style)
 
 
-def of_search(found: Fit | SavedRun, style: str = "screen") -> Figures:
+def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:
     """Where many starts ended, and how far the orders move with the cut."""
-    if len(found.starts) > 1:
-        yield "waterfall", found.plot_starts(style=style)
-    if found.cut is not None and found.cut.treatments:
-        yield "cut", found.cut.plot(style=style)
+    if len(fit.starts) > 1:
+        yield "waterfall", fit.plot_starts(style=style)
+    if fit.cut is not None and fit.cut.treatments:
+        yield "cut", fit.cut.plot(style=style)
 
 
-def of_plane(found: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
+def of_plane(fit: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
     from fracid.report.material import tried
 
-    first, second = found.problem.order_indices[:2]
-    best = (float(found.x[first]), float(found.x[second]))
+    first, second = fit.problem.order_indices[:2]
+    best = (float(fit.x[first]), float(fit.x[second]))
     yield "cost-over-orders", plane.plot(best=best, evaluations=tried(folder, plane.names),
-                                         cost_name=found.problem.cost_function.name, style=style)  # fmt: skip
+                                         cost_name=fit.problem.cost_function.name, style=style)  # fmt: skip

@@ -158,48 +158,48 @@ def run(
     >>> finished.result["optimiser"], sorted(path.name for path in finished.folder.glob("*.json"))
     ('least-squares', ['environment.json', 'result.json', 'run.json'])
     """
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     if isinstance(project, Project):
         preset = preset or project.preset
     project = loaded(project, preset, trust)
     folder = Path("runs") / project.path.stem if out is None else Path(out)
     name = _optimiser(optimiser, project.optimiser, starts)
-    asked = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
+    request = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
              "starts": starts, "cut": cut, "executor": executor}  # fmt: skip
-    _refuse_impossible(project, name, asked)
+    _refuse_impossible(project, name, request)
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
-    if not resume and cut_short(folder, "fit", asked, inputs):
+    if not resume and cut_short(folder, "fit", request, inputs):
         observer.notice(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.")
         resume = True
-    words = _command(project, out, asked) if command is None else command
+    words = _command(project, out, request) if command is None else command
     with (
         one_blas_thread(),
-        open_run(folder, "fit", asked, inputs=inputs, resume=resume, command=words) as opened,
+        open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
         drawing(project, folder, jobs) if figures else nullcontext(_undrawn) as draw,
     ):
-        laps = {"load": time.perf_counter() - began}
-        found = _identified(project, opened, jobs, observer, optimiser=name, seed=seed, starts=starts, cut=cut,
+        laps = {"load": time.perf_counter() - start_time}
+        fit = _identified(project, opened, jobs, observer, optimiser=name, seed=seed, starts=starts, cut=cut,
                             executor=executor or "threads")  # fmt: skip
-        laps |= found.timing
-        result = write_result(folder, found, project, laps)  # what the figures may not find room for
-        interrupted = Outcome.INTERRUPTED.value in found.outcome
-        drawn: tuple[Path, ...] = ()
+        laps |= fit.timing
+        result = write_result(folder, fit, project, laps)  # what the figures may not find room for
+        interrupted = Outcome.INTERRUPTED.value in fit.outcome
+        pictures: tuple[Path, ...] = ()
         undrawn = ""
         try:
-            written = time.perf_counter()
-            drawn = draw(found)
-            laps["figures"] = time.perf_counter() - written
-            laps["total"] = time.perf_counter() - began
-            result = write_result(folder, found, project, laps)
+            write_time = time.perf_counter()
+            pictures = draw(fit)
+            laps["figures"] = time.perf_counter() - write_time
+            laps["total"] = time.perf_counter() - start_time
+            result = write_result(folder, fit, project, laps)
             if not interrupted:
                 opened.finish()
         except KeyboardInterrupt:
             interrupted, undrawn = True, "Interrupted while the figures were drawn."
         except (InputError, OSError, MemoryError) as error:
             undrawn = str(error) or "There is not enough memory for the figures."
-    seconds = laps.get("total", time.perf_counter() - began)
-    return FinishedRun(project, found, folder, drawn, result, interrupted, seconds, undrawn, resume)
+    seconds = laps.get("total", time.perf_counter() - start_time)
+    return FinishedRun(project, fit, folder, pictures, result, interrupted, seconds, undrawn, resume)
 
 
 def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Project:
@@ -218,28 +218,28 @@ def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Pr
     return project
 
 
-def _refuse_impossible(project: Project, optimiser: str, asked: Mapping[str, Any]) -> None:
+def _refuse_impossible(project: Project, optimiser: str, request: Mapping[str, Any]) -> None:
     """Before an earlier run is cleared from the folder."""
     optimiser_from_name(optimiser)
-    executor_from_name(asked["executor"] or "threads")
-    if asked["executor"] and (asked["starts"] or project.starts) < 2:
+    executor_from_name(request["executor"] or "threads")
+    if request["executor"] and (request["starts"] or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
-    if asked["seed"] is not None and asked["seed"] >= LARGEST_SEED:
-        raise InputError(f"--seed {asked['seed']} is not possible; expected less than 2^63.")
+    if request["seed"] is not None and request["seed"] >= LARGEST_SEED:
+        raise InputError(f"--seed {request['seed']} is not possible; expected less than 2^63.")
 
 
-def _optimiser(asked: str | None, written: str, starts: int | None) -> str:
+def _optimiser(optimiser: str | None, default: str, starts: int | None) -> str:
     """The optimiser: as asked, else as written; many starts belong to one alone."""
     if starts is None:
-        return asked or written
-    if asked not in (None, "multistart"):
-        raise InputError(f"--multi-start is for the optimiser multistart, not {asked}: leave out one of the two.")
+        return optimiser or default
+    if optimiser not in (None, "multistart"):
+        raise InputError(f"--multi-start is for the optimiser multistart, not {optimiser}: leave out one of the two.")
     return "multistart"
 
 
-def _command(project: Project, out: str | Path | None, asked: Mapping[str, Any]) -> list[str]:
-    options = {name: asked[name] for name in ("preset", "optimiser", "seed", "cut", "executor")}
-    more = {"multi_start": asked["starts"], "trust": bool(project.own_code)}
+def _command(project: Project, out: str | Path | None, request: Mapping[str, Any]) -> list[str]:
+    options = {name: request[name] for name in ("preset", "optimiser", "seed", "cut", "executor")}
+    more = {"multi_start": request["starts"], "trust": bool(project.own_code)}
     return command_of("fit", project.path, {"out": out, **options, **more})
 
 
@@ -253,8 +253,8 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
     from fracid.validation.before_search import before
 
     reports = {r.name: r.report for r in project.recordings}
-    seen = before(project.problem, reports, validation=project.validation, jobs=jobs)
-    for finding in seen:  # now, for a search may take its time to find nothing
+    findings = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    for finding in findings:  # now, for a search may take its time to find nothing
         observer.notice(str(finding))
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
@@ -265,9 +265,9 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
         for note in _notes(run, log, memo) if run.resumed else ():
             observer.notice(note)
         remembering = replace(project, problem=replace(project.problem, memo=memo))
-        found = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
-                         journal=journal, seen=seen, **options)  # fmt: skip
-    return replace(found, problem=project.problem)
+        fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
+                         journal=journal, seen=findings, **options)  # fmt: skip
+    return replace(fit, problem=project.problem)
 
 
 def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
@@ -294,13 +294,13 @@ def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
 @contextmanager
 def _counted(optimiser: str, observer: Observer) -> Iterator[Callable[[Evaluation, int], None]]:
     """Evaluations, time and the best cost so far."""
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
     with observer.progress("evaluations") as tell:
 
         def callback(best: Evaluation, evaluations: int) -> None:
             if tell is not None:
                 cost = best.cost if isfinite(best.cost) else None
-                tell(Progress(evaluations, total, 0, time.perf_counter() - began, cost))
+                tell(Progress(evaluations, total, 0, time.perf_counter() - start_time, cost))
 
         yield callback

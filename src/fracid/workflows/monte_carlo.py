@@ -198,12 +198,12 @@ def _of_project(path: Path, jobs: int, trust: bool) -> _Truth:
     """Fit a project, without what comes after the search."""
     project = load_project(path, trust=trust)
     rng = np.random.default_rng(project.seed)
-    found, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
-    if found.interrupted:
+    result, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
+    if result.interrupted:
         raise KeyboardInterrupt
-    if not isfinite(found.best.cost):
-        raise DataError(f"{path}: no run reached its end: {found.best.reason}. There is no model to simulate.")
-    return _truth(project, project.problem, found.best.point, project.optimiser)
+    if not isfinite(result.best.cost):
+        raise DataError(f"{path}: no run reached its end: {result.best.reason}. There is no model to simulate.")
+    return _truth(project, project.problem, result.best.point, project.optimiser)
 
 
 def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
@@ -264,5 +264,5 @@ def _written(study: NoiseStudy, record: Mapping[str, Any], folder: Path) -> tupl
     from fracid.plots import noise_levels, save
 
     write_files(folder, {RESULT: json_document(record), TABLE: csv_text(study.table())})
-    drawn = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
-    return tuple(save(noise_levels(study), folder / FIGURES, "noise")) if drawn else ()
+    has_estimates = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
+    return tuple(save(noise_levels(study), folder / FIGURES, "noise")) if has_estimates else ()

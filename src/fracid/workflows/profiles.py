@@ -97,50 +97,54 @@ def run_profiles(
         refuse_mistaken(source, "run")
     with one_blas_thread():
         problem, x = _fitted(source, seed, jobs, trust)
-        found = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
-        known = uncertainty(problem, found.x, jobs=jobs)
-        drawn = known if isinstance(known, Failure) else bootstrap(problem, found.x, seed=seed, jobs=jobs)
-        verdicts = identifiability(problem, found.x, known, found.profiles, jobs=jobs)
-        several = len(problem.experiments) > 1 and not isinstance(known, Failure)
-        record = found.to_json() | {
-            "intervals": _intervals(found, known, drawn),
+        likelihood = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
+        precision = uncertainty(problem, likelihood.x, jobs=jobs)
+        resampling = (
+            precision if isinstance(precision, Failure) else bootstrap(problem, likelihood.x, seed=seed, jobs=jobs)
+        )
+        verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
+        several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
+        record = likelihood.to_json() | {
+            "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": {n: {"verdict": v.kind, "sentence": v.sentence} for n, v in verdicts.items()},
-            "bootstrap": str(drawn) if isinstance(drawn, Failure) else drawn.to_json(),
-            "spread": spread(problem, found.x, jobs=jobs).to_json() if several else None,
+            "bootstrap": str(resampling) if isinstance(resampling, Failure) else resampling.to_json(),
+            "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
             "seed": seed,
         }
     folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
-    return FinishedProfiles(found, drawn, verdicts, folder, _written(found, record, folder), record)
+    return FinishedProfiles(likelihood, resampling, verdicts, folder, _written(likelihood, record, folder), record)
 
 
 def _fitted(source: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem, FloatArray]:
     """A run's problem and its values; a project's, fitted now."""
     if source.is_dir():
-        saved = load_run(source, trust=trust)
-        return saved.problem, saved.x
+        loaded_run = load_run(source, trust=trust)
+        return loaded_run.problem, loaded_run.x
     fit = identify(load_project(source, trust=trust), seed=seed, jobs=jobs)
     if not isfinite(fit.cost):
         raise DataError(f"{source}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
     return fit.problem, fit.x
 
 
-def _intervals(found: Profiles, known: Uncertainty | Failure, drawn: Bootstrap | Failure) -> dict[str, Any]:
+def _intervals(
+    profiles: Profiles, uncertainties: Uncertainty | Failure, replicates: Bootstrap | Failure
+) -> dict[str, Any]:
     """Every unknown's intervals by every method that gave one."""
-    rows: dict[str, dict[str, Any]] = {n: {} for n in found.problem.names}
+    rows: dict[str, dict[str, Any]] = {n: {} for n in profiles.problem.names}
     for i, name in enumerate(rows):
-        if not isinstance(known, Failure):
-            rows[name] |= {method: known.interval(found.x, i, method) for method in ("sandwich", "white")}
-            rows[name]["effective_samples"] = json_number(known.effective_samples[i])
-        if not isinstance(drawn, Failure) and rows[name]["sandwich"] is not None:
-            rows[name]["bootstrap"] = drawn.interval(i)
-        if name in found.profiles:
-            rows[name]["profile"] = found.profiles[name].interval95
+        if not isinstance(uncertainties, Failure):
+            rows[name] |= {method: uncertainties.interval(profiles.x, i, method) for method in ("sandwich", "white")}
+            rows[name]["effective_samples"] = json_number(uncertainties.effective_samples[i])
+        if not isinstance(replicates, Failure) and rows[name]["sandwich"] is not None:
+            rows[name]["bootstrap"] = replicates.interval(i)
+        if name in profiles.profiles:
+            rows[name]["profile"] = profiles.profiles[name].interval95
     return {"methods": METHODS, "unknowns": rows}
 
 
-def _written(found: Profiles, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+def _written(likelihood: Profiles, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
     """Write it; gives the figures."""
     from fracid.plots import profiles, save
 
     write_files(folder, {RESULT: json_document(record)})
-    return tuple(save(profiles(found), folder / FIGURES, "profiles"))
+    return tuple(save(profiles(likelihood), folder / FIGURES, "profiles"))

@@ -75,7 +75,7 @@ def redraw(
     fracid.errors.InputError: 'srv03' is neither a run, nor a project, nor a rig. ...
     """
     style_named(style)
-    folder, wanted = Path(source), _known(formats)
+    folder, suffixes = Path(source), _known(formats)
     if zero is not None and (folder.is_dir() or source.endswith(".toml")):
         raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")
     home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
@@ -83,7 +83,7 @@ def redraw(
     with one_blas_thread():
         of_a_rig = _of_named_rig(source, zero or "hanging", style, trust)
         figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else of_a_rig
-        return saved(figures, folder, wanted, where)
+        return saved(figures, folder, suffixes, where)
 
 
 def _known(formats: Sequence[str]) -> tuple[str, ...]:
@@ -142,35 +142,35 @@ def _of_tests(run: SavedRun, style: str) -> Figures:
 def _of_profiles(run: SavedRun, style: str) -> Figures:
     path = run.folder / "profiles.json"
     if path.exists():
-        said = _read(path, ProfilesBlock, "fracid profile RUN")
-        if not set(run.problem.names) <= set(said["minimum"]):
+        content = _read(path, ProfilesBlock, "fracid profile RUN")
+        if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
-        yield "profiles", Profiles.of_json(said, run.problem).plot(style=style)
+        yield "profiles", Profiles.of_json(content, run.problem).plot(style=style)
 
 
 def _of_comparison(path: Path, style: str) -> Figures:
-    found = Comparison.of_json(_read(path, ComparisonBlock, "fracid compare PROJECT"))
-    yield "ladder", found.plot(style=style)
-    for name, stem in file_stems(found.amplitude).items():
-        if found.amplitude[name].drifts:
-            yield f"amplitude-{stem}", found.amplitude[name].plot(style=style)
+    comparison = Comparison.of_json(_read(path, ComparisonBlock, "fracid compare PROJECT"))
+    yield "ladder", comparison.plot(style=style)
+    for name, stem in file_stems(comparison.amplitude).items():
+        if comparison.amplitude[name].drifts:
+            yield f"amplitude-{stem}", comparison.amplitude[name].plot(style=style)
 
 
 def _of_study(path: Path, style: str) -> Figures:
-    found = SavedStudy.of_json(_read(path, StudyBlock, "fracid noise RUN"))
-    if any(s.estimates for cell in found.cells for s in cell.unknowns.values()):
-        yield "noise", found.plot(style=style)
+    study = SavedStudy.of_json(_read(path, StudyBlock, "fracid noise RUN"))
+    if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
+        yield "noise", study.plot(style=style)
 
 
 def _of_linear(run: SavedRun, style: str) -> Figures:
     """The linear models about both postures, where something drives them."""
     try:
-        found = integer_model(run)
+        system = integer_model(run)
     except InputError:  # it says why where it is asked for: fracid export RUN --to state-space
         return
-    for posture, linear in found.linear.items():
+    for posture, linear in system.linear.items():
         if linear.inputs and linear.G.any():
-            yield f"linear-{posture}", found.plot(posture, style=style)
+            yield f"linear-{posture}", system.plot(posture, style=style)
 
 
 def _read(path: Path, block: type[Block], wrote: str) -> Any:

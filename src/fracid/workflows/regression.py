@@ -124,13 +124,13 @@ def run_regression(
         refuse_mistaken(source, "recording")
     with one_blas_thread():
         if source.suffix == ".toml":
-            asked = _of_project(source, start, stop, trust)
+            request = _of_project(source, start, stop, trust)
         else:
-            asked = _of_recording(source, start, stop, **recording)
-        found = _regressed(_as_said(asked, known, orders, terms), estimator, cutoff, each)
+            request = _of_recording(source, start, stop, **recording)
+        estimate = _regressed(_as_said(request, known, orders, terms), estimator, cutoff, each)
     if out is not None:
-        write_files(out, {REGRESSION: json_document(found.result)})
-    return found
+        write_files(out, {REGRESSION: json_document(estimate.result)})
+    return estimate
 
 
 # ------------------------------------------------------------------ what is asked
@@ -141,38 +141,38 @@ def _of_project(path: Path, start: float | str | None, stop: float | None, trust
     project = load_project(path, trust=trust)
     problem = project.problem
     free = {u.target for u in problem.unknowns if u.kind == "parameter"}
-    tied = {n for n, root in problem.ties.items() if root in free or n in problem.orders}
+    ties = {n for n, root in problem.ties.items() if root in free or n in problem.orders}
     orders = {n: problem.orders[problem.ties.get(n, n)] for n in problem.orders}
-    notes = [f"{', '.join(sorted(tied))}: tied in the project, found by itself here; the regression knows no ties."]
-    asked = _Asked(
+    notes = [f"{', '.join(sorted(ties))}: tied in the project, found by itself here; the regression knows no ties."]
+    request = _Asked(
         _recordings(project, start, stop), problem.model.with_parameters(**problem.parameter_starts),
         {n: v if isinstance(v, Free) else problem.order_starts[n] for n, v in orders.items()},
-        tuple(n for n in TERMS if n in free | tied), {}, problem, tuple(notes if tied else ()),
+        tuple(n for n in TERMS if n in free | ties), {}, problem, tuple(notes if ties else ()),
     )  # fmt: skip
-    return _in_motion(asked)
+    return _in_motion(request)
 
 
 def _recordings(project: Project, start: float | str | None, stop: float | None) -> tuple[Recording, ...]:
     """The recordings to be fitted, from another start if one is asked for."""
     fitted = {e.name for e in project.problem.experiments}
-    given = project.recordings if start is None else whole_recordings(project)
-    seen = (*project.problem.outputs, *project.problem.model.inputs)  # an arm that is not scored may stand still
-    trimmed = (r.trim(start, stop) for r in given if r.name in fitted)
-    return tuple(replace(r, signals={n: x for n, x in r.signals.items() if n in seen}) for r in trimmed)
+    recordings = project.recordings if start is None else whole_recordings(project)
+    names = (*project.problem.outputs, *project.problem.model.inputs)  # an arm that is not scored may stand still
+    trimmed = (r.trim(start, stop) for r in recordings if r.name in fitted)
+    return tuple(replace(r, signals={n: x for n, x in r.signals.items() if n in names}) for r in trimmed)
 
 
-def _in_motion(asked: _Asked) -> _Asked:
+def _in_motion(request: _Asked) -> _Asked:
     """Leave orders as they are where a recording starts in motion: what its memory misses would pass for an order."""
-    moving = [r.name for r in asked.recordings if swing_of(r, asked.model).in_motion]
-    searched = [n for n, v in asked.orders.items() if isinstance(v, Free)]
+    moving = [r.name for r in request.recordings if swing_of(r, request.model).in_motion]
+    searched = [n for n, v in request.orders.items() if isinstance(v, Free)]
     if not moving or not searched:
-        return asked
+        return request
     note = (
         f"{', '.join(moving)}: starts in motion, so {' and '.join(searched)} are not searched. Type --from release if "
         "the rig was held still before."
     )
-    orders = {n: v.start if isinstance(v, Free) else v for n, v in asked.orders.items()}
-    return replace(asked, orders=orders, notes=(*asked.notes, note))
+    orders = {n: v.start if isinstance(v, Free) else v for n, v in request.orders.items()}
+    return replace(request, orders=orders, notes=(*request.notes, note))
 
 
 def _of_recording(
@@ -194,39 +194,43 @@ def _of_recording(
     return _in_motion(_Asked((recording,), model, dict.fromkeys(("lambda", "mu"), Free(1.0, 0.5, 1.2)), LUMPED, {}))
 
 
-def _as_said(asked: _Asked, known: Mapping[str, float], orders: Mapping[str, float], terms: Sequence[str]) -> _Asked:
+def _as_said(
+    request: _Asked, constant: Mapping[str, float], orders: Mapping[str, float], terms: Sequence[str]
+) -> _Asked:
     """With the constants and orders that the caller knows."""
     for name in orders:
-        if name not in asked.orders:
-            raise unknown_name("order", name, asked.orders)
-    terms = tuple(terms) or asked.terms
-    return _with_gauge(replace(asked, orders={**asked.orders, **orders}, terms=terms, known=known))
+        if name not in request.orders:
+            raise unknown_name("order", name, request.orders)
+    terms = tuple(terms) or request.terms
+    return _with_gauge(replace(request, orders={**request.orders, **orders}, terms=terms, known=constant))
 
 
-def _with_gauge(asked: _Asked) -> _Asked:
+def _with_gauge(request: _Asked) -> _Asked:
     """Where all is looked for, C4 is taken as it is: a common factor of all constants changes no motion."""
-    terms = asked.terms or LUMPED
-    volts = any("voltage" in r.signals for r in asked.recordings) and "torque_per_volt" not in terms
-    torque = any("torque" in r.signals for r in asked.recordings)
-    held = [n for n in LUMPED if n not in terms and n in asked.model.parameter_names and asked.model.parameter(n).value]
-    if asked.known or volts or torque or held:
-        return replace(asked, terms=terms)
-    C4 = asked.model.parameter("C4")
+    terms = request.terms or LUMPED
+    volts = any("voltage" in r.signals for r in request.recordings) and "torque_per_volt" not in terms
+    torque = any("torque" in r.signals for r in request.recordings)
+    constants = [
+        n for n in LUMPED if n not in terms and n in request.model.parameter_names and request.model.parameter(n).value
+    ]
+    if request.known or volts or torque or constants:
+        return replace(request, terms=terms)
+    C4 = request.model.parameter("C4")
     note = (
-        f"C4 = {C4.value:.4g} {C4.unit} is taken from the {'project' if asked.problem else 'rig'}: one constant must "
+        f"C4 = {C4.value:.4g} {C4.unit} is taken from the {'project' if request.problem else 'rig'}: one constant must "
         "be known, for the motion tells only their ratios. Weigh and measure yours, and type --known C4=VALUE."
     )
-    return replace(asked, terms=terms, known={"C4": C4.value}, notes=(*asked.notes, note))
+    return replace(request, terms=terms, known={"C4": C4.value}, notes=(*request.notes, note))
 
 
 # ------------------------------------------------------------------ the regression
 
 
-def _regressed(asked: _Asked, estimator: str, cutoff: float | None, each: bool) -> FinishedRegression:
-    groups = [[r] for r in asked.recordings] if each else [list(asked.recordings)]
-    return FinishedRegression(asked, {
+def _regressed(request: _Asked, estimator: str, cutoff: float | None, each: bool) -> FinishedRegression:
+    groups = [[r] for r in request.recordings] if each else [list(request.recordings)]
+    return FinishedRegression(request, {
         ", ".join(r.name for r in group): regress(
-            group, asked.model, orders=asked.orders, known=asked.known, terms=asked.terms,
+            group, request.model, orders=request.orders, known=request.known, terms=request.terms,
             estimator=estimator, cutoff=cutoff,  # type: ignore[arg-type]
         )
         for group in groups

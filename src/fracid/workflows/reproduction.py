@@ -79,20 +79,20 @@ def reproduce_run(
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is not None and not (run / "result.json").exists():
         return _study_again(run, study, typed, trust, out, jobs)
-    found = _fit_again(run, trust, jobs, observer)
+    rerun = _fit_again(run, trust, jobs, observer)
     if out is not None:
         words = command_of("reproduce", run, {"out": out})
-        write_files(open_folder(out, words), {"result.json": json_document(found.result)})
-    return found
+        write_files(open_folder(out, words), {"result.json": json_document(rerun.result)})
+    return rerun
 
 
 def _fit_again(run: Path, trust: bool, jobs: int, observer: Observer) -> Reproduction:
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     with one_blas_thread(), observer.progress("evaluations") as tell:
 
         def callback(_best: Evaluation, evaluations: int) -> None:
             if tell is not None:
-                tell(Progress(evaluations, None, 0, time.perf_counter() - began, None))
+                tell(Progress(evaluations, None, 0, time.perf_counter() - start_time, None))
 
         return reproduce(run, trust=trust, jobs=jobs, callback=callback)
 
@@ -112,14 +112,14 @@ def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | No
 def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
     """What is not as it was, by both journals' first lines and both environments; data must be the same."""
     before, after = (_header(folder / JOURNAL) for folder in (run, again))
-    found = {
+    changes = {
         what: (str(before[what]), str(after[what])) for what in after if before.get(what, after[what]) != after[what]
     }
-    for what in found:
+    for what in changes:
         if not what.startswith(("the version", "the code", "versions")):
             raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
     machines = [_read(folder / "environment.json") for folder in (run, again)]
-    return found | {
+    return changes | {
         f"the {what}": (str(machines[0][what]), str(machines[1][what]))
         for what in ("platform", "processor")
         if what in machines[0] and machines[0][what] != machines[1][what]

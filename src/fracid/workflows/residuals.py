@@ -85,21 +85,21 @@ def run_residuals(
     """
     source = Path(run)
     with one_blas_thread():
-        saved = load_run(source, trust=trust)
-        for what, asked, there in (
-            ("recording", recordings, saved.recordings),
-            ("output", outputs, saved.problem.outputs),
+        loaded_run = load_run(source, trust=trust)
+        for what, names, there in (
+            ("recording", recordings, loaded_run.recordings),
+            ("output", outputs, loaded_run.problem.outputs),
         ):
-            for name in asked or ():
+            for name in names or ():
                 if name not in there:
                     raise unknown_name(f"{what} of {source}", name, there)
         analyses = {
-            name: {n: residual_analysis(saved.recordings[name], n, saved.resolutions[name])
-                   for n in saved.problem.outputs if not outputs or n in outputs}
-            for name in saved.recordings if not recordings or name in recordings
+            name: {n: residual_analysis(loaded_run.recordings[name], n, loaded_run.resolutions[name])
+                   for n in loaded_run.problem.outputs if not outputs or n in outputs}
+            for name in loaded_run.recordings if not recordings or name in recordings
         }  # fmt: skip
     folder = source if out is None else Path(out)
-    return FinishedResiduals(saved, analyses, folder, _written(saved, analyses, folder))
+    return FinishedResiduals(loaded_run, analyses, folder, _written(loaded_run, analyses, folder))
 
 
 def _record(run: SavedRun, analyses: Analyses) -> dict[str, Any]:

@@ -186,10 +186,10 @@ def command_of_study(folder: Path) -> tuple[list[str], Path]:
     fracid.errors.InputError: nowhere/rig does not say what its command was: ...
     """
     try:
-        said = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
-        if "\0" in "".join([*said["command"], said["directory"]]):
+        environment = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
+        if "\0" in "".join([*environment["command"], environment["directory"]]):
             raise KeyError("command")
-        return said["command"], Path(said["directory"])
+        return environment["command"], Path(environment["directory"])
     except (OSError, InputError, KeyError):
         raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
 
@@ -223,10 +223,10 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
 
 def _without_address(words: list[str]) -> list[str]:
     """Without a scheduler's address and the option before it."""
-    kept: list[str] = []
+    rest: list[str] = []
     for word in words:
         if ADDRESS not in word:
-            kept.append(word)
-        elif kept[-1] in ("--scheduler", "--executor"):
-            kept.pop()
-    return kept
+            rest.append(word)
+        elif rest[-1] in ("--scheduler", "--executor"):
+            rest.pop()
+    return rest

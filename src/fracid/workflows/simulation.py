@@ -75,8 +75,8 @@ def twin_of(
     """
     path = Path(source)
     if path.is_dir() or path.suffix == ".toml":
-        for option, given in (("--zero", zero), ("--friction", friction)):
-            if given:
+        for option, value in (("--zero", zero), ("--friction", friction)):
+            if value:
                 raise InputError(f"{option} is for a rig; {source} says its own. Change a value: --set NAME=VALUE.")
         return _of_run(path, recording, trust) if path.is_dir() else _of_project(path, recording, trust)
     if recording is not None:
@@ -107,27 +107,27 @@ def _no_source(source: str, rigs: Mapping[str, Any]) -> InputError:
 
 def _of_project(path: Path, recording: str | None, trust: bool) -> Twin:
     project = load_project(path, trust=trust)
-    chosen = _chosen({e.name: e for e in (*project.problem.experiments, *project.validation)}, recording, path)
+    experiment = _chosen({e.name: e for e in (*project.problem.experiments, *project.validation)}, recording, path)
     problem = project.problem
-    if chosen in project.validation:
-        problem = problem.with_shared(problem.start, (chosen,))
-    return Twin.of_problem(problem, problem.start, chosen)
+    if experiment in project.validation:
+        problem = problem.with_shared(problem.start, (experiment,))
+    return Twin.of_problem(problem, problem.start, experiment)
 
 
 def _of_run(folder: Path, recording: str | None, trust: bool) -> Twin:
     run = load_run(folder, trust=trust)
     problem, validation = run.problem, run.project.validation
-    chosen = _chosen({e.name: e for e in (*problem.experiments, *validation)}, recording, folder)
-    if chosen in validation:
-        problem = problem.with_shared(run.x, (chosen,))
-    found = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
-    return Twin.of_problem(problem, np.array(found), chosen)
+    experiment = _chosen({e.name: e for e in (*problem.experiments, *validation)}, recording, folder)
+    if experiment in validation:
+        problem = problem.with_shared(run.x, (experiment,))
+    values = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
+    return Twin.of_problem(problem, np.array(values), experiment)
 
 
-def _chosen(there: Mapping[str, Any], asked: str | None, where: Path) -> Any:
-    if asked is not None and asked not in there:
-        raise unknown_name(f"recording of {where}", asked, tuple(there))
-    return there[asked] if asked is not None else next(iter(there.values()))
+def _chosen(there: Mapping[str, Any], recording: str | None, where: Path) -> Any:
+    if recording is not None and recording not in there:
+        raise unknown_name(f"recording of {where}", recording, tuple(there))
+    return there[recording] if recording is not None else next(iter(there.values()))
 
 
 def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:
@@ -203,9 +203,9 @@ def simulate_twin(
     if not run.completed:
         raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
                         "Give a smaller --step, other values, or an earlier --end.")  # fmt: skip
-    made = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
+    recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
-    return SimulatedRecording(twin, run, made, record, _written(made, record, file, folder))
+    return SimulatedRecording(twin, run, recording, record, _written(recording, record, file, folder))
 
 
 def _stem(source: str) -> str:

@@ -116,25 +116,25 @@ def _is_longest(matrix: Array, arrays: Mapping[str, Array]) -> bool:
 
 def _named(flat: Mapping[str, Array | LeftOut], variable: str, path: Path) -> dict[str, Array | LeftOut]:
     """Return the array of that name, or all within the struct or group of that name."""
-    found = {k: a for k, a in flat.items() if k == variable or k.startswith(f"{variable}.")}
-    if not found:
+    matches = {k: a for k, a in flat.items() if k == variable or k.startswith(f"{variable}.")}
+    if not matches:
         arrays = {k: a for k, a in flat.items() if not isinstance(a, LeftOut)}
         raise InputError(f"{path.name} has no variable {ascii_short(variable)}. It holds: {_list(arrays)}.")
-    return {k.removeprefix(f"{variable}."): a for k, a in found.items()}
+    return {k.removeprefix(f"{variable}."): a for k, a in matches.items()}
 
 
 def _list(arrays: Mapping[str, Array]) -> str:
-    listed = [f"{ascii_short(k)[1:-1]} {'×'.join(map(str, a.shape))}" for k, a in arrays.items() if a.size > 1]
-    return _shortened(listed)
+    entries = [f"{ascii_short(k)[1:-1]} {'×'.join(map(str, a.shape))}" for k, a in arrays.items() if a.size > 1]
+    return _shortened(entries)
 
 
 def _names(names: list[str]) -> str:
     return _shortened([ascii_short(n)[1:-1] for n in names])
 
 
-def _shortened(listed: list[str]) -> str:
-    more = f" and {len(listed) - LISTED} more" if len(listed) > LISTED else ""
-    return (", ".join(listed[:LISTED]) or "nothing") + more
+def _shortened(entries: list[str]) -> str:
+    more = f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
+    return (", ".join(entries[:LISTED]) or "nothing") + more
 
 
 # --- structs and groups ---------------------------------------------------------------------------------
@@ -172,8 +172,8 @@ def _signals(structs: list[Content]) -> Content | None:
     if not all("values" in s for s in structs):
         return None
     labels = [str(getattr(s.get("label"), "text", "")).strip() for s in structs]
-    named = [n if n.isidentifier() and labels.count(n) == 1 else f"signal{k}" for k, n in enumerate(labels, 1)]
-    return dict(zip(named, (s["values"] for s in structs), strict=True))
+    names = [n if n.isidentifier() and labels.count(n) == 1 else f"signal{k}" for k, n in enumerate(labels, 1)]
+    return dict(zip(names, (s["values"] for s in structs), strict=True))
 
 
 def _numeric(item: Any) -> Array | LeftOut:

@@ -75,33 +75,33 @@ class _Taken:
         refuse_bomb(self.path, self.numbers, self.size)
 
 
-def _group(group: Any, taken: _Taken, depth: int, seen: set[Any]) -> Content:
+def _group(group: Any, tally: _Taken, depth: int, ancestors: set[Any]) -> Content:
     """Read a group; ``#refs#`` is where MATLAB hides its own bookkeeping."""
     import h5py
 
-    found: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
+    content: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
     for name in group:
         if name.startswith("#"):
             continue
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            found[name] = LeftOut("is a link to elsewhere, which is not followed")
+            content[name] = LeftOut("is a link to elsewhere, which is not followed")
             continue
         item = group[name]
         address = h5py.h5o.get_info(item.id).addr
         if isinstance(item, h5py.Dataset):
-            found[name] = _dataset(item, taken)
+            content[name] = _dataset(item, tally)
         elif not isinstance(item, h5py.Group):
-            found[name] = LeftOut("is a type, not data")
+            content[name] = LeftOut("is a type, not data")
         elif "MATLAB_sparse" in item.attrs:
-            found[name] = SPARSE
-        elif address in seen or depth >= DEEPEST:
-            found[name] = LeftOut("is a group that was read before, or lies too deep")
+            content[name] = SPARSE
+        elif address in ancestors or depth >= DEEPEST:
+            content[name] = LeftOut("is a group that was read before, or lies too deep")
         else:
-            found[name] = _group(item, taken, depth + 1, seen | {address})
-    return found
+            content[name] = _group(item, tally, depth + 1, ancestors | {address})
+    return content
 
 
-def _dataset(dataset: Any, taken: _Taken) -> NDArray[np.generic] | LeftOut:
+def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:
     """Read a dataset of real numbers, or say why not."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
@@ -118,8 +118,8 @@ def _dataset(dataset: Any, taken: _Taken) -> NDArray[np.generic] | LeftOut:
     plain = _plain(dataset.dtype)
     if plain is not None:
         return plain
-    taken.take(dataset)
-    _refuse_packed_bomb(dataset, taken.path, taken.size)
+    tally.take(dataset)
+    _refuse_packed_bomb(dataset, tally.path, tally.size)
     return np.asarray(dataset[()])
 
 

@@ -146,7 +146,7 @@ class _Reader:
 
 
 def _version5(raw: bytes, path: Path) -> Content:
-    found: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
+    variables: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
     reader = _Reader(memoryview(raw), "<" if raw[126:128] == b"IM" else ">", path)
     room = 8 * most_numbers(len(raw))  # bytes that may be unpacked
     for kind, data in reader.elements(128):
@@ -157,8 +157,8 @@ def _version5(raw: bytes, path: Path) -> Content:
             raise _Damaged(f"an element of type {kind} where a variable should be")
         name, value = _matrix(reader.within(data), 0)
         if name:  # one without a name is the storehouse of MATLAB's objects
-            found[name] = value
-    return found
+            variables[name] = value
+    return variables
 
 
 def _unpacked(packed: _Reader, room: int) -> tuple[memoryview, int]:
@@ -237,13 +237,13 @@ def _structs(
     fields = [_until_zero(names[k : k + size]) for k in range(0, len(names), size)]
     structs: list[Content] = []
     for _ in range(count if fields else 0):
-        found = {}
+        record = {}
         for field in fields:
             kind, data = next(parts, (0, memoryview(b"")))
             if kind != MATRIX:
                 raise _Damaged(f"the field {field[:40]!r} is missing")
-            found[field] = _matrix(reader.within(data), depth + 1)[1]
-        structs.append(found)
+            record[field] = _matrix(reader.within(data), depth + 1)[1]
+        structs.append(record)
     return EMPTY if not structs else structs[0] if len(structs) == 1 else structs
 
 
@@ -286,12 +286,12 @@ def _until_zero(raw: memoryview) -> str:
 
 
 def _version4(raw: bytes) -> Content:
-    found: dict[str, NDArray[np.generic] | LeftOut] = {}
+    variables: dict[str, NDArray[np.generic] | LeftOut] = {}
     at = 0
     while at < len(raw):
         name, value, at = _old_matrix(raw, at)
-        found[name] = value
-    return found
+        variables[name] = value
+    return variables
 
 
 def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut, int]:

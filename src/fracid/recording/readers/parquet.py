@@ -38,12 +38,12 @@ def _columns(file: Any, path: Path) -> Content:
     from pyarrow import types
 
     schema, size = file.schema_arrow, path.stat().st_size
-    wanted = [f.name for f in schema if _is_column(f.type, types) and schema.names.count(f.name) == 1]
-    refuse_bomb(path, file.metadata.num_rows * len(wanted), size)
+    names = [f.name for f in schema if _is_column(f.type, types) and schema.names.count(f.name) == 1]
+    refuse_bomb(path, file.metadata.num_rows * len(names), size)
     refuse_bomb(path, _declared(file.metadata) / 8, size)
-    others: dict[str, Any] = {n: LeftOut("is no column of numbers") for n in schema.names if n not in wanted}
-    table = file.read(columns=wanted, use_threads=False)
-    return others | {name: table.column(name).to_numpy() for name in table.column_names if name in wanted}
+    others: dict[str, Any] = {n: LeftOut("is no column of numbers") for n in schema.names if n not in names}
+    table = file.read(columns=names, use_threads=False)
+    return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}
 
 
 def _declared(metadata: Any) -> int:

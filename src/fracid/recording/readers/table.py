@@ -91,13 +91,13 @@ class Table:
     def _no_column(self, key: int | str) -> str:
         if str(key) in self.left_out:
             return f"{self.source}: {ascii_short(str(key))} {self.left_out[str(key)]}."
-        listed = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:LISTED]))
+        columns = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:LISTED]))
         more = f" and {len(self.names) - LISTED} more" if len(self.names) > LISTED else ""
         bare = {_bare(name): name for name in reversed(self.names)}
         close = [bare[name] for name in difflib.get_close_matches(str(key), bare, n=1, cutoff=0.5)]
         hint = f" Did you mean {ascii_short(close[0])}?" if close else ""
-        asked = ascii_short(key) if isinstance(key, str) else key
-        return f"{self.source} has no column {asked}.{hint} Its columns, by position or name: {listed}{more}."
+        label = ascii_short(key) if isinstance(key, str) else key
+        return f"{self.source} has no column {label}.{hint} Its columns, by position or name: {columns}{more}."
 
 
 def read_table(path: str | Path, variable: str | None = None) -> Table:
@@ -129,10 +129,10 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
     """
     path = Path(path)
     try:
-        known = kind_of(path) is not None
+        has_kind = kind_of(path) is not None
     except (OSError, ValueError):  # for _size to tell
-        known = False
-    if known:
+        has_kind = False
+    if has_kind:
         refuse_mistaken(path, "recording")
     size = _size(path)
     reader = READERS.get(path.suffix.lower())
@@ -162,18 +162,18 @@ def _one_line(name: str) -> str:
 def _size(path: Path) -> int:
     """Return the size of a plain file [bytes], or say why there is none: a pipe or a device may never end."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"no file {path}: {_nearby(path)}") from None
     except ValueError:
         raise InputError(f"no file {ascii_short(str(path))}: no file's name holds a zero byte.") from None
     except OSError as error:  # no permission, a link that leads to itself, a name too long
         raise InputError(f"{ascii_short(str(path))[1:-1]} cannot be read: {error.strerror or error}.") from None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise InputError(f"no file {path} (it is a folder): {_nearby(path)}")
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path} is no plain file but a pipe or a device; save the recording to a file.")
-    return found.st_size
+    return status.st_size
 
 
 def _bare(name: str) -> str:
@@ -218,8 +218,8 @@ def _arrays(read: Callable[[Path], Content]) -> Callable[[Path, str | None], Tab
     """Return the reader of a format that holds named arrays."""
 
     def reader(path: Path, variable: str | None) -> Table:
-        found = choose(read(path), variable, path)
-        return Table(found.values, found.names, found.units, found.source, left_out=found.left_out)
+        choice = choose(read(path), variable, path)
+        return Table(choice.values, choice.names, choice.units, choice.source, left_out=choice.left_out)
 
     return reader
 

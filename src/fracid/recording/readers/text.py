@@ -154,7 +154,7 @@ def read_text(path: Path) -> TextTable:
     DataError
         As :func:`parse_text`, and if the file is no text: zero bytes, or cut off in the middle of a character.
     """
-    encoding, said = _encoding(path)
+    encoding, notes = _encoding(path)
 
     def read() -> Iterator[str]:
         with path.open(encoding=encoding) as file:
@@ -162,7 +162,7 @@ def read_text(path: Path) -> TextTable:
 
     sample, tail = _sample(path, encoding)
     table = _parse(_Lines(path.name, read, sample, tail))
-    return replace(table, notes=(*said, *table.notes))
+    return replace(table, notes=(*notes, *table.notes))
 
 
 def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
@@ -200,7 +200,7 @@ def _is_utf8(path: Path) -> bool:
 
 def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
     """Return lines from everywhere in a file that count, and what stands after the last end of a line."""
-    found: list[str] = []
+    lines: list[str] = []
     tail, lines_before = "", 0
     with path.open(encoding=encoding) as file:
         try:
@@ -212,14 +212,14 @@ def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
                         "Delete them and what was cut off by them."
                     )
                 before, end, rest = chunk.rpartition("\n")
-                found += filter(_counts, before.split("\n", 20)[1:-1] if found else before.split("\n"))
+                lines += filter(_counts, before.split("\n", 20)[1:-1] if lines else before.split("\n"))
                 lines_before, tail = lines_before + chunk.count("\n"), rest if end else tail + rest
         except UnicodeError:  # UTF-16 and UTF-32 only: anything is Latin-1
             raise DataError(
                 f"{path.name} begins as {encoding.upper()} text and goes on as something else. "
                 "Was it cut off while it was written? Save it again, as UTF-8."
             ) from None
-    return [*found, *filter(_counts, [tail])], tail
+    return [*lines, *filter(_counts, [tail])], tail
 
 
 def parse_text(text: str, name: str = "text") -> TextTable:
@@ -263,14 +263,14 @@ def _parse(lines: _Lines) -> TextTable:
         raise DataError(_no_row(lines))
     header = [line.strip() for line in islice(lines.read(), first - 1) if line.strip()]
     _refuse_comma_twice(dialect, width, header, lines.name)
-    said = _numbers_in_header(dialect, width, header, lines.name)
+    remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     values = _numbers(dialect, width, lines, first, names)
     if not any(names) and width > 1 and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         shorter, units_before = _names(dialect, width - 1, header, lines.name)
         if any(shorter):
             names, units = (*shorter, ""), (*units_before, "")
-    notes = [*said, *_header_note(dialect, width, header, names), *_cut_note(lines)]
+    notes = [*remarks, *_header_note(dialect, width, header, names), *_cut_note(lines)]
     if dialect.decimal == ",":
         notes.insert(0, "Its numbers have decimal commas.")
     return TextTable(values, names, units, tuple(header), tuple(notes))
