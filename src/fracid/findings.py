@@ -4,13 +4,13 @@ What fracid says beside a result is either a verdict on a value (:class:`fracid.
 wrong, or may be, with the data, the project or the model.  Each has a number, and the limit beyond which it
 is said, so that a reader can judge it, and a program can sort by it.  ``docs/honesty.md`` lists the codes.
 
-==================================  ====================================================================
-made by                             looks at
-==================================  ====================================================================
-:mod:`fracid.recording.faults`      samples alone, for ``fracid check`` and whatever reads a recording
-:mod:`fracid.validation.before_search`               a problem before the search, and its minimum after it
-:class:`fracid.Trajectory`          a simulation that did not reach its end (``reason``, in words)
-==================================  ====================================================================
+============================================  =====================================================================
+made by                                       looks at
+============================================  =====================================================================
+:mod:`fracid.recording.faults`                samples alone, for ``fracid check`` and whatever reads a recording
+:mod:`fracid.validation.before_search`        a problem before the search, and its minimum after it
+:class:`fracid.Trajectory`                    a simulation that did not reach its end (``reason``, in words)
+============================================  =====================================================================
 """
 
 from __future__ import annotations

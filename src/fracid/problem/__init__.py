@@ -1,22 +1,22 @@
 """An identification problem: a model, its recordings, what is free, and what counts as good.
 
-======================  ==================================================================================
-file                    holds
-======================  ==================================================================================
-:mod:`.problem`         Problem: the cost of a point of the search space
-:mod:`.parametrisation` from x to orders, parameters, initial state and release of each recording
-:mod:`.simulator`       from those to trajectories and outputs
-:mod:`.criterion`       from errors to the cost and its rows
-:mod:`.unknowns`        what is free, fixed, tied; priors
-:mod:`.experiment`      a recording as a problem uses it
-:mod:`.past`            the memory that a start in motion brings along
-:mod:`.costs`           the costs: a new one is a row there
-:mod:`.checks`          what does not fit together is refused
-:mod:`.project`         the project file
-:mod:`.presets`         what a preset puts into it
-:mod:`.draft`           a commented project file, drafted from a recording
-:mod:`.portable`        a problem that can be sent to another process
-======================  ==================================================================================
+=======================  ==================================================================================
+file                     holds
+=======================  ==================================================================================
+:mod:`.problem`          Problem: the cost of a point of the search space
+:mod:`.parametrisation`  from x to orders, parameters, initial state and release of each recording
+:mod:`.simulator`        from those to trajectories and outputs
+:mod:`.criterion`        from errors to the cost and its rows
+:mod:`.unknowns`         what is free, fixed, tied; priors
+:mod:`.experiment`       a recording as a problem uses it
+:mod:`.past`             the memory that a start in motion brings along
+:mod:`.costs`            the costs: a new one is a row there
+:mod:`.checks`           what does not fit together is refused
+:mod:`.project`          the project file
+:mod:`.presets`          what a preset puts into it
+:mod:`.draft`            a commented project file, drafted from a recording
+:mod:`.portable`         a problem that can be sent to another process
+=======================  ==================================================================================
 
 Who only asks for the names of the costs must not wait for the solver, so the names below are fetched when asked for.
 """

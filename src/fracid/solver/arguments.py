@@ -4,11 +4,11 @@
 returns the arrays that the loops take, or raises :class:`~fracid.errors.InputError` with the value, what was expected
 and what to type.  What is checked goes on as three records, grouped by who sets them:
 
-=====================  ==================================================================================
-:class:`Equation`      τ₀^(q−1)·D^q x = f(t, x, u, p), with its inputs and parameters: the model's
-:class:`InitialCondition`  x(start), ẋ(start) and the samples before: the recording's
-:class:`Options`       method, memory and where a run ends: the user's, the same for all runs of a fit
-=====================  ==================================================================================
+==========================  ==========================================================================================
+:class:`Equation`           τ₀^(q−1)·D^q x = f(t, x, u, p), with its inputs and parameters: the model's
+:class:`InitialCondition`   x(start), ẋ(start) and the samples before: the recording's
+:class:`Options`            method, memory and where a run ends: the user's, the same for all runs of a fit
+==========================  ==========================================================================================
 """
 
 from __future__ import annotations
