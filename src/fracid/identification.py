@@ -154,7 +154,7 @@ def identify(
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
     clock.lap("look")
     result, attempts = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
-                          options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
+                              options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
     analysis = _Findings(problem, result, attempts, seen=[*seen])
     if not np.isfinite(result.best.cost):
@@ -254,7 +254,7 @@ def _fit(analysis: _Findings, name: str, seed: int, evaluations: int, timing: Ma
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
     findings = (*analysis.seen, *_misfits(fitted, len(analysis.starts)))
     messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *_warnings(problem, precision, analysis.verdicts),
-            *analysis.warnings)  # fmt: skip
+                *analysis.warnings)  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,

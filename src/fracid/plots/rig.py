@@ -164,7 +164,7 @@ class _Drawing:
         x, y = shape.directions(0.0)
         foot = [self.floor * UP + s * 0.22 * self.size * e for s in (-1, 1) for e in (_screen()[0], _screen()[2])]
         anchors = [*foot, 1.1 * shape.arm * x, 0.95 * shape.arm * y, 0.4 * self.size * UP, shape.pose(THETA, ALPHA)[1],
-                self.end + 1.1 * shape.pendulum * self.zero_line()]  # fmt: skip
+                   self.end + 1.1 * shape.pendulum * self.zero_line()]  # fmt: skip
         points = self.on_paper(anchors)
         return points.min(axis=0), points.max(axis=0)
 
@@ -364,5 +364,5 @@ def _note(model: Model, shape: RigGeometry) -> str:
     push = model.parameter(model.drive).value if model.drive else 0.0
     if push and model.inputs:
         sentences.append(f"A positive {appearance.plain(model.inputs[0])} drives θ "
-                    f"{'positive' if push > 0 else 'negative'}.")  # fmt: skip
+                         f"{'positive' if push > 0 else 'negative'}.")  # fmt: skip
     return " ".join(sentences)

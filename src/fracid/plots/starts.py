@@ -84,8 +84,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
     note = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
     name, unit = appearance.cost_label(cost_name)
     appearance.label(axes, f"{best} of {len(starts)} starts at the lowest cost{note}",
-               "start, sorted by its final cost",
-               f"final {name} {unit}".rstrip())  # fmt: skip
+                     "start, sorted by its final cost",
+                     f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
     appearance.finish(figure, "where the starts ended")

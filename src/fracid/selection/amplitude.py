@@ -418,7 +418,7 @@ def _drifts(windows: Sequence[Window]) -> list[Drift]:
               dict.fromkeys(w.recording for w in windows)}  # fmt: skip
     groups |= {RELEASES: [w for w in windows if w.whole]}
     drifts = [_drift(order, over, group) for over, group in groups.items()
-             for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip
+              for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip
     return [d for d in drifts if d is not None]
 
 

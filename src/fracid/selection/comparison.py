@@ -270,7 +270,7 @@ def compare(
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     comparison = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
-                       base.cost_function.name, seed, starts)  # fmt: skip
+                            base.cost_function.name, seed, starts)  # fmt: skip
     tests = study.amplitude(comparison) if amplitude else {}
     integers = {n: base.model.integer_order(n) for n in base.orders}
     return replace(comparison, verdict=_verdict(comparison, integers), amplitude=tests)

@@ -180,7 +180,7 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     elif falls:
         yield Finding("wrong-zero", e.name, growth, 0.0, "1/s",
             f"it stays where this model does not: it would leave that posture e-fold in {1 / growth:.2g} s. A zero, or "
-            "the sign of a constant, may be wrong.")  # fmt: skip
+                      "the sign of a constant, may be wrong.")  # fmt: skip
 
 
 def _where_it_stays(y: FloatArray) -> float | None:
@@ -205,12 +205,12 @@ def _off_hanging(problem: Problem, e: Experiment, rest: float, falls: bool) -> I
         other = "hanging" if zero == "upright" else "upright"
         yield Finding("wrong-zero", f"{e.name}: {pendulum}", away, 90.0, "degrees from hanging",
             f'{stays}, where this model, zero = "{zero}", has the pendulum upright, and falls over. Its zero may '
-            f"be wrong: add 3.14159 to the zero in {pendulum}'s table, or type zero = \"{other}\" in "
-            "[model].")  # fmt: skip
+                      f"be wrong: add 3.14159 to the zero in {pendulum}'s table, or type zero = \"{other}\" in "
+                      "[model].")  # fmt: skip
     elif abs(off) > OFFSET + reach:
         yield Finding("wrong-zero", f"{e.name}: {pendulum}", away, math.degrees(OFFSET + reach), "degrees from hanging",
-            f'{stays}, {away:.1f}° from where this model hangs. Its zero may be wrong: type zero = "rest" in '
-            f"{pendulum}'s table, or give {name} a wider range.")  # fmt: skip
+                      f'{stays}, {away:.1f}° from where this model hangs. Its zero may be wrong: type zero = "rest" in '
+                      f"{pendulum}'s table, or give {name} a wider range.")  # fmt: skip
 
 
 # --- steps -------------------------------------------------------------------------------------------
@@ -233,7 +233,7 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
         more = problem.substeps * math.ceil(2 * STEPS_A_PERIOD / steps)
         yield Finding("coarse-steps", e.name, steps, STEPS_A_PERIOD, "steps a period",
             f"the fastest oscillation has {steps:.2g} steps a period, where {STEPS_A_PERIOD:.0f} are too few already. "
-            f"Type substeps = {more} in [fit].")  # fmt: skip
+                      f"Type substeps = {more} in [fit].")  # fmt: skip
 
 
 def _modes(
@@ -284,7 +284,7 @@ def _wrong_sign(problem: Problem, jobs: int) -> Iterator[Finding]:
         names = ", ".join(name for name, _, _ in recordings)
         yield Finding("wrong-sign", f"{names}: {either[0]}", 100 * residual, 100 * BAD, "% of the motion left over",
             f"two swings, fitted, leave {100 * residual:.0f} % of the motion over, and {100 * best:.0f} % with the "
-            f"sign "
+                      f"sign "
             f"of {' or '.join(either)} turned round: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
 
 

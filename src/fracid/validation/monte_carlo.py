@@ -279,7 +279,7 @@ class NoiseStudy:
     def sentences(self) -> tuple[str, ...]:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
         sentences = (*map(str, self.findings), *self._of_the_search(),
-                 *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
+                     *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
         biased = any("times its spread" in sentence for sentence in sentences)
         return (*sentences, f"What may make a bias: {'; '.join(self._causes())}.") if biased else sentences
 

@@ -150,11 +150,11 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
         if _moves(best):
             yield Finding(best.code, best.signal, best.half_intervals, MOVES, "half intervals",
                 f"{says}: freed, that would move {best.moves} by {best.shift:+.2g}, {best.half_intervals:.2g} times "
-                f"half its interval. {mend}")  # fmt: skip
+                          f"half its interval. {mend}")  # fmt: skip
         else:
             yield Finding(best.code, best.signal, 100 * best.share, 100 * MOST, "% of the squares left over",
-                f"{says}: that would explain {100 * best.share:.0f} % of the squares that are left over. "
-                f"{mend}")  # fmt: skip
+                          f"{says}: that would explain {100 * best.share:.0f} % of the squares that are left over. "
+                          f"{mend}")  # fmt: skip
 
 
 def _moves(m: Misreading) -> bool:

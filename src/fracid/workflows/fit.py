@@ -165,7 +165,7 @@ def run(
     folder = Path("runs") / project.path.stem if out is None else Path(out)
     name = _optimiser(optimiser, project.optimiser, starts)
     request = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
-             "starts": starts, "cut": cut, "executor": executor}  # fmt: skip
+               "starts": starts, "cut": cut, "executor": executor}  # fmt: skip
     _refuse_impossible(project, name, request)
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
@@ -180,7 +180,7 @@ def run(
     ):
         laps = {"load": time.perf_counter() - start_time}
         fit = _identified(project, opened, jobs, observer, optimiser=name, seed=seed, starts=starts, cut=cut,
-                            executor=executor or "threads")  # fmt: skip
+                          executor=executor or "threads")  # fmt: skip
         laps |= fit.timing
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
         interrupted = Outcome.INTERRUPTED.value in fit.outcome
@@ -266,7 +266,7 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
             observer.notice(note)
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
-                         journal=journal, seen=findings, **options)  # fmt: skip
+                       journal=journal, seen=findings, **options)  # fmt: skip
     return replace(fit, problem=project.problem)
 
 
