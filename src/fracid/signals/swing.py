@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.signals.noise import white_noise
 from fracid.signals.resolution import resolution
 
 __all__ = [
@@ -40,6 +41,9 @@ __all__ = [
 
 BEYOND = 0.1
 """A side is reached at this part of the largest deviation."""
+
+CLEAR = 5.0
+"""And at so many times the noise: a long tail has many samples of it."""
 
 FEWEST = 3
 """Half-swings that make a period: one whole swing lies between them."""
@@ -73,7 +77,9 @@ def half_swings(signal: FloatArray) -> NDArray[np.intp]:
     moving = signal[start:]  # without a plateau before it, which may be longer than the swing
     rest, _, at_rest = tail(moving)
     deviation = moving - (rest if at_rest else float(np.median(moving)))
-    side = np.sign(deviation) * (np.abs(deviation) > BEYOND * np.max(np.abs(deviation)))
+    largest = float(np.max(np.abs(deviation)))
+    noise = CLEAR * white_noise(moving) if moving.size > 3 else 0.0  # of few samples a swing it is the swing itself
+    side = np.sign(deviation) * (np.abs(deviation) > max(BEYOND * largest, min(noise, 0.5 * largest)))
     beyond = np.flatnonzero(side)
     return np.asarray(start + beyond[1:][np.diff(side[beyond]) != 0])
 

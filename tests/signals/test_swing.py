@@ -1,0 +1,76 @@
+"""The period of a swing: what does not belong to the swing does not change it."""
+
+import math
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fracid
+from fracid.signals.swing import FEWEST, common_period, half_swings, swing_count, swing_period, swing_start
+
+TIME = np.arange(4000) / 200  # 20 s at 200 Hz
+PERIOD = 150.0  # samples
+
+
+def swing(decay=0.1, phase=0.0):
+    return np.exp(-decay * TIME) * np.cos(2 * np.pi * TIME * 200 / PERIOD + phase)
+
+
+SPOILT = {
+    "as it is": lambda y, rng: y,
+    "from the other side": lambda y, rng: -y,
+    "in degrees": lambda y, rng: np.degrees(y),
+    "off zero": lambda y, rng: y + 30.0,
+    "with noise of a twentieth": lambda y, rng: y + 0.05 * rng.standard_normal(y.size),
+    "by an encoder of 100 counts": lambda y, rng: np.round(y * 100 / (2 * np.pi)) * 2 * np.pi / 100,
+    "with a drift of a tenth": lambda y, rng: y + 0.1 * TIME / TIME[-1],
+    "held for as long before": lambda y, rng: np.concatenate([np.full(y.size, y[0]), y]),
+    "held three times as long before": lambda y, rng: np.concatenate([np.full(3 * y.size, y[0]), y]),
+    "at rest for as long after": lambda y, rng: np.concatenate([y * np.linspace(1, 0, y.size), np.zeros(y.size)]),
+}
+
+
+@pytest.mark.parametrize("spoil", SPOILT.values(), ids=SPOILT)
+@pytest.mark.parametrize("decay", [0.0, 0.1, 0.3])
+def test_the_period_is_that_of_the_swing(spoil, decay):
+    signal = spoil(swing(decay), np.random.default_rng(1))
+    assert swing_period(signal) == pytest.approx(PERIOD, rel=0.02)
+
+
+@pytest.mark.parametrize("phase", np.linspace(0, 2 * np.pi, 7))
+def test_the_period_does_not_depend_on_where_the_record_begins(phase):
+    assert swing_period(swing(0.1, phase)) == pytest.approx(PERIOD, rel=0.02)
+
+
+def test_the_period_of_a_noisy_twin_is_the_swings_and_not_the_noises():
+    """The spectrum of its speed has its peak at 420 Hz, where the noise is."""
+    twin = fracid.load_project(str(files("fracid") / "twins" / "reference-twin.toml")).problem.experiments[0]
+    assert common_period(twin.measured) * twin.step == pytest.approx(0.62, abs=0.02)
+
+
+@pytest.mark.parametrize("still", [np.zeros(100), np.exp(-TIME), TIME, np.cos(TIME[:100])], ids=range(4))
+def test_what_does_not_swing_has_no_period(still):
+    assert swing_period(still) == math.inf
+    assert half_swings(still).size < FEWEST
+
+
+@pytest.mark.parametrize("samples", [4.3, 6.0, 9.7, 20.0])
+def test_few_samples_a_swing_are_enough(samples):
+    assert swing_period(np.cos(2 * np.pi * np.arange(200) / samples + 0.3)) == pytest.approx(samples, abs=0.5)
+
+
+def test_of_several_signals_the_one_that_swings_most_often_has_the_period():
+    assert common_period(np.column_stack([5 * np.exp(-TIME), swing()])) == pytest.approx(PERIOD, rel=0.02)
+    assert common_period(np.zeros((100, 2))) == math.inf
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(20, 400), st.floats(0, 6), st.floats(-100, 100), st.floats(1e-3, 1e3))
+def test_swings_are_counted_and_their_period_is_found_at_any_scale_and_offset(period, phase, offset, scale):
+    signal = offset + scale * np.cos(2 * np.pi * np.arange(4000) / period + phase)
+    assert swing_period(signal) == pytest.approx(period, rel=0.05)
+    assert swing_count(signal) == pytest.approx(4000 / period, abs=1.5)
+    assert swing_start(signal) <= 0.3 * period + 1
