@@ -59,7 +59,7 @@ def test_links_lead_somewhere():
 def test_executed_again_it_prints_the_same(tmp_path):
     copy = tmp_path / PAPER.name
     copy.write_bytes(PAPER.read_bytes())
-    command = [sys.executable, str(FOLDER / "tests" / "notebook.py"), str(copy)]
+    command = [sys.executable, str(FOLDER / "tests" / "docs" / "notebook.py"), str(copy)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     again = nbformat.read(copy, as_version=4)

@@ -8,6 +8,7 @@ import pytest
 import fracid
 from fracid.errors import Failure, FailureReason
 from fracid.problem import Experiment, Free, Problem
+from fracid.tasks import simulation_cache
 from fracid.tasks.simulation_cache import Memo
 
 KEY, OTHER = b"k" * 16, b"o" * 16
@@ -54,6 +55,16 @@ def test_a_record_torn_at_any_byte_is_computed_again_and_no_other(tmp_path):
             memo.get(OTHER, lambda: ARRAYS["one row"])
             assert memo.computed == 1
         assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("content", [b"\xf2\xff no text", b"NO_SUCH_REASON diverged", b""])
+def test_a_reason_that_fracid_does_not_write_is_computed_again(tmp_path, content):
+    with Memo(tmp_path / "memo") as memo:
+        checked = simulation_cache._sum(KEY, b"T", 1, len(content), content)
+        memo._append(simulation_cache.RECORD.pack(KEY, b"T", 1, len(content), checked), content)
+    with Memo(tmp_path / "memo") as memo:
+        assert memo.get(KEY, lambda: DIVERGED) == DIVERGED
+        assert memo.computed == 1
 
 
 def test_a_bit_that_turned_on_the_disk_is_computed_again(tmp_path):

@@ -145,8 +145,9 @@ class Memo:
         if _sum(key, kind, rows, columns, content) != checked:
             return None  # a bit has turned on the disk: it is simulated again
         if kind == b"T":
-            reason, _, detail = content.decode().partition(" ")
-            return Failure(FailureReason[reason], detail)
+            reason, _, detail = content.decode(errors="replace").partition(" ")
+            cause = FailureReason.__members__.get(reason)
+            return None if cause is None else Failure(cause, detail)  # another's file: it is simulated again
         return np.frombuffer(bytearray(content)).reshape((rows, columns), order="C" if kind == b"C" else "F")
 
 
