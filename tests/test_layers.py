@@ -1,6 +1,7 @@
 """The architecture holds: packages import downwards only, no file is in a circle, names are nouns of their own."""
 
 import ast
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -169,3 +170,18 @@ def test_what_was_in_a_former_module_is_found_with_a_warning():
 def test_a_misspelt_public_name_is_told_with_those_there_are():
     with pytest.raises(AttributeError, match=r"no attribute 'solve_ode'; it has .*solve_fde"):
         _ = fracid.solve_ode
+
+
+def test_no_page_example_or_benchmark_uses_a_former_module():
+    root = Path(__file__).parents[1]
+    pages = (
+        *root.glob("*.md"),
+        *(p for part in ("docs", "examples", "benchmarks") for p in (root / part).rglob("*.*")),
+    )
+    texts = {
+        p: p.read_text("utf-8") for p in pages if p.suffix in (".md", ".py", ".ipynb") and p.name != "CHANGELOG.md"
+    }
+    names = "|".join(map(re.escape, FORMER))
+    former = re.compile(rf"(?:from|import) (?:{names})\b(?!\.)")
+    assert texts
+    assert {str(p): m[0] for p, text in texts.items() for m in former.finditer(text)} == {}
