@@ -210,9 +210,9 @@ def _changed(path: Path, choose: random.Random, change: Callable[[Any], str]) ->
     """Change what a JSON file says, or a line of a log; bits of any other file."""
     if path.suffix == ".toml":
         return _bits(path, choose)
-    lines = path.read_text().splitlines() if path.suffix == ".jsonl" else [path.read_text()]
-    at = choose.randrange(len(lines))
     try:
+        lines = path.read_text().splitlines() if path.suffix == ".jsonl" else [path.read_text()]
+        at = choose.randrange(len(lines))
         said = json.loads(lines[at])
     except (ValueError, RecursionError):
         return "spoilt already"
