@@ -117,7 +117,7 @@ def test_the_whole_site_is_looked_through_for_what_it_would_fetch(part, tmp_path
     ("target", "home"),
     [
         ("fracid.tasks.tasks.run_tasks", "fracid.run_tasks"),
-        ("fracid.estimation.horizons.growing", "fracid.estimation.search"),
+        ("fracid.estimation.horizons.growing", "fracid.estimation.horizons"),
         ("fracid.no_such_thing", None),
     ],
 )
