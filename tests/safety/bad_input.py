@@ -489,6 +489,8 @@ RECORDINGS = [*_grouped(TEXTS, "Text"), *_grouped(SAMPLES, "Samples"), *_grouped
 
 ONE = '[[recording]]\nfile = "swing.csv"\ntime = { column = "t" }\nalpha = { column = "alpha" }\n'
 
+FREE = ONE.replace("{", "{{").replace("}", "}}") + "[model.orders]\nmu = {{ {} }}"
+
 
 def toml(words: str) -> Callable[[], bytes]:
     return lambda: words.encode()
@@ -530,6 +532,29 @@ PROJECTS = [
             "mu: start = 2, lower = 0.8, upper = 1.2: expected lower <= start <= upper and lower < upper."),
     project("a value outside of physics", ONE + "[model.parameters]\nC1 = -1.0", "is outside its physical bounds"),
     project("orders tied in a circle", ONE + '[model.orders]\nlambda = "mu"\nmu = "lambda"', "goes in a circle"),
+    project("a range of two neighbouring numbers", FREE.format("start = 1.0, lower = 1.0, upper = 1.0000000000000002"),
+            "mu: lower = 1.0, upper = 1.0000000000000002: the range is too narrow to search in; widen it, or fix the value "
+            "by the number alone, 1.0."),
+    project("a range beyond all numbers", ONE + "[model.parameters]\nb_alpha = { start = 0.0, lower = -1e308, upper = 1e308 }",
+            "b_alpha: lower = -1e+308 is beyond what can be computed with; expected -1e+100 … 1e+100."),
+    project("a scale of next to nothing", FREE.format("start = 1.0, lower = 0.8, upper = 1.2, scale = 1e-320"),
+            "mu: scale = 9.99989e-321 is beyond what can be computed with; expected 1.2e-12 … 1e+100."),
+    project("a prior as narrow as that",
+            FREE.format("start = 1.0, lower = 0.8, upper = 1.2, prior = { mean = 1.0, sd = 1e-320 }"),
+            "mu: the prior's sd = 9.99989e-321 is beyond what can be computed with; expected 1e-12 … 1e+100."),
+    project("a channel's scale beyond all numbers", ONE.replace('"alpha" }', '"alpha", scale = 1e308 }'),
+            "scale = 1e+308 is beyond what can be computed with; expected 1e-100 … 1e+100."),
+    *(project(f"an angle in {unit}", ONE.replace('"alpha" }', f'"alpha", unit = "{unit}" }}'),
+              f"swing: alpha is an angle of this model, and its unit is {unit}; expected unit = one of 'rad' 'deg'")
+      for unit in ("V", "N m", "rad/s")),
+    project("a torque in volts", "[model]\nactuation = 'torque'\n" + ONE + 'torque = { column = "theta", unit = "V" }',
+            "swing: torque is a quantity in N m of this model, and its unit is V; expected unit = one of 'N m'."),
+    project("more starts than can be made", ONE + "[fit]\nstarts = 1000000000000",
+            "[fit] starts = 1000000000000; expected 100000 at most."),
+    project("no outputs", ONE + "[fit]\noutputs = []", "outputs is empty: score at least one of theta, alpha."),
+    project("an output twice", ONE + '[fit]\noutputs = ["alpha", "alpha"]', "outputs names 'alpha' twice"),
+    project("a parameter of its own twice", ONE + '[fit]\nper_recording = ["alpha_rest", "alpha_rest"]',
+            "per_recording names 'alpha_rest' twice; name it once."),
     project("an output that no recording has", ONE + '[fit]\noutputs = ["theta"]',
             "swing has no signal 'theta'; it has alpha. Type theta = "),
     project("a column that is not there", ONE.replace('"alpha" }', '"alfa" }'),
@@ -542,6 +567,8 @@ PROJECTS = [
     project("the recording that was fitted as validation", both('use = "fit"', 'use = "validate"'),
             "one and two are the same samples of swing.csv from 0 to 3.99 s", 0),
     project("two recordings of one name", ONE + ONE, "two recordings are named 'swing'; give each its own name."),
+    project("three thousand copies of one recording", ONE * 3000,
+            "3,000 recordings are named 'swing'; give each its own name."),
     project("nothing to fit", ONE + 'use = "validate"', 'no [[recording]] has use = "fit"; at least one must be fitted.'),
     project("a finer grid than there is memory", ONE + "resample = 1e-9", "swing: a step of 1e-09 s makes 3.99e+09 samples"),
     project("a recording that is not there", ONE.replace("swing", "swong"), "swong.csv"),

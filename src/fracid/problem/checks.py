@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from typing import get_args
 
 import numpy as np
@@ -64,10 +65,13 @@ def refuse_twins(experiments: Sequence[Experiment]) -> None:
     --------
     >>> refuse_twins([])
     """
-    names = [e.name for e in experiments]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+    if name := _twice([e.name for e in experiments]):
+        raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+
+
+def _twice(names: Iterable[str]) -> str:
+    """The first name that comes twice; "" for none."""
+    return next((name for name, count in Counter(names).items() if count > 1), "")
 
 
 def check_choice(what: str, name: str, choices: Collection[str]) -> None:
@@ -107,6 +111,8 @@ def _check_bounds(p: Parametrisation) -> None:
                 f"{name} is free in {free.lower:g} … {free.upper:g} {constant.unit}, but means something only in "
                 f"{constant.lower:g} … {constant.upper:g}: bring {whose} lower and upper into that."
             )
+    if name := _twice(p.per_recording):
+        raise InputError(f"per_recording names {name!r} twice; name it once.")
     for name in p.per_recording:
         if name in p.ties:
             raise InputError(f"per_recording names {name!r}, which is tied: name {p.ties[name]!r} instead.")
@@ -122,6 +128,8 @@ def _check_outputs(p: Parametrisation) -> None:
         raise InputError(f"outputs is empty: score at least one of {', '.join(p.model.outputs)}.")
     for name in p.outputs:
         check_choice("output", name, p.model.outputs)
+    if name := _twice(p.outputs):
+        raise InputError(f'outputs names {name!r} twice; to weigh outputs by their noise type weights = "noise".')
 
 
 def _check_experiments(p: Parametrisation) -> None:

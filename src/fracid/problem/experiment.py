@@ -14,6 +14,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
+from fracid.recording.channel import UNITS
 
 __all__ = ["Experiment"]
 
@@ -65,7 +66,8 @@ class Experiment:
         Raises
         ------
         InputError
-            If an output is not among its signals, it is not on a uniform grid, or a state is unknown.
+            If an output is not among its signals, a signal has a unit that the model's has not, it is not on a uniform
+            grid, or a state is unknown.
 
         Examples
         --------
@@ -74,12 +76,15 @@ class Experiment:
         >>> Experiment.of(twin, fracid.rotary_pendulum(), ["alpha"]).measured.shape
         (3, 1)
         """
+        if not outputs:
+            raise InputError(f"outputs is empty: score at least one of {', '.join(model.outputs)}.")
         for name in outputs:
             if name not in recording.signals:
                 raise InputError(
                     f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
                     f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
                 )
+        _refuse_other_dimensions(recording, model)
         if recording.step is None:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         for name in initial or {}:
@@ -135,6 +140,20 @@ class Experiment:
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def _refuse_other_dimensions(recording: Recording, model: Model) -> None:
+    """An angle is in radians, or a pure number; an input in the model's unit, or in none, which reads as radians."""
+    units = {n: ("rad", "1") for n in model.angles} | {n: (u, "rad", "1") for n, u in model.input_units.items()}
+    for name, possible in units.items():
+        unit = recording.units.get(name, possible[0])
+        if unit not in possible:
+            what = "an angle" if name in model.angles else f"a quantity in {possible[0]}"
+            right = " ".join(repr(u) for u, (_, si) in UNITS.items() if si == possible[0])
+            raise InputError(
+                f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
+                f"{right}. Is it another column?"
+            )
 
 
 def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tuple[FloatArray, FloatArray]:

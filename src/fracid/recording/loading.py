@@ -123,7 +123,7 @@ def inspect_recording(
     signals, units, holds = {}, {}, set()
     for signal, channel in channels.items():
         channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
-        raw, beyond = measurable(table.values[:, table.find(channel.column)])
+        raw, beyond = measurable(table.values[:, table.find(channel.column)], channel.scale)
         reading += [f"{signal}: {beyond}"] if beyond else []
         if channel.fill == "hold":
             raw, filled = hold_blanks(raw, signal, channel)

@@ -19,8 +19,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError
-from fracid.optimise import Evaluation, EvaluationLog, Outcome, optimiser_from_name
+from fracid.errors import InputError, at_least
+from fracid.optimise import MOST_STARTS, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
     EVALUATIONS,
@@ -222,6 +222,7 @@ def _refuse_impossible(project: Project, optimiser: str, request: Mapping[str, A
     """Before an earlier run is cleared from the folder."""
     optimiser_from_name(optimiser)
     executor_from_name(request["executor"] or "threads")
+    at_least("--multi-start", request["starts"] or 1, 1, MOST_STARTS)
     if request["executor"] and (request["starts"] or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
     if request["seed"] is not None and request["seed"] >= LARGEST_SEED:
