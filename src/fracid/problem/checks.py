@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from fracid.errors import InputError, unknown_name
+from fracid.errors import SMALLEST, InputError, refuse_beyond, unknown_name
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
@@ -19,6 +19,9 @@ from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
 from fracid.solver.methods import METHODS
 
 __all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
+
+MOST_STEPS = 10**8
+"""Of a run: gigabytes, and a minute."""
 
 
 def check_parametrisation(p: Parametrisation) -> None:
@@ -37,6 +40,12 @@ def check_simulator(simulator: Simulator) -> None:
     check_choice("method", simulator.method, METHODS)
     if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
         raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
+    for e in simulator.parametrisation.experiments:
+        if simulator.steps(e) > MOST_STEPS:
+            raise InputError(
+                f"{e.name}: {len(e.measured)} samples with substeps = {simulator.substeps} make "
+                f"{simulator.steps(e):.3g} steps a run; expected {MOST_STEPS:.0e} at most. Give fewer substeps."
+            )
 
 
 def check_criterion(criterion: Criterion) -> None:
@@ -150,6 +159,9 @@ def _check_experiments(p: Parametrisation) -> None:
                 f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
                 'left out, or validates: use = "validate".'
             )
+        refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
+        for name, value in e.initial.items():
+            refuse_beyond(f"{e.name}: initial {name}", value)
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
 

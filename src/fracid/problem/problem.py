@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from typing import Any
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
@@ -92,6 +93,11 @@ class Problem:
         check_parametrisation(self.parametrisation)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle: the fields; what was simulated before, and what is computed once, stay behind."""
+        parts = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(Problem, **parts | {"memo": None}), ()
 
     # --- the three parts ---------------------------------------------------------------------------
 

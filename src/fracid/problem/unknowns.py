@@ -24,7 +24,7 @@ NARROWEST = 1e-9
 """A range is at least this part of its bounds: derivatives are differences of values within it."""
 
 FINEST = 1e-12
-"""A typical size and a standard deviation are at least this part of the values: a step of that size must change them."""
+"""A typical size and a standard deviation are at least this part of the value: a step of that size must change it."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Free:
         largest = max(map(abs, finite.values()))
         if self.upper - self.lower < max(NARROWEST * largest, SMALLEST):
             raise InputError(
-                f"lower = {self.lower!r}, upper = {self.upper!r}: the range is too narrow to search in; widen it, or fix "
-                f"the value by the number alone, {self.start!r}."
+                f"lower = {self.lower!r}, upper = {self.upper!r}: the range is too narrow to search in; widen it, or "
+                f"fix the value by the number alone, {self.start!r}."
             )
         if self.scale is not None:
             if not 0 < self.scale < math.inf:
