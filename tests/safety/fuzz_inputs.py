@@ -533,7 +533,7 @@ def _search(rng: random.Random) -> bytes:
     ):
         lines += maybe(1.0 if release and key == "initial_state" else 0.25, f'{key} = "{rng.choice(choices)}"')
     lines += maybe(0.2, f"tolerance = {number('1e-8', '1e-3')}")
-    lines += maybe(0.2, f"substeps = {rng.choice(('2', '3', '3', '10000000'))}")
+    lines += maybe(0.2, f"substeps = {rng.choice(('2', '3', '3', '1000000000000'))}")
     lines += maybe(0.2, f"starts = {whole('2', '3')}") + maybe(0.2, f"seed = {whole('5')}")
     own, outputs = (
         ('["alpha_rest"]', '["theta_rest", "alpha_rest"]', '["C4"]'),

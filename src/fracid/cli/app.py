@@ -128,14 +128,15 @@ def _last_resort(error: Exception) -> str:
     import platform
     from traceback import extract_tb
 
-    ours = [f for f in extract_tb(error.__traceback__) if "fracid" in Path(f.filename).parts] or [None]
-    places = ", ".join(f"{Path(f.filename).name}:{f.lineno}" for f in ours[-PLACES:] if f is not None)
+    ours = [f for f in extract_tb(error.__traceback__) if "fracid" in Path(f.filename).parts]
+    places = ", ".join(f"{Path(f.filename).name}:{f.lineno}" for f in ours[-PLACES:])
     what = " ".join(str(error).split())
     what = what if len(what) <= 300 else f"{what[:300]} …"
+    machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
     return printable(
-        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, Python "
-        f"{platform.python_version()}, {platform.system()} {platform.machine()}). Please send the maintainers this line, "
-        f"what you typed and, if you may, the files it reads. {TRACEBACK}=1 before the command shows the whole traceback."
+        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, {machine}). "
+        "Please send the maintainers this line, what you typed and, if you may, the files it reads. "
+        f"{TRACEBACK}=1 before the command shows the whole traceback."
     )
 
 

@@ -37,6 +37,9 @@ __all__ = ["OPTIMISER", "least_squares", "sizes"]
 DIFFERENCE = 1e-6
 """Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
 
+LEAST = -100
+"""Of a unit for the rows, the power of two."""
+
 
 def least_squares(
     space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-8, budget: int = 100
@@ -123,8 +126,8 @@ def least_squares(
 
 
 def _power_of_two(size: float) -> float:
-    """Not above the size, and less than a factor 2 below it; 1 of zero."""
-    return math.ldexp(1.0, math.frexp(size)[1] - 1) if size > 0 else 1.0
+    """Not above the size, and less than a factor 2 below it; a start that fits to 10⁻³⁰ is no unit for what follows."""
+    return math.ldexp(1.0, max(math.frexp(size)[1] - 1, LEAST)) if size > 0 else 1.0
 
 
 def _rows(base: FloatArray, x: FloatArray, batch: list[Evaluation], unit: float) -> Iterator[FloatArray]:
