@@ -17,6 +17,7 @@ for that gives a :class:`Failure` in its place.
 from __future__ import annotations
 
 import difflib
+import errno
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
@@ -36,6 +37,7 @@ __all__ = [
     "is_number",
     "refuse_beyond",
     "unknown_name",
+    "unwritable",
 ]
 
 
@@ -177,3 +179,20 @@ def refuse_beyond(name: str, value: float, least: float = 0.0) -> None:
     low = max(least, SMALLEST) if least else -LARGEST
     if not low <= value <= LARGEST:
         raise InputError(f"{name} = {value:g} is beyond what can be computed with; expected {low:g} … {LARGEST:g}.")
+
+
+def unwritable(what: str, error: OSError, remedy: str) -> FracidError:
+    """Return the error for what cannot be written: where the disk is full no other place on it is better.
+
+    Examples
+    --------
+    >>> print(unwritable("The folder runs/rig", OSError(errno.ENOSPC, "No space left on device"), "Give another."))
+    The folder runs/rig cannot be written: the disk is full. Make room, then type the same again; what was done is kept.
+    >>> print(unwritable("The folder /etc/rig", OSError(errno.EACCES, "Permission denied"), "Give another: --out DIR."))
+    The folder /etc/rig cannot be written: Permission denied. Give another: --out DIR.
+    """
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return Unfinished(
+            f"{what} cannot be written: the disk is full. Make room, then type the same again; what was done is kept."
+        )
+    return InputError(f"{what} cannot be written: {error.strerror or error}. {remedy}")

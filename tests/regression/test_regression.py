@@ -380,7 +380,7 @@ def test_a_motion_that_shows_none_of_the_free_constants_is_no_start_of_a_search(
     t = np.arange(120) / 50
     measured = np.column_stack([0.1 * np.sin(5 * t), 0.0025 * np.exp(-0.1 * t) * np.cos(5 * t)])
     orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
-    problem = Problem(rig, (Experiment("arm", 0.02, measured, np.zeros((1, 1))),), orders, {"C4": Free(1e-3, 1e-5, 2e-3)},
-                      initial_state="rest")  # fmt: skip
+    arm = Experiment("arm", 0.02, measured, np.zeros((1, 1)))
+    problem = Problem(rig, (arm,), orders, {"C4": Free(1e-3, 1e-5, 2e-3)}, initial_state="rest")
     with pytest.raises(InputError, match="The motion shows none of the constants that are free"):
         start_values(problem)

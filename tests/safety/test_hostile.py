@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
+from fracid.errors import InputError, Unfinished
 from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
@@ -190,9 +190,9 @@ def drawn_so(monkeypatch, draw):
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
-        (InputError("run/figures cannot be written: No space left on device."), 2, "No space left on device."),
-        (OSError(28, "No space left on device"), 2, "No space left on device"),
-        (MemoryError(), 2, "There is not enough memory for the figures."),
+        (Unfinished("run/figures cannot be written: the disk is full."), 1, "the disk is full."),
+        (OSError(28, "No space left on device"), 1, "No space left on device"),
+        (MemoryError(), 1, "There is not enough memory for the figures."),
         (KeyboardInterrupt(), 1, "Interrupted while the figures were drawn."),
     ],
     ids=lambda v: type(v).__name__ if isinstance(v, BaseException) else "",

@@ -134,8 +134,8 @@ def _last_resort(error: Exception) -> str:
     what = what if len(what) <= 300 else f"{what[:300]} …"
     machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
     return printable(
-        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, {machine}). "
-        "Please send the maintainers this line, what you typed and, if you may, the files it reads. "
+        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, "
+        f"{machine}). Please send the maintainers this line, what you typed and, if you may, the files it reads. "
         f"{TRACEBACK}=1 before the command shows the whole traceback."
     )
 

@@ -83,6 +83,11 @@ class Free:
             if not 0 < self.scale < math.inf:
                 raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
             refuse_beyond("scale", self.scale, FINEST * largest)
+            if self.upper - self.lower < NARROWEST * self.scale:
+                raise InputError(
+                    f"scale = {self.scale:g} is far beyond the range from {self.lower:g} to {self.upper:g}; expected a "
+                    "size within it."
+                )
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
             raise InputError(
                 f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "

@@ -19,7 +19,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError, Unfinished, at_least
 from fracid.optimise import MOST_STARTS, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
@@ -196,7 +196,7 @@ def run(
                 opened.finish()
         except KeyboardInterrupt:
             interrupted, undrawn = True, "Interrupted while the figures were drawn."
-        except (InputError, OSError, MemoryError) as error:
+        except (InputError, Unfinished, OSError, MemoryError) as error:
             undrawn = str(error) or "There is not enough memory for the figures."
     seconds = laps.get("total", time.perf_counter() - start_time)
     return FinishedRun(project, fit, folder, pictures, result, interrupted, seconds, undrawn, resume)
