@@ -70,7 +70,7 @@ def test_a_disk_that_takes_nothing_is_told(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("fracid.runs.folder.write_text", full)
-    with pytest.raises(Unfinished, match="cannot be written: the disk is full. Make room"):
+    with pytest.raises(Unfinished, match=r"cannot be written: the disk is full\. Make room"):
         open_folder(tmp_path / "run")
 
 

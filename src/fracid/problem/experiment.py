@@ -15,6 +15,7 @@ from fracid.models import Model
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
+from fracid.solver.trajectory import refuse_masked
 
 __all__ = ["Experiment"]
 
@@ -46,6 +47,14 @@ class Experiment:
     """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
+
+    def __post_init__(self) -> None:
+        """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
+        for name in ("measured", "inputs", "past", "past_inputs"):
+            values = getattr(self, name)
+            if values is not None:
+                refuse_masked(f"{self.name}: {name}", values)
+                object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
 
     @classmethod
     def of(
@@ -140,6 +149,15 @@ class Experiment:
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    try:
+        if np.asarray(values).dtype.kind not in "fiub":
+            raise TypeError
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers: of angles radians, shape (n_samples, n).") from None
 
 
 def _refuse_other_dimensions(recording: Recording, model: Model) -> None:

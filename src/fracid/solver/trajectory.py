@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,13 +103,31 @@ def _between(run: Trajectory, times: FloatArray) -> FloatArray:
     return values
 
 
+def refuse_masked(name: str, values: Any) -> None:
+    """Refuse an array of which some values are masked: NumPy forgets masks without a word.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_masked("inputs", np.ma.masked_greater([1.0, 1e9], 10.0))
+    Traceback (most recent call last):
+    fracid.errors.InputError: inputs: 1 of 2 values are masked, and what is behind a mask is no number to count on. ...
+    """
+    if np.ma.is_masked(values):
+        masked = np.ma.getmaskarray(values)
+        raise InputError(
+            f"{name}: {int(masked.sum())} of {masked.size} values are masked, and what is behind a mask is no number "
+            "to count on. Cut them off, or fill them."
+        )
+
+
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
     text = reprlib.repr(values)
-    if np.ma.is_masked(values):
-        raise InputError(
-            f"{name} = {text}: some values are masked, and what is behind a mask is no number to count on."
-        )
+    refuse_masked(name, values)
     try:
         array = np.array(values, ndmin=1)
         if np.iscomplexobj(array):
