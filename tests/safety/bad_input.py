@@ -634,7 +634,9 @@ What is wrong with a file, what fracid says of it, and the exit code. Each row i
 written from those tests: `python tests/safety/bad_input.py --write`.
 
 Exit codes: **0** the file is used, and the sentence is a note on it; **2** the caller's mistake; **3** a recording that
-is damaged or unfit. Never a traceback. `…` stands for words left out.
+is damaged or unfit; **1** work was cut short: a full disk, too little memory, Ctrl-C. Never a traceback: what nobody has
+foreseen ends with **4** and one line that says what to send us; `FRACID_TRACEBACK=1` before the command shows all of it.
+`…` stands for words left out.
 
 Three rules are behind the rows.
 
@@ -662,7 +664,8 @@ A file that changes while it is read is refused: `log.csv changed while it was r
 
 `make fuzz` makes hostile files of good ones — bits flipped, lengths made 4 GiB, ends cut off, parts of other
 files spliced in, also inside of what is packed — and reads them. Each must end as a recording or as one line that can
-be printed, within 5 s of processor time and 1 GiB of memory. A reader that dies takes only its own process with it, and is
+be printed, within 5 s of processor time and 1 GiB of memory. `search` writes whole projects with numbers at the edge of what can
+be computed with, and goes on to the checks and the first steps of the search; one in forty is fitted to the end. A reader that dies takes only its own process with it, and is
 counted. Inputs are made from their numbers, so that each is found again:
 
 ```
