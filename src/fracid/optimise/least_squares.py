@@ -28,7 +28,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import SMALLEST, InputError, at_least
 from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
 from fracid.qr import BLOCK, triangle
 
@@ -102,7 +102,7 @@ def least_squares(
             if not np.array_equal(x_good, x):
                 residuals(x)
             R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x))), unit))
-            if not np.any(R[:, 1:]):
+            if not np.any(np.abs(R[:, 1:]) > SMALLEST):
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])
 

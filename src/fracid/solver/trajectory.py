@@ -96,7 +96,7 @@ def _between(run: Trajectory, times: FloatArray) -> FloatArray:
     values: FloatArray = np.einsum("tk,tki->ti", weights, run.states[first[:, None] + np.arange(nodes)])
     for j in np.unique(first[first < 8]):  # where a solution begins like t^q: through 1, t, t^q, t^(1+q)
         here, near = first == j, run.time[j : j + nodes] - run.origin
-        for i in np.flatnonzero(abs(run.orders - 1) > 0.05):
+        for i in np.flatnonzero((abs(run.orders - 1) > 0.05) & (run.orders > 1e-12)):
             powers = np.array([0, 1, run.orders[i], 1 + run.orders[i]])[:nodes]
             basis, at = (np.maximum(t / near[-1], 0)[:, None] ** powers for t in (near, times[here] - run.origin))
             values[here, i] = at @ np.linalg.solve(basis, run.states[j : j + nodes, i])
