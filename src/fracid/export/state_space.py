@@ -460,7 +460,8 @@ class IntegerModel:
         p = _moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
-        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p))
+        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p),
+                            self.model.relaxing_states)  # fmt: skip
         run = integrate(equation, InitialCondition(linear.about), h, points, Options("pi2", compressed(), limit=LIMIT))
         response = np.full((points + 1, len(linear.rows)), np.nan)
         response[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small

@@ -56,6 +56,7 @@ from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.geometry import RigGeometry
+from fracid.models.joints import Complement
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,6 +103,10 @@ class Parameter:
     """Letter and index, as equations write it; None for the name."""
     friction: Friction | None = None
     """What it is if it is friction; None where its name is to say (:data:`fracid.models.friction.BY_NAME`)."""
+    needs: tuple[str, ...] = ()
+    """Parameters without one of which, not zero, it does nothing."""
+    switch: str = ""
+    """It acts only in recordings that say of this that it is on; "" for always."""
 
     def __post_init__(self) -> None:
         """Refuse what is no number or lies outside the bounds."""
@@ -195,8 +200,9 @@ class Model:
     """Plain Python in Numba's language; see the module's docstring."""
     states: tuple[str, ...]
     """Names of the states x, shape (n_states,)."""
-    orders: tuple[str | float, ...]
-    """For each state the name of its order, or the order itself where it is known, shape (n_states,)."""
+    orders: tuple[str | float | Complement, ...]
+    """For each state the name of its order, the order itself where it is known, or of a springpot the parameter that
+    it follows, shape (n_states,)."""
     outputs: Mapping[str, int]
     """Measured signals: name to index of the state."""
     inputs: tuple[str, ...]
@@ -226,6 +232,12 @@ class Model:
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
+    relaxing: Mapping[str, str] = field(default_factory=dict)
+    """Of each :func:`fracid.models.joints.presliding` element its state, and the parameter that is its δ."""
+    follows: Mapping[str, str] = field(default_factory=dict)
+    """State → the state with whose value it begins where nobody says: an arm stands where its hub does."""
+    grown: Callable[[Model, frozenset[str]], Model] | None = None
+    """(model, parameters that are not zero) → the model with the states that they need; None where it has them all."""
 
     def __post_init__(self) -> None:
         """Check that the fields fit together, so that no later layer has to."""
@@ -296,7 +308,7 @@ class Model:
                 f"The right-hand side of {self.name} fails: {type(error).__name__}: {error}. x and out have {n} "
                 f"entries, u has {len(self.inputs)}, p has {len(self.parameters)}."
             ) from error
-        return {i: j for i in range(n) for j in range(n) if out[i] == x[j]}
+        return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and self.orders[i] == self.orders[j]}
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.
@@ -355,9 +367,50 @@ class Model:
         InputError
             As :meth:`parameter_vector`.
         """
-        return replace(self, parameters=self._overridden(values))
+        return replace(self, parameters=self._overridden(values)).equipped()
 
-    def state_orders(self, orders: Mapping[str, float]) -> FloatArray:
+    def equipped(self, free: Iterable[str] = ()) -> Model:
+        """Return the same model with the states that its elements need: what is zero and not `free` costs nothing.
+
+        Parameters
+        ----------
+        free
+            Names of parameters that may become other than zero.
+
+        Raises
+        ------
+        InputError
+            If a parameter is there without the one that it acts with.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().equipped(["presliding_theta"]).states[4:]
+        ('z_theta',)
+        """
+        on = frozenset(free) | {p.name for p in self.parameters if p.value != 0.0}
+        for p in self.parameters:
+            if p.needs and p.name in on and on.isdisjoint(p.needs):
+                what = "free" if p.name in free else f"{p.value:g} {p.unit}"
+                unit = self.parameter(p.needs[0]).unit
+                raise InputError(
+                    f"{p.name} is {what}, but acts only with {' or '.join(p.needs)}, which is 0: give {p.needs[0]} a "
+                    f"value [{unit}], or leave {p.name} out."
+                )
+        return self if self.grown is None else self.grown(self, on)
+
+    @property
+    def relaxing_states(self) -> tuple[int, ...]:
+        """Which states are those of presliding elements."""
+        return tuple(self.states.index(name) for name in self.relaxing)
+
+    @cached_property
+    def complements(self) -> tuple[tuple[int, int], ...]:
+        """(state, parameter) of each springpot: the state's order is 1 minus the parameter."""
+        names = self.parameter_names
+        return tuple((i, names.index(q.parameter)) for i, q in enumerate(self.orders) if isinstance(q, Complement))
+
+    def state_orders(self, orders: Mapping[str, float], parameters: FloatArray | None = None) -> FloatArray:
         """Return the order of each state.
 
         Parameters
@@ -365,6 +418,8 @@ class Model:
         orders
             A value for each of :attr:`order_names`.  A trailing underscore is dropped, so that
             ``dict(lambda_=0.86, mu=0.91)`` can be written in Python.
+        parameters
+            The vector p, shape (n_parameters,), which springpots take their order from; the model's own if None.
 
         Returns
         -------
@@ -382,7 +437,12 @@ class Model:
         if missing:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
-        return np.array([values[q] if isinstance(q, str) else q for q in self.orders], dtype=np.float64)
+        p = self.parameter_vector() if parameters is None else parameters
+        known = {q: 0.0 for q in self.orders if isinstance(q, Complement)} | values
+        q = np.array([known[q] if isinstance(q, str | Complement) else q for q in self.orders], dtype=np.float64)
+        for state, parameter in self.complements:
+            q[state] = 1.0 - p[parameter]
+        return q
 
     def state_vector(self, states: Mapping[str, float]) -> FloatArray:
         """Return the states x from values by name; those left out are zero.
@@ -409,13 +469,24 @@ class Model:
         """
         x = np.zeros(len(self.states))
         index = {**self.outputs, **{name: i for i, name in enumerate(self.states)}}
-        for name, value in states.items():
+        for name, value in self.with_followers(states).items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
             if not is_number(value) or not math.isfinite(value):
                 raise InputError(f"initial state {name} = {value!r}: expected a finite number")
             x[index[name]] = value
         return x
+
+    def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
+        """States by name, with those that begin where another does.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum(arm_stiffness=9.0).with_followers({"theta": 0.2})
+        {'arm': 0.2, 'theta': 0.2}
+        """
+        return {name: states[other] for name, other in self.follows.items() if other in states} | dict(states)
 
     def geometry(self) -> RigGeometry:
         """The shape that its constants determine, and what stands for what they do not.
@@ -492,9 +563,16 @@ def _check_shapes(model: Model) -> None:
             " expected at least one state, and one order name for each"
         )
     for order in model.orders:
-        if not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
+        if isinstance(order, Complement):
+            model.parameter(order.parameter)
+        elif not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
                 f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
+            )
+    for state in model.relaxing:
+        if state not in model.states or model.orders[model.states.index(state)] != 1.0:
+            raise InputError(
+                f"model {model.name}: relaxing names {state!r}; expected a state of order 1.0, a presliding element's"
             )
     for output, index in model.outputs.items():
         if not isinstance(index, int) or not 0 <= index < len(model.states):

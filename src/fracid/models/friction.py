@@ -8,9 +8,13 @@ element is its row in the parameters of its model, and its torque in the right-h
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
-__all__ = ["BY_NAME", "COULOMB", "DRAG", "RUNGS", "SPRING", "VISCOUS", "Friction"]
+__all__ = [
+    "BACK_EMF", "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
+    "VISCOUS", "Friction",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,13 @@ class Friction:
     """Parameters that mean nothing without it, and that each recording has for itself."""
     joint: str = ""
     """The output that measures its joint; "" where nobody says."""
+    most: float = math.inf
+    """A search looks for it up to here [the parameter's unit]; up to the reach of the torques where it is infinite."""
+    entries: tuple[float, ...] = ()
+    """Where a search that climbs to it puts it first, one after the other [the parameter's unit, or of `part_of`]; a
+    little off nothing where there are none."""
+    part_of: str = ""
+    """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
     @property
     def dry(self) -> bool:
@@ -57,9 +68,21 @@ VISCOUS = Friction("viscous", power=1)
 
 COULOMB = Friction("Coulomb", power=0, begins=2e-3)
 
+PRESLIDING = Friction("presliding", most=0.5, entries=(2e-3, 2e-2, 0.1))
+
+LUGRE = Friction("LuGre", begins=2e-3)
+
 DRAG = Friction("drag", power=2)
 
 SPRING = Friction("cable", rests=("theta_rest",))
+
+PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2))
+
+SPRINGPOT = Friction("springpot")
+
+ELASTIC = Friction("elastic arm")
+
+BACK_EMF = Friction("back-EMF")
 
 BY_NAME = {"b_": VISCOUS, "coulomb_": COULOMB, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING}
 """How a parameter's name begins → what it is, where the model does not say."""

@@ -43,6 +43,8 @@ class Experiment:
     """Outputs before the first sample, from rest on, up to one step before it [rad], shape (n_past, n_outputs)."""
     past_inputs: FloatArray | None = None
     """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
+    off: tuple[str, ...] = ()
+    """Switches that are off, such as ``amplifier``: the parameters that go by them do not act."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
 

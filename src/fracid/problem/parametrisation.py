@@ -11,12 +11,13 @@ unknowns x, in this order, are
 ``initial_state`` is one of
 
 =============  ====================================================================================
-``estimate``   the scored outputs and their rates are free: the start may be in motion
+``estimate``   the scored outputs, their rates and what a joint has given are free: the start may be in motion
 ``rest``       the scored outputs are free, their rates are 0: a held plateau
 ``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
 States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 """
@@ -144,9 +145,18 @@ class Parametrisation:
             if parameter.experiment in (None, e.name):
                 vectors[vector][where] = value
         orders, parameters, initial, release = vectors
+        for state, nu in self.model.complements:
+            orders[state] = 1.0 - parameters[nu]
+        parameters[list(self._switched_off[e.name])] = 0.0
         if e.past is not None and self.initial_state == "measured":
             rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                initial[z] *= 1.0 if self.model.states[z] in e.initial else parameters[delta]
+        for name, other in self.model.follows.items():
+            if name not in e.initial:
+                initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
         return RunValues(orders, parameters, initial, float(release[0]))
 
     @cached_property
@@ -156,6 +166,13 @@ class Parametrisation:
             e.name: (*self._model_starts, self._initial_guess(e), np.array([start_of(e.release_time)]))
             for e in self.experiments
         }
+
+    @cached_property
+    def _switched_off(self) -> dict[str, tuple[int, ...]]:
+        """For each recording the parameters that do not act in it."""
+        rows = enumerate(self.model.parameters)
+        switches = [(i, row.switch) for i, row in rows if row.switch]
+        return {e.name: tuple(i for i, switch in switches if switch in e.off) for e in self.experiments}
 
     @cached_property
     def _places(self) -> tuple[tuple[int, list[int]], ...]:
@@ -188,7 +205,8 @@ class Parametrisation:
     @property
     def _model_starts(self) -> tuple[FloatArray, FloatArray]:
         """Orders per state and parameters where the search starts."""
-        return self.model.state_orders(self.order_starts), self.model.parameter_vector(self.parameter_starts)
+        parameters = self.model.parameter_vector(self.parameter_starts)
+        return self.model.state_orders(self.order_starts, parameters), parameters
 
     @cached_property
     def ties(self) -> dict[str, str]:
@@ -224,6 +242,7 @@ class Parametrisation:
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
+            reach |= {z: (1.0, self.model.parameter_names[delta]) for z, delta in self._deflections}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
@@ -231,6 +250,12 @@ class Parametrisation:
                 around = Free(guess[i], guess[i] - width, guess[i] + width)
                 unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
         return unknowns
+
+    @cached_property
+    def _deflections(self) -> tuple[tuple[int, int], ...]:
+        """Of each presliding element its state, and the parameter that is its δ."""
+        states, names = self.model.states, self.model.parameter_names
+        return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
 
     def _initial_guess(self, e: Experiment) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""

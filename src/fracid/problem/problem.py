@@ -34,7 +34,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.past import Past
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import InitialState, Unknown, Value, Weights, start_of
+from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo
@@ -87,6 +87,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
+        free = (n for n, v in self.parameters.items() if isinstance(v, Free | Tied) or v != 0.0)
+        object.__setattr__(self, "model", self.model.equipped(free))
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
         check_parametrisation(self.parametrisation)

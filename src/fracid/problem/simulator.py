@@ -94,7 +94,12 @@ class Simulator:
         history = None if past is None else past.states(orders, parameters)[:-1]
         return integrate(
             Equation(
-                compile_rhs(model.rhs), orders, self.inputs(release, e), parameters, time_scale(model, parameters)
+                compile_rhs(model.rhs),
+                orders,
+                self.inputs(release, e),
+                parameters,
+                time_scale(model, parameters),
+                model.relaxing_states,
             ),
             InitialCondition(initial, time=release, history=history),
             e.step / self.substeps,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +75,7 @@ class Arguments:
     times: ArrayLike | None = None
     bounds: ArrayLike | None = None
     limit: float = 1e100
+    relaxing: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class Equation:
     """p, shape (n_parameters,)."""
     time_scale: float = 1.0
     """τ₀ [s], which keeps the units of f where an order is not 1."""
+    relaxing: tuple[int, ...] = ()
+    """States of order 1 with f = c − a x; ``rhs`` writes a behind f, at ``out[n_states + i]``, where there is room."""
 
     def gain(self, step: float) -> FloatArray:
         """h^q τ₀^(1−q): what f weighs in one step, shape (n_states,)."""
@@ -149,6 +152,15 @@ def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatAr
 
 
 # --- arguments -------------------------------------------------------------------------------------
+
+
+def check_relaxing(relaxing: Sequence[int], orders: FloatArray) -> tuple[int, ...]:
+    """States of order 1, by their index."""
+    for i in relaxing:
+        if not isinstance(i, int | np.integer) or not 0 <= i < len(orders) or orders[i] != 1.0:
+            raise InputError(f"relaxing = {tuple(relaxing)!r}: {i!r} is no state of order 1; expected indices of "
+                             f"states, 0 to {len(orders) - 1}, each of order 1.")  # fmt: skip
+    return tuple(int(i) for i in relaxing)
 
 
 def check_initial_and_orders(

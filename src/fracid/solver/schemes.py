@@ -24,6 +24,16 @@ function pointer, so the loops compile once for all right-hand sides and are cac
 
 The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
 
+**States that relax.**  The z of a presliding joint (:func:`fracid.models.joints.presliding`), of order 1, forgets
+within less than a step while the joint slides: :math:`\dot z = c - a z` with a·h up to any size, where the trapezoidal
+rule would ring.  For a state that the run calls `relaxing` the right-hand side writes a behind f, and the ``pi``
+methods take, with :math:`A = h\,\bar a`, :math:`\bar a = (a_0 + a_1)/2` and :math:`R = 1/(1 + A + A^2/2)`,
+
+.. math::  z_1 = R\,\big(z_0 + \tfrac h2 c_0 + \tfrac h2 (1 + A)\,ρ\,c_1\big), \qquad
+           ρ = \frac{\bar a}{a_1 (1 - R) + \bar a R},
+
+of second order for small A (R is that of Lobatto IIIC), and c₁/a₁, sliding friction, for large.
+
 **What is known before.**  `past` holds the states that are given: its last row is the state at the `start` of
 the run, the rows before it the samples of the history, one a step, the first of which is the x⁰ of the formulas.
 The loops walk over them as over any other step, but take x as it stands.  The corrected start adds its own rows.
@@ -99,7 +109,7 @@ def _outside(x, bounds):
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_gl(rhs, run, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -138,7 +148,7 @@ def step_gl(rhs, run, raw, out):
 @when_called(_ENDED(RHS, RUN, _matrix))
 def step_gl_sequential(rhs, run, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -224,8 +234,31 @@ def _slow(x, last, f, history, newest, scale):
 
 # The arguments of Newton's method are not grouped: a NamedTuple of arrays has its references counted at each call of a
 # function that is not inlined, which costs ``pi2-implicit`` 14 % of a step.
+@inline
+def _relax(relaxing, x, f, start, h, history):
+    """Put z1 of the relaxing states into `history`, with c1 and a1 as f and x have them; see the module's docstring."""
+    for k in range(len(relaxing)):
+        i = relaxing[k]
+        z0, c0, a0, a1 = start[k, 0], start[k, 1], start[k, 2], f[len(x) + i]
+        c1, mean = f[i] + a1 * x[i], 0.5 * (a0 + a1)
+        A = mean * h
+        R = 1 / (1 + A + 0.5 * A * A)
+        if mean > 0:
+            c1 *= mean / (a1 * (1 - R) + mean * R)  # ρ c1
+        history[i] = R * (z0 + 0.5 * h * (c0 + (1 + A) * c1))
+
+
+@inline
+def _keep_relaxing(relaxing, x, f, start):
+    """Keep z0, c0 and a0 for the next step."""
+    for k in range(len(relaxing)):
+        i = relaxing[k]
+        a = f[len(x) + i]
+        start[k, 0], start[k, 1], start[k, 2] = x[i], f[i] + a * x[i], a
+
+
 @helper
-def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
+def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
     W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `reuse`; it is made anew where an iteration
@@ -235,7 +268,8 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
     states, moved_before = len(x), math.inf
     for _ in range(NEWTON):
         if not reuse:
-            _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial)
+            _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+        _relax(relaxing, x, f, start, h, history)
         for i in range(states):
             trial[i] = history[i] + newest[i] * f[i] - x[i]
         move = 0.0
@@ -254,25 +288,34 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
 
 
 @helper
-def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
+def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h):
     """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
     n = len(x)
+    _relax(relaxing, x, f, start, h, history)
+    for k in range(len(relaxing)):
+        start[k, 3] = history[relaxing[k]]
     for c in range(n):
         d, value = 1e-7 * (0.01 + abs(x[c])), x[c]
         x[c] = value + d
         rhs(t, x, u, p, trial)
+        _relax(relaxing, x, trial, start, h, history)
         x[c] = value
         for i in range(n):
             W[i, c] = (i == c) - newest[i] * (trial[i] - f[i]) / d
+        for k in range(len(relaxing)):
+            i = relaxing[k]
+            W[i, c] = (i == c) - (history[i] - start[k, 3]) / d
+    for c in range(n):
+        for i in range(n):
             W[i, n + c] = i == c
     gauss_jordan(W)
 
 
 @helper
-def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0):
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0, relaxing, start, h):
     """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
     if newton:
-        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial)
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h)
     if joins:
         _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
     return reuse
@@ -281,18 +324,19 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing = run
     begin, x0, together, knots, parabolas = start_together(rhs, run, third)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
-    x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
+    size = 2 * states if len(relaxing) else states
+    x, f, before, now = past[0].copy(), np.zeros(size), np.zeros(states), u[0].copy()
     last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
     W, trial, factors_valid = (
         np.zeros((states, 2 * states)),
-        np.zeros(states),
+        np.zeros(size),
         states < 0,
     )  # Newton's; False, but no literal
     mode = flush_denormals()
@@ -300,6 +344,10 @@ def step_pi2(rhs, run, third, out):
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
+    relax_start = np.zeros((len(relaxing), 4))  # z0, c0, a0, and room for Newton
+    _keep_relaxing(relaxing, x, f, relax_start)
+    for r in relaxing:
+        newest[r] = 0.0
     k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
     row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
@@ -319,9 +367,12 @@ def step_pi2(rhs, run, third, out):
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
+        for r in range(len(relaxing)):
+            x[relaxing[r]] = relax_start[r, 0]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
+            _relax(relaxing, x, f, relax_start, h, history_part)
             for i in range(states):
                 last_x[i], x[i] = x[i], history_part[i] + newest[i] * f[i]
                 if not abs(x[i]) <= limit:
@@ -331,12 +382,31 @@ def step_pi2(rhs, run, third, out):
         if how != COMPLETED:
             break
         rhs(t, x, now, p, f)
+        _relax(relaxing, x, f, relax_start, h, history_part)
         newton = n >= first_free and (corrections == 0 or _slow(x, last_x, f, history_part, newest, scale))
         joins = n == m > together
         if newton or joins:
             factors_valid = _rare(
-                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0
+                newton,
+                joins,
+                past[m],
+                rhs,
+                t,
+                x,
+                now,
+                p,
+                f,
+                history_part,
+                newest,
+                W,
+                factors_valid,
+                trial,
+                x0,
+                relaxing,
+                relax_start,
+                h,
             )
+        _keep_relaxing(relaxing, x, f, relax_start)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

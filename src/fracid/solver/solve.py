@@ -17,7 +17,7 @@ By which method, :data:`fracid.solver.methods.METHODS` says, with the order of e
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,7 @@ from fracid.solver.arguments import (
     check_initial_and_orders,
     check_inputs,
     check_options,
+    check_relaxing,
     check_times,
     count_steps,
     named_states,
@@ -84,6 +85,7 @@ def solve_fde(
     times: ArrayLike | None = None,
     bounds: ArrayLike | None = None,
     limit: float = 1e100,
+    relaxing: Sequence[int] = (),
 ) -> Trajectory:
     """Solve D^q x = f(t, x, u, p), in the sense of Caputo (14).
 
@@ -123,6 +125,9 @@ def solve_fde(
         Lowest and highest value of each state (±inf for none); the run ends with the first sample outside.
     limit : float
         A state beyond ±limit ends the run as diverged.
+    relaxing : sequence of int
+        States of order 1 whose f is c − a x, however large a is, as of a presliding joint: there `out` is twice as
+        long, and `rhs` writes a of state i into ``out[n_states + i]`` (:mod:`fracid.solver.schemes`).
 
     Returns
     -------
@@ -156,7 +161,7 @@ def solve_fde(
     arguments = Arguments(
         orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters,
         method=method, memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected,
-        history=history, every=every, times=times, bounds=bounds, limit=limit,
+        history=history, every=every, times=times, bounds=bounds, limit=limit, relaxing=relaxing,
     )  # fmt: skip
     return _solve(rhs, arguments)
 
@@ -205,15 +210,16 @@ def simulate(
     """
     if not hasattr(model, "parameter_vector"):
         raise InputError(f"model = {model!r}: expected a model, for example fracid.rotary_pendulum('srv02-rotpen').")
-    values = model.parameter_vector(parameters)
+    model = model.with_parameters(**(parameters or {}))
+    values = model.parameter_vector()
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
     arguments = Arguments(
-        orders=model.state_orders(orders) if isinstance(orders, Mapping) else orders,
-        initial=named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
+        orders=model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
+        initial=named_states(model, model.with_followers(initial), 0.0) if isinstance(initial, Mapping) else initial,
         step=step, end=end, inputs=inputs, parameters=values,
         bounds=named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
-        **options,
+        relaxing=model.relaxing_states, **options,
     )  # fmt: skip
     return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
 
@@ -240,12 +246,13 @@ def _solve(
     p = vector("parameters", arguments.parameters)
     bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
     options = check_options(arguments, bounds)
-    probe(rhs, x0, u[0], p)
+    relaxing = check_relaxing(arguments.relaxing, q)
+    probe(rhs, x0, u[0], p, bool(relaxing))
     if METHODS[options.method].raw and np.any(x0 != 0):
         warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
                       "the result does not converge. Type method='pi2' for the Caputo solution.",
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
-    equation = Equation(compile_rhs(rhs), q, u, p, time_scale)
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
     trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
     if times is None:
@@ -275,6 +282,7 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         kernels=_kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
+        relaxing=np.array(equation.relaxing, dtype=np.int64),
     )
     try:
         last, how = method.run(equation.rhs, run, out)
