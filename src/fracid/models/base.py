@@ -369,13 +369,13 @@ class Model:
         """
         return replace(self, parameters=self._overridden(values)).equipped()
 
-    def equipped(self, free: Iterable[str] = ()) -> Model:
-        """Return the same model with the states that its elements need: what is zero and not `free` costs nothing.
+    def equipped(self, on: Iterable[str] | None = None) -> Model:
+        """Return the same model with the states that its elements need: what is off costs nothing.
 
         Parameters
         ----------
-        free
-            Names of parameters that may become other than zero.
+        on
+            Names of parameters that are not zero, or may become so; None for those whose own value is not zero.
 
         Raises
         ------
@@ -388,16 +388,15 @@ class Model:
         >>> rotary_pendulum().equipped(["presliding_theta"]).states[4:]
         ('z_theta',)
         """
-        on = frozenset(free) | {p.name for p in self.parameters if p.value != 0.0}
+        names = frozenset(p.name for p in self.parameters if p.value != 0.0) if on is None else frozenset(on)
         for p in self.parameters:
-            if p.needs and p.name in on and on.isdisjoint(p.needs):
-                what = "free" if p.name in free else f"{p.value:g} {p.unit}"
+            if p.needs and p.name in names and names.isdisjoint(p.needs):
                 unit = self.parameter(p.needs[0]).unit
                 raise InputError(
-                    f"{p.name} is {what}, but acts only with {' or '.join(p.needs)}, which is 0: give {p.needs[0]} a "
-                    f"value [{unit}], or leave {p.name} out."
+                    f"{p.name} acts only with {' or '.join(p.needs)}, which is 0: give {p.needs[0]} a value [{unit}], "
+                    f"or leave {p.name} out."
                 )
-        return self if self.grown is None else self.grown(self, on)
+        return self if self.grown is None else self.grown(self, names)
 
     @property
     def relaxing_states(self) -> tuple[int, ...]:

@@ -87,8 +87,9 @@ class Problem:
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
-        free = (n for n, v in self.parameters.items() if isinstance(v, Free | Tied) or v != 0.0)
-        object.__setattr__(self, "model", self.model.equipped(free))
+        values = {p.name: p.value for p in self.model.parameters} | dict(self.parameters)
+        on = (n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0)
+        object.__setattr__(self, "model", self.model.equipped(on))
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
         check_parametrisation(self.parametrisation)
