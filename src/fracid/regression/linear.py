@@ -360,7 +360,7 @@ def _terms(
     if not looked:
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
     if not any(constants[n] for n in constants if n in (*linear.lumped, model.drive, *fixed_values)):
-        example = "C4" if "C4" in looked else next(n for n in every if n in looked)
+        example = linear.gauge if linear.gauge in looked else next(n for n in every if n in looked)
         raise InputError(
             "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
             f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
@@ -559,7 +559,7 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
     free_response = all(s.drive is None for s in swings) and set(linear.lumped) <= set(free)
-    fixed_values = {"C4": model.parameter("C4").value} if free_response else {}
+    fixed_values = {linear.gauge: model.parameter(linear.gauge).value} if free_response else {}
     late = any(s.in_motion for s in swings)
     at = problem.order_starts  # what is tied too; it is not searched
     orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}
