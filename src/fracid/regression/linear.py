@@ -11,7 +11,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.files import json_number
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
@@ -43,6 +42,8 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
+from fracid.safety.schema import as_json
+from fracid.schemas.regression import RegressionBlock
 from fracid.signals.resolution import resolution
 
 __all__ = ["Constant", "Regression", "regress", "start_of", "start_values"]
@@ -155,30 +156,8 @@ class Regression:
     def to_json(self) -> dict[str, Any]:
         """Everything but the rows, as plain JSON values, SI; null where something was not found or has no end."""
         intervals = self.search.interval95 if self.search else {}
-        return {
-            "orders": {
-                n: {"value": v, "interval95": [json_number(end) for end in intervals[n]] if n in intervals else None}
-                for n, v in self.orders.items()
-            },
-            "parameters": {
-                n: {"value": c.value, "unit": c.unit, "standard_error": c.standard_error, "interval95": c.interval95,
-                    "bias": c.bias, "verdict": c.verdict}
-                for n, c in self.parameters.items()
-            },
-            "combinations": dict(self.combinations),
-            "estimator": self.estimator,
-            "fit_percent": dict(self.fit_percent),
-            "noise_ratio": json_number(self.noise_ratio),
-            "condition_number": json_number(self.condition_number),
-            "samples": self.samples,
-            "cutoff": self.cutoff,
-            "cutoff_reason": self.cutoff_reason,
-            "window": self.window,
-            "noise": dict(self.noise),
-            "amplitude": self.amplitude,
-            "belief": self.belief,
-            "warnings": list(self.warnings),
-        }  # fmt: skip
+        orders = {n: {"value": v, "interval95": intervals.get(n)} for n, v in self.orders.items()}
+        return as_json(RegressionBlock, vars(self) | {"orders": orders, "belief": self.belief})
 
 
 def regress(

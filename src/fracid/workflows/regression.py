@@ -15,6 +15,8 @@ from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
 from fracid.regression.rows import swing_of, terms_of
 from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.schema import as_json
+from fracid.schemas.regression import RegressionResultBlock, RegressionsBlock
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files
@@ -66,13 +68,15 @@ class FinishedRegression:
     @property
     def result(self) -> dict[str, Any]:
         """The content of regression.json: one regression as it is, several by name."""
-        head = {"notes": list(self.notes), "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
+        head = {"notes": self.notes, "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
         records = {
             name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
             for name, f in self.regressions.items()
         }
-        (first, *others) = records.values()
-        return {**head, "recordings": records} if others else {**first, **head}
+        if len(records) > 1:
+            return as_json(RegressionsBlock, head | {"recordings": records})
+        (record,) = records.values()
+        return as_json(RegressionResultBlock, head | record)
 
 
 def run_regression(
