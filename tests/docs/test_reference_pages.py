@@ -25,7 +25,7 @@ from fracid.problem.project import PRESETS
 from fracid.recording import UNITS, Channel
 from fracid.recording.clock import SECONDS
 from fracid.runs.folder import LATER
-from fracid.schemas.result import json_schema
+from fracid.schemas.files import json_schema
 from fracid.solver.methods import METHODS
 
 DOCS = Path(__file__).parents[2] / "docs"

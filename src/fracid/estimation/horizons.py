@@ -26,7 +26,6 @@ from fracid.optimise import (
     minimise,
 )
 from fracid.problem import Experiment, Problem
-from fracid.signals.swing import common_period
 
 __all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
 
@@ -173,5 +172,5 @@ def horizons(problem: Problem) -> Iterator[float]:
 
 def _first_horizon(e: Experiment) -> float:
     """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings."""
-    swings = round((len(e.time) - 1) / common_period(e.measured))
+    swings = round(e.swings)
     return float(e.time[-1]) / (swings if swings >= 3 else 16)

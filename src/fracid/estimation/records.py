@@ -16,6 +16,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.figures import Style, draw
+from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
 
 if TYPE_CHECKING:
@@ -74,6 +75,20 @@ class RecordingFit:
     """Output → its unit; rad where it says nothing."""
     zero: str = ""
     """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
+    pendulum: str = PENDULUM
+    """The output that is the pendulum's angle."""
+
+    def zero_of(self, output: str) -> str:
+        """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
+
+        Examples
+        --------
+        >>> angles = {"arm": np.zeros(3), "rod": np.zeros(3)}
+        >>> fit = RecordingFit("a", "fit", np.arange(3.0), angles, angles, 0.0, {}, {}, zero="hanging", pendulum="rod")
+        >>> fit.zero_of("rod"), fit.zero_of("arm")
+        ('hanging', '')
+        """
+        return self.zero if output == self.pendulum else ""
 
     @property
     def samples(self) -> int:
@@ -143,7 +158,7 @@ class RecordingFit:
         Parameters
         ----------
         output : str, optional
-            ``alpha`` if left out, or the first output of a model that has none.
+            The pendulum's angle if left out, or the first output of a model that has none.
         tests : bool
             Also what :func:`fracid.residual_analysis` looks at; see :func:`fracid.plots.residual_diagnostics`.
         style : str or Style
@@ -154,7 +169,7 @@ class RecordingFit:
         InputError
             If there is no such output.
         """
-        name = output or ("alpha" if "alpha" in self.measured else next(iter(self.measured)))
+        name = output or (self.pendulum if self.pendulum in self.measured else next(iter(self.measured)))
         kind = "residual_diagnostics" if tests else "residual_plots"
         return draw(kind, self, name, resolution=self.resolutions, style=style)
 

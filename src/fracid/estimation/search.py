@@ -35,9 +35,9 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
 from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
 from fracid.estimation.starts import Start
-from fracid.optimise import Evaluation, Optimiser, Outcome, Result, optimiser_from_name, sobol_points
+from fracid.optimise import Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
 from fracid.problem import Problem
-from fracid.problem.portable import Portable, portable_memory
+from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.schemas.run_record import EndBlock
 from fracid.tasks.job import Task
@@ -51,11 +51,11 @@ CANDIDATES = 8
 
 
 def search(
-    problem: Problem, name: str, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
+    problem: Problem, optimiser: Entry, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
     watch: Watch | None = None, options: dict[str, Any] | None = None, executor: str = "threads",
     journal: Journal | None = None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
-    """Minimise the cost of a problem by the optimiser of that name.
+    """Minimise the cost of a problem by an optimiser, an entry of :data:`fracid.optimise.OPTIMISERS`.
 
     With an `executor` other than threads, the starts of ``multistart`` are tasks of
     :func:`fracid.tasks.tasks.run_tasks`, which know nothing of each other: none is left for another's sake, and each
@@ -76,20 +76,20 @@ def search(
     Examples
     --------
     >>> import fracid
+    >>> from fracid.optimise import OPTIMISERS
     >>> from fracid.problem import Experiment, Free, Problem
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)},
     ...                   initial_state="held")
-    >>> result, made = search(problem, "multistart", np.random.default_rng(1), starts=3)
+    >>> result, made = search(problem, OPTIMISERS["multistart"], np.random.default_rng(1), starts=3)
     >>> result.best.point.round(4), [s.origin for s in made][0], len(made)
     (array([0.9 , 0.95]), 'given', 3)
     """
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
     watch, options = watch or Watch(), options or {}
-    optimiser = optimiser_from_name(name)
     if optimiser.function is not None:
         result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
         return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
@@ -154,9 +154,9 @@ def _scattered(
     problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
     journal: Journal | None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
-    """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
-    problem = replace(problem, memory=portable_memory(problem.memory.name))
-    tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
+    """One task a start, judged by the problem as it travels."""
+    portable = Portable(problem)
+    tasks = [Task(origin, (portable, origin, x)) for origin, x in points]
     results = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
     ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
@@ -165,7 +165,7 @@ def _scattered(
     )
     watch.count += sum(s.evaluations for s in starts)
     best = min(ends, key=lambda e: e.cost)
-    return Result(problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
+    return Result(portable.problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
 
 
 def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:

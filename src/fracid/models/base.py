@@ -164,6 +164,8 @@ class LinearTerms:
     """Those that are looked for if nobody says."""
     pendulum: tuple[str, ...]
     """Those of the equation of the pendulum alone."""
+    gauge: str
+    """The one that is taken as known where nothing drives the rig, for then the motion tells only ratios."""
     columns: Callable[..., tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]]
     """(model, θ, α, (x₂, D^λ x₂), (x₄, D^μ x₄), drive) → the arm's and the pendulum's by name, shape (n,)."""
 

@@ -633,7 +633,11 @@ def _columns(
 
 
 LINEAR_TERMS = LinearTerms(
-    TERMS, lumped=TERMS[:9], pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"), columns=_columns
+    TERMS,
+    lumped=TERMS[:9],
+    pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"),
+    gauge="C4",
+    columns=_columns,
 )
 
 MODEL = {"rotary-pendulum": rotary_pendulum}

@@ -14,6 +14,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
+from fracid.signals.swing import common_period
 
 __all__ = ["Experiment"]
 
@@ -105,6 +106,16 @@ class Experiment:
     def time(self) -> FloatArray:
         """From 0 [s], shape (n_samples,)."""
         return np.arange(len(self.measured), dtype=np.float64) * self.step
+
+    @property
+    def most_moved(self) -> FloatArray:
+        """The output that moves most, shape (n_samples,)."""
+        return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
+
+    @property
+    def swings(self) -> float:
+        """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
+        return (len(self.time) - 1) / common_period(self.measured)
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds."""

@@ -52,7 +52,7 @@ from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
 from fracid.files import from_json, json_number
-from fracid.optimise import Evaluation, nelder_mead
+from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.project import Project, load_project
@@ -412,8 +412,8 @@ def _fitted(
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the problem's start and from the structures below."""
     problem, watch = structure.problem, Watch()
-    name = "differential-evolution" if problem.cost_function.loss is None else "multistart"
-    result, _ = search(problem, name, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
+    optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
+    result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
     ends = [(result.best, f"from its own start, {result.outcome.value}")]
     for origin, values in below.items():
         x = structure.embed(values)
