@@ -298,14 +298,14 @@ def _recording(
     simulated = problem.fitted(x, e)
     failure = isinstance(simulated, Failure)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values)
+    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values, e.scored)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
-        e.sha256, e.units, problem.model.zero, problem.model.pendulum,
+        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import Style, draw
@@ -77,6 +78,8 @@ class RecordingFit:
     """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
     pendulum: str = PENDULUM
     """The output that is the pendulum's angle."""
+    scored: NDArray[np.bool_] | None = None
+    """Which samples count, shape (n_samples,); None for all."""
 
     def zero_of(self, output: str) -> str:
         """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
@@ -93,7 +96,7 @@ class RecordingFit:
     @property
     def samples(self) -> int:
         """How many were used."""
-        return len(self.time)
+        return len(self.time) if self.scored is None else int(np.count_nonzero(self.scored))
 
     @property
     def begin(self) -> float:
@@ -117,16 +120,20 @@ class RecordingFit:
     @property
     def rmse(self) -> dict[str, float]:
         """Root mean square of the residual, per output [rad]."""
-        return {n: float(np.sqrt(np.mean((self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
+        return {n: float(np.sqrt(np.mean(self._scored(self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
 
     @property
     def fit_percent(self) -> dict[str, float]:
         """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output; −inf for a constant output that is missed."""
-        return {n: _fit_percent(self.measured[n], self.fitted[n]) for n in self.measured}
+        return {n: _fit_percent(self._scored(self.measured[n]), self._scored(self.fitted[n])) for n in self.measured}
 
     def residual(self, output: str) -> FloatArray:
-        """Measured minus simulated [rad]."""
-        return np.asarray(self.measured[output] - self.fitted[output])
+        """Measured minus simulated [rad]; NaN where a sample is not scored."""
+        residual = np.asarray(self.measured[output] - self.fitted[output])
+        return residual if self.scored is None else np.where(self.scored, residual, np.nan)
+
+    def _scored(self, signal: FloatArray) -> FloatArray:
+        return signal if self.scored is None else np.asarray(signal)[self.scored]
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.

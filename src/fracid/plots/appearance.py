@@ -314,7 +314,7 @@ def cost_label(name: str) -> tuple[str, str]:
 
 def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     """Fit and RMSE in words, or why there are none."""
-    missing = np.count_nonzero(~np.isfinite(recording.residual(name)))
+    missing = np.count_nonzero(~np.isfinite(recording.fitted[name]))
     if missing:
         return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
     rmse, percent = recording.rmse[name], recording.fit_percent[name]

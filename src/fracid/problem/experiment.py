@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
+from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.signals.swing import common_period
@@ -48,6 +51,12 @@ class Experiment:
     """Switches that are off, such as ``amplifier``: the parameters that go by them do not act."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    """Output → its delay, gain, bias and low-pass, of those that have any."""
+    actuators: Mapping[str, Sensor] = field(default_factory=dict)
+    """Input → the same."""
+    mask: tuple[tuple[float, float], ...] = ()
+    """From when to when samples are not scored, both included, on the recording's own clock [s]."""
 
     @classmethod
     def of(
@@ -62,13 +71,15 @@ class Experiment:
     ) -> Experiment:
         """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
 
-        The `options` are what else a recording has: its `weight`, its `release_time`.  `before` is the recording of
-        what came before, for a start in motion (:meth:`Recording.split` gives both).
+        The `options` are what else a recording has: its `weight`, its `release_time`, its `sensors` and `actuators`,
+        its `mask`, to which its bridged gaps are added.  `before` is the recording of what came before, for a start in
+        motion (:meth:`Recording.split` gives both).
 
         Raises
         ------
         InputError
-            If an output is not among its signals, it is not on a uniform grid, or a state is unknown.
+            If an output is not among its signals, it is not on a uniform grid, a state is unknown, or a mask is outside
+            of it.
 
         Examples
         --------
@@ -97,6 +108,7 @@ class Experiment:
                     "take both from one recording: before, after = recording.split(time)."
                 )
         measured, inputs = _columns(recording, model, outputs)
+        options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         return cls(
             recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
             initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
@@ -117,9 +129,32 @@ class Experiment:
         """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
         return (len(self.time) - 1) / common_period(self.measured)
 
+    @cached_property
+    def scored(self) -> NDArray[np.bool_] | None:
+        """Which samples count, shape (n_samples,); None for all.
+
+        Not those of the mask, nor the first, up to the longest delay: they show what came before the start.
+        """
+        late = max((s.latest for s in self.sensors.values()), default=0.0)
+        if not self.mask and late == 0.0:
+            return None
+        slack = 1e-6 * self.step
+        counts = self.time >= late - slack
+        for first, last in self.mask:
+            counts &= ~((self.start + self.time >= first - slack) & (self.start + self.time <= last + slack))
+        return counts
+
+    @property
+    def samples(self) -> int:
+        """How many samples count."""
+        return len(self.measured) if self.scored is None else int(np.count_nonzero(self.scored))
+
     def until(self, horizon: float) -> Experiment:
-        """Keep the first `horizon` seconds."""
-        n = min(len(self.measured), max(3, round(horizon / self.step) + 1))
+        """Keep the first `horizon` seconds, those that are not scored beside them."""
+        n = max(3, round(horizon / self.step) + 1)
+        if self.scored is not None:
+            n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
+        n = min(len(self.measured), n)
         return replace(self, measured=self.measured[:n], inputs=self.inputs[:n])
 
     @property
@@ -133,6 +168,10 @@ class Experiment:
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
+        return self._first_values
+
+    @cached_property
+    def _first_values(self) -> tuple[FloatArray, FloatArray]:
         t = self._first_times
         parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
         return self.measured[0].astype(np.float64), parabola[1]
@@ -148,6 +187,24 @@ class Experiment:
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def _mask(recording: Recording, mask: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
+    """Check that each part of a mask has samples of the recording."""
+    begin, end = float(recording.time[0]), float(recording.time[-1])
+    for part in mask:
+        first, last = part if len(part) == 2 else (math.nan, math.nan)
+        if not first < last:
+            raise InputError(
+                f"{recording.name}: mask = {[list(p) for p in mask]} is not possible; expected pairs of a time and a "
+                f"later one [s], e.g. mask = [[{begin + (end - begin) / 4:.3g}, {begin + (end - begin) / 3:.3g}]]."
+            )
+        if not np.any((recording.time >= first) & (recording.time <= last)):
+            raise InputError(
+                f"{recording.name}: the mask from {first:g} to {last:g} s holds none of its samples, which go from "
+                f"{begin:.6g} to {end:.6g} s."
+            )
+        yield float(first), float(last)
 
 
 def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tuple[FloatArray, FloatArray]:

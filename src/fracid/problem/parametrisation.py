@@ -37,6 +37,7 @@ from fracid.models import Model
 from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
+from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
 
 __all__ = ["Parametrisation", "RunValues"]
@@ -148,6 +149,8 @@ class Parametrisation:
         for state, nu in self.model.complements:
             orders[state] = 1.0 - parameters[nu]
         parameters[list(self._switched_off[e.name])] = 0.0
+        if e.sensors and self.initial_state in ("measured", "held"):
+            initial = self._initial_guess(e, parameters)
         if e.past is not None and self.initial_state == "measured":
             rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
@@ -159,11 +162,20 @@ class Parametrisation:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
         return RunValues(orders, parameters, initial, float(release[0]))
 
+    def readings(self, x: FloatArray, e: Experiment, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+        """What the channels of one recording do at x, by name."""
+        return self._readings(self.unpack(x, e).parameters, sensors)
+
+    def _readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+        values = dict(zip(self.model.parameter_names, parameters.tolist(), strict=True))
+        return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
+
     @cached_property
     def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:
         """For each recording what :meth:`unpack` starts from: every value at its own start."""
+        orders, parameters = self._model_starts
         return {
-            e.name: (*self._model_starts, self._initial_guess(e), np.array([start_of(e.release_time)]))
+            e.name: (orders, parameters, self._initial_guess(e, parameters), np.array([start_of(e.release_time)]))
             for e in self.experiments
         }
 
@@ -236,7 +248,7 @@ class Parametrisation:
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
         if self.initial_state in ("measured", "held"):
             return []
-        guess = self._initial_guess(e).tolist()
+        guess = self._initial_guess(e, self._model_starts[1]).tolist()
         units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
         sizes = dict(zip(units, self.sizes(e).tolist(), strict=True))
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
@@ -257,14 +269,15 @@ class Parametrisation:
         states, names = self.model.states, self.model.parameter_names
         return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
 
-    def _initial_guess(self, e: Experiment) -> FloatArray:
+    def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
         x0 = np.zeros(len(self.model.states))
+        readings = self._readings(parameters, e.sensors)
         for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
-            i = self.model.outputs[name]
-            x0[i] = value
+            i, sensor = self.model.outputs[name], readings.get(name, Reading())
+            x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
-                x0[self.rates[i]] = slope
+                x0[self.rates[i]] = slope / sensor.gain
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():

@@ -33,6 +33,7 @@ from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.past import Past
+from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
 from fracid.solver.memory import Memory, compressed
@@ -92,9 +93,19 @@ class Problem:
         object.__setattr__(self, "model", self.model.equipped(on))
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
+        self._add_sensors()
         check_parametrisation(self.parametrisation)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
+
+    def _add_sensors(self) -> None:
+        """Give the model the parameters of the channels whose delay, gain, bias or low-pass is free."""
+        units = {**self.model.input_units, **{n: u for e in self.experiments for n, u in e.units.items()}}
+        units = {n: "rad" for n in self.outputs} | units
+        sensors = [table for e in self.experiments for table in (e.sensors, e.actuators)]
+        model, parameters = with_sensors(self.model, self.parameters, sensors, units)
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "parameters", parameters)
 
     # --- the three parts ---------------------------------------------------------------------------
 

@@ -7,13 +7,16 @@ A release time τ lies between samples as well: the run starts at τ, on its own
 by :meth:`Trajectory.at`, which follows τ smoothly; inputs keep the recording's clock.  It needs ``rest`` or
 ``held``, for a motion that is under way can begin anywhere.
 
+A channel that is late, scaled, offset or filtered (:mod:`fracid.problem.sensors`) is so here: outputs after the run,
+which goes on a little longer where one may be early, inputs before it.
+
 With a `memo` nothing is simulated twice: outputs are kept under a hash of all that they depend on.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
 from typing import Any
@@ -24,6 +27,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
+from fracid.problem.sensors import Reading, low_passed
 from fracid.problem.unknowns import Free
 from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import Memory
@@ -61,13 +65,17 @@ class Simulator:
     """Has what was simulated before, and keeps what will be."""
 
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
-        """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
+        """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
+
+        0 where a sample is not scored.
+        """
         errors = []
         for e in self.parametrisation.experiments:
             outputs = self.outputs(x, e)
             if isinstance(outputs, Failure):
                 return outputs
-            errors.append(e.measured - outputs)
+            error = e.measured - outputs
+            errors.append(error if e.scored is None else np.where(e.scored[:, None], error, 0.0))
         return errors
 
     def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
@@ -81,6 +89,10 @@ class Simulator:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         columns = [self.parametrisation.model.outputs[n] for n in self.parametrisation.outputs]
+        if e.sensors:
+            readings = self.parametrisation.readings(x, e, e.sensors)
+            pairs = zip(self.parametrisation.outputs, columns, strict=True)
+            return np.column_stack([_read(run, i, e.time, readings.get(n, Reading())) for n, i in pairs])
         if e.release_time == 0.0:
             return run.states[:: self.substeps, columns]
         moving = e.time >= run.time[0]
@@ -112,7 +124,8 @@ class Simulator:
     def steps(self, e: Experiment) -> int:
         """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
         earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
-        return (len(e.measured) - 1) * self.substeps + math.ceil(max(0.0, -earliest) * self.substeps / e.step)
+        early = max(0.0, -earliest) + max((s.earliest for s in e.sensors.values()), default=0.0)
+        return (len(e.measured) - 1) * self.substeps + math.ceil(early * self.substeps / e.step)
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
@@ -156,6 +169,8 @@ class Simulator:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
         digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
+        if e.sensors or e.actuators:
+            digest.update(repr((e.sensors, e.actuators)).encode())
         for vector in self.parametrisation.unpack(x, e):
             digest.update(np.ascontiguousarray(vector).data)
         return bytes(digest.digest())
@@ -174,3 +189,39 @@ class Simulator:
             for array in arrays:
                 digests[e.name].update(np.ascontiguousarray(array).data)
         return digests
+
+
+EDGE = 8
+"""Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""
+
+
+def _read(run: Trajectory, state: int, times: FloatArray, reading: Reading) -> FloatArray:
+    """What a sensor shows of a state at evenly spaced times [s]; before the run its first value."""
+    if reading == Reading() and run.time[0] == 0.0:
+        return run.states[:: round((times[1] - times[0]) / run.step), state][: len(times)]
+    y = low_passed(run.states[:, state], run.step, reading.lowpass)
+    then = np.minimum(times - reading.delay, run.time[-1])
+    output, (inner, interior) = np.full(len(times), y[0]), _evenly(y, then, run)
+    seen = replace(run, states=y[:, None], orders=run.orders[[state]])
+    edges = then >= run.time[0]
+    edges[inner] = False
+    output[inner], output[edges] = interior, seen.at(then[edges])[:, 0]
+    return np.asarray(reading.gain * output + reading.bias)
+
+
+def _evenly(y: FloatArray, times: FloatArray, run: Trajectory) -> tuple[slice, FloatArray]:
+    """Read the cubic through the nearest four steps where that is the same for all: which times, and its values.
+
+    Times that are whole steps apart lie at the same place between steps, so that Lagrange's weights are theirs all.
+    """
+    every = round((times[1] - times[0]) / run.step)
+    place = (times[0] - run.time[0]) / run.step
+    base = math.floor(place)
+    s = place - base
+    begin = max(0, -((base - EDGE) // every))
+    count = max(0, (len(y) - 3 - base) // every + 1 - begin)
+    first = base + every * begin - 1
+    weights = (-s * (s - 1) * (s - 2) / 6, (s * s - 1) * (s - 2) / 2, -s * (s + 1) * (s - 2) / 2, s * (s * s - 1) / 6)
+    count = min(count, len(times) - begin)
+    values = sum(w * y[first + k :: every][:count] for k, w in enumerate(weights))
+    return slice(begin, begin + count), np.asarray(values)

@@ -453,8 +453,8 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict
         return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(error)}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
-    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)
-    itae = {n: COSTS["itae"].value(e.time, error[:, [o]]) for o, n in enumerate(problem.outputs)}
+    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
+    itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
     return as_json(ScoreBlock, Score(fit.rmse, fit.fit_percent, itae))
 
 
