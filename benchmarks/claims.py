@@ -1,7 +1,7 @@
-"""Does fracid claim only what is so?  Recordings of rigs with known truth, through init, fit and compare: ``make claims``.
+"""Does fracid claim only what is so?  Rigs of known truth through init, fit and compare: ``make claims``.
 
     python benchmarks/claims.py --quick                     # one rig of each kind, at its middle severity
-    python benchmarks/claims.py --kinds play lugre none     # by name; --kinds integer, --kinds fractional for all of them
+    python benchmarks/claims.py --kinds play lugre none     # by name; or integer, fractional: all of these
     python benchmarks/claims.py --draws 3 --jobs 2          # three rigs of each kind and severity: hours
     python benchmarks/claims.py --json                      # all answers as JSON on standard output
 
@@ -18,12 +18,14 @@ fractional "fractional" for 95 % of those whose orders are determined: where an 
            1, its 95 % interval is narrower than half its distance to 1
 =========  =================================================================================
 
-The exit code is 1 where a bar is missed.  Answers are kept in a journal under runs/claims; the same command resumes.
+The exit code is 1 where a bar is missed.  Answers are kept in a folder of runs/claims that is named after the code of
+fracid and of the rigs: the same command resumes, and a change of the code begins anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import re
@@ -118,7 +120,9 @@ def last(text: str) -> str:
     return lines[-1].strip() if lines else "no message"
 
 
-def answer(name: str, severity: float, seed: int, seconds: float, takes: int, with_compare: bool, folder: str) -> dict[str, Any]:  # fmt: skip
+def answer(
+    name: str, severity: float, seed: int, seconds: float, takes: int, with_compare: bool, folder: str
+) -> dict[str, Any]:
     """Return what fracid claims of one rig, from fit and from compare, with times [s]."""
     here = Path(folder) / f"{name}_{severity:g}_{seed}"
     began = time.perf_counter()
@@ -206,6 +210,16 @@ def chosen(names: list[str]) -> list[Kind]:
     return list(dict.fromkeys(kinds))
 
 
+def code() -> str:
+    """Return a hash of all that answers depend on."""
+    sources = [
+        *sorted(Path(fracid.__file__).parent.rglob("*.py")),
+        Path(__file__).with_name("independent_rigs.py"),
+        Path(__file__),
+    ]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+
+
 def shown(p: Progress) -> None:
     left = f", {p.left / 60:.0f} min left" if p.left else ""
     print(f"{p.done} of {p.total} rigs{left}", file=sys.stderr, flush=True)
@@ -224,7 +238,9 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="all answers as JSON on standard output")
     asked = parser.parse_args()
     seconds, takes = asked.seconds or (12.0 if asked.quick else 20.0), 2 if asked.quick else 3
-    folder, commands = asked.out.resolve(), ("fit", "compare")[: 2 - asked.no_compare]
+    commands = ("fit", "compare")[: 2 - asked.no_compare]
+    study = {"code": code(), "seconds": seconds, "takes": takes, "compare": not asked.no_compare}
+    folder = asked.out.resolve() / hashlib.sha256(json.dumps(study).encode()).hexdigest()[:12]
     tasks = [
         Task(f"{k.name} {severity:g} {seed}",
              (k.name, severity, seed, seconds, takes, not asked.no_compare, str(folder)))
@@ -232,7 +248,6 @@ def main() -> int:
         for severity in ([k.severities[len(k.severities) // 2]] if asked.quick else k.severities)
     ]  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
-    study = {"fracid": fracid.__version__, "seconds": seconds, "takes": takes, "compare": not asked.no_compare}
     began = time.perf_counter()
     with Journal(folder / "journal.jsonl", study) as journal:
         answers = list(run_tasks(answer, tasks, executor="processes", jobs=asked.jobs, journal=journal,

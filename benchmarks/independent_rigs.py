@@ -213,28 +213,53 @@ def energy(rig: Rig, x: np.ndarray) -> np.ndarray:
 # --- integer order: Runge-Kutta, with events where joints stick ----------------------------------------------
 
 
-@njit(cache=True)
-def _voltage(volts: np.ndarray, t: float, period: float, k: int, held: bool) -> float:
-    """Return the input at a time within the k-th interval between samples."""
-    if held or k + 1 >= volts.size:
-        return volts[min(k, volts.size - 1)]
-    return volts[k] + (volts[k + 1] - volts[k]) * (t / period - k)
+class Drive(NamedTuple):
+    """The input of a run."""
+
+    volts: np.ndarray = np.zeros(1)
+    """At each multiple of the period; the last one stays [V]."""
+    amplifier: np.ndarray = np.zeros(1)
+    """1 where it is on, 0 where it is off; the last one stays."""
+    period: float = 1.0
+    """[s]; a whole number of steps."""
+    held: bool = True
+    """Whether the voltage stays between samples; else it goes in lines."""
+
+
+class Joints(NamedTuple):
+    """What a run with set-valued friction keeps beside the states, and its scratch."""
+
+    slip: np.ndarray
+    """Of arm and pendulum: −1, 0 (stuck) or 1."""
+    holding: np.ndarray
+    """What holds a stuck joint at the end of the step [N m]."""
+    slopes: np.ndarray
+    """The four of a step, shape (4, 11)."""
 
 
 @njit(cache=True)
-def _step(t: float, h: float, x: np.ndarray, drive: tuple, k: int, p: Rig, slip: np.ndarray, work: np.ndarray,
-          holding: np.ndarray, y: np.ndarray) -> None:  # fmt: skip
+def _input(drive: Drive, t: float, k: int) -> tuple[float, float]:
+    """Return voltage and amplifier at a time in the k-th interval between samples."""
+    volts, here = drive.volts, min(k, drive.volts.size - 1)
+    on = drive.amplifier[min(k, drive.amplifier.size - 1)]
+    if drive.held or here + 1 >= volts.size:
+        return volts[here], on
+    return volts[k] + (volts[k + 1] - volts[k]) * (t / drive.period - k), on
+
+
+@njit(cache=True)
+def _step(t: float, h: float, x: np.ndarray, drive: Drive, k: int, p: Rig, joints: Joints, y: np.ndarray) -> None:
     """One step of the classical Runge-Kutta scheme from x to y; y may be x."""
-    volts, amplifier, period, held = drive
-    on = amplifier[min(k, amplifier.size - 1)]
-    middle, end = _voltage(volts, t + h / 2, period, k, held), _voltage(volts, t + h, period, k, held)
-    rates(t, x, _voltage(volts, t, period, k, held), on, p, slip, work[0], holding)
-    rates(t + h / 2, x + h / 2 * work[0], middle, on, p, slip, work[1], holding)
-    rates(t + h / 2, x + h / 2 * work[1], middle, on, p, slip, work[2], holding)
-    rates(t + h, x + h * work[2], end, on, p, slip, work[3], holding)
-    y[:] = x + h / 6 * (work[0] + 2 * work[1] + 2 * work[2] + work[3])
-    if p.friction == SET_VALUED:  # what holds at the end of the step
-        rates(t + h, y, end, on, p, slip, work[0], holding)
+    slip, holding, s = joints
+    begin, on = _input(drive, t, k)
+    middle, end = _input(drive, t + h / 2, k)[0], _input(drive, t + h, k)[0]
+    rates(t, x, begin, on, p, slip, s[0], holding)
+    rates(t + h / 2, x + h / 2 * s[0], middle, on, p, slip, s[1], holding)
+    rates(t + h / 2, x + h / 2 * s[1], middle, on, p, slip, s[2], holding)
+    rates(t + h, x + h * s[2], end, on, p, slip, s[3], holding)
+    y[:] = x + h / 6 * (s[0] + 2 * s[1] + 2 * s[2] + s[3])
+    if p.friction == SET_VALUED:
+        rates(t + h, y, end, on, p, slip, s[0], holding)
 
 
 @njit(cache=True)
@@ -247,13 +272,14 @@ def _breakaway(t: float, x: np.ndarray, p: Rig) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _settle(t: float, x: np.ndarray, u: float, on: float, p: Rig, slip: np.ndarray, work: np.ndarray,
-            holding: np.ndarray) -> None:  # fmt: skip
+def _settle(t: float, x: np.ndarray, drive: Drive, k: int, p: Rig, joints: Joints) -> None:
     """Find whether each joint sticks or slips, and which way: the one choice that contradicts no law.
 
     A joint that moves slips; one at rest sticks where no more than the breakaway torque holds it, or else starts
     the way that it accelerates.
     """
+    slip, holding, slopes = joints
+    u, on = _input(drive, t, k)
     limits = _breakaway(t, x, p)
     for a in (0, 1, -1):
         if x[1] != 0.0 and a != np.sign(x[1]):
@@ -262,98 +288,83 @@ def _settle(t: float, x: np.ndarray, u: float, on: float, p: Rig, slip: np.ndarr
             if x[3] != 0.0 and b != np.sign(x[3]):
                 continue
             slip[0], slip[1] = a, b
-            rates(t, x, u, on, p, slip, work[0], holding)
-            good_a = x[1] != 0.0 or (abs(holding[0]) <= limits[0] if a == 0 else work[0][1] * a > 0.0)
-            good_b = x[3] != 0.0 or (abs(holding[1]) <= limits[1] if b == 0 else work[0][3] * b > 0.0)
+            rates(t, x, u, on, p, slip, slopes[0], holding)
+            good_a = x[1] != 0.0 or (abs(holding[0]) <= limits[0] if a == 0 else slopes[0][1] * a > 0.0)
+            good_b = x[3] != 0.0 or (abs(holding[1]) <= limits[1] if b == 0 else slopes[0][3] * b > 0.0)
             if good_a and good_b:
                 return
-    slip[0], slip[1] = np.sign(x[1]), np.sign(x[3])
+    raise ValueError("no choice of sticking and slipping agrees with the laws of friction")
 
 
 @njit(cache=True)
-def _over(t: float, y: np.ndarray, p: Rig, slip: np.ndarray, holding: np.ndarray) -> float:
-    """Return by how much the state is past the first event: below 0, and no joint turned or broke away."""
+def _past_an_event(t: float, y: np.ndarray, p: Rig, joints: Joints) -> bool:
+    """Whether a joint has turned round, or is held by more than breaks it away."""
     limits = _breakaway(t, y, p)
-    worst = -1e300
     for j in range(2):
-        past = abs(holding[j]) - limits[j] if slip[j] == 0 else -slip[j] * y[1 + 2 * j]
-        worst = max(worst, past)
-    return worst
+        slip = joints.slip[j]
+        if abs(joints.holding[j]) > limits[j] if slip == 0 else slip * y[1 + 2 * j] < 0.0:
+            return True
+    return False
 
 
 @njit(cache=True)
-def _with_events(t: float, h: float, x: np.ndarray, drive: tuple, k: int, p: Rig, slip: np.ndarray, work: np.ndarray,
-                 holding: np.ndarray, y: np.ndarray) -> None:  # fmt: skip
-    """One step with as many events in it as there are; x and slip go to the step's end."""
-    end = t + h
+def _with_events(t: float, h: float, x: np.ndarray, drive: Drive, k: int, p: Rig, joints: Joints) -> None:
+    """One step with as many events in it as there are."""
+    slip, holding, _ = joints
+    y, end = np.empty_like(x), t + h
     for _ in range(50):
-        h = end - t
-        if h <= 1e-15:
+        if end - t <= 1e-15:
             return
-        _step(t, h, x, drive, k, p, slip, work, holding, y)
-        if _over(t + h, y, p, slip, holding) <= 0.0:
+        _step(t, end - t, x, drive, k, p, joints, y)
+        if not _past_an_event(end, y, p, joints):
             x[:] = y
             return
-        low, high = 0.0, h
+        low, high = 0.0, end - t
         while high - low > 1e-13:
             middle = 0.5 * (low + high)
-            _step(t, middle, x, drive, k, p, slip, work, holding, y)
-            if _over(t + middle, y, p, slip, holding) > 0.0:
-                high = middle
-            else:
-                low = middle
-        _step(t, high, x, drive, k, p, slip, work, holding, y)
+            _step(t, middle, x, drive, k, p, joints, y)
+            low, high = (low, middle) if _past_an_event(t + middle, y, p, joints) else (middle, high)
+        _step(t, high, x, drive, k, p, joints, y)
         t += high
         x[:] = y
         limits = _breakaway(t, x, p)
         for j in range(2):
             if slip[j] == 0 and abs(holding[j]) > limits[j]:
-                slip[j] = np.sign(holding[j])
-                x[1 + 2 * j] = slip[j] * 1e-14  # it has begun to move: settled by its sign
+                x[1 + 2 * j] = np.sign(holding[j]) * 1e-14  # its sign says that it moves, and which way
             elif slip[j] != 0 and slip[j] * x[1 + 2 * j] < 0.0:
                 x[1 + 2 * j] = 0.0
-        volts, amplifier, period, held = drive
-        on = amplifier[min(k, amplifier.size - 1)]
-        _settle(t, x, _voltage(volts, t, period, k, held), on, p, slip, work, holding)
+        _settle(t, x, drive, k, p, joints)
     raise ValueError("fifty events within one step")
 
 
 @njit(cache=True)
-def _ordinary(p: Rig, x: np.ndarray, h: float, kept: int, rows: int, per_sample: int, drive: tuple) -> np.ndarray:
-    """All states every ``kept`` steps of h; ``per_sample`` steps lie between two samples of the input."""
+def _ordinary(p: Rig, x: np.ndarray, h: float, kept: int, rows: int, drive: Drive) -> np.ndarray:
+    """All states every ``kept`` steps of h."""
     out = np.empty((rows, x.size))
     out[0] = x
-    work, holding, slip, y = np.zeros((4, x.size)), np.zeros(2), np.zeros(2), np.zeros(x.size)
-    volts, amplifier, _, _ = drive
-    if p.friction == SET_VALUED:
-        _settle(0.0, x, volts[0], amplifier[0], p, slip, work, holding)
+    joints = Joints(np.zeros(2), np.zeros(2), np.zeros((4, x.size)))
+    per_sample = max(1, round(drive.period / h))
     for i in range((rows - 1) * kept):
-        k = i // per_sample
+        t, k = i * h, i // per_sample
         if p.friction == SET_VALUED:
-            if i % per_sample == 0 and volts.size > 1:  # a held input may have jumped
-                _settle(i * h, x, volts[min(k, volts.size - 1)], amplifier[min(k, amplifier.size - 1)], p, slip, work, holding)  # fmt: skip
-            _with_events(i * h, h, x, drive, k, p, slip, work, holding, y)
+            if i == 0 or (i % per_sample == 0 and k < drive.volts.size):  # a held input may have jumped
+                _settle(t, x, drive, k, p, joints)
+            _with_events(t, h, x, drive, k, p, joints)
         else:
-            _step(i * h, h, x, drive, k, p, slip, work, holding, x)
+            _step(t, h, x, drive, k, p, joints, x)
         if (i + 1) % kept == 0:
             out[(i + 1) // kept] = x
     return out
 
 
-def ordinary(rig: Rig, initial: np.ndarray, *, step: float, end: float, kept: int = 1, volts: np.ndarray | None = None,
-             amplifier: np.ndarray | None = None, period: float | None = None, held: bool = True) -> np.ndarray:  # fmt: skip
-    """Solve a rig of integer orders; all states every ``kept`` steps, shape (n, 11).
-
-    ``volts`` is the input at each multiple of ``period``, ``amplifier`` 1 or 0 there, both 0 if left out.
-    """
+def ordinary(
+    rig: Rig, initial: np.ndarray, *, step: float, end: float, kept: int = 1, drive: Drive | None = None
+) -> np.ndarray:
+    """Solve a rig of integer orders; all states every ``kept`` steps, shape (n, 11)."""
     if rig.friction == SET_VALUED and rig.hub_inertia > 0.0:
         raise ValueError("set-valued friction is for a rig whose hub and arm move together")
-    period = step if period is None else period
-    volts = np.zeros(1) if volts is None else np.ascontiguousarray(volts, dtype=float)
-    amplifier = np.zeros(1) if amplifier is None else np.ascontiguousarray(amplifier, dtype=float)
     rows = math.ceil(end / (kept * step) - 1e-9) + 1
-    drive = (volts, amplifier, period, held)
-    return _ordinary(rig, np.array(initial, dtype=float), step, kept, rows, round(period / step), drive)
+    return _ordinary(rig, np.array(initial, dtype=float), step, kept, rows, drive or Drive())
 
 
 # --- fractional orders: product integration over the whole past ------------------------------------------------
@@ -489,6 +500,13 @@ class Twin:
     """Time between samples that the truth asks for [s]; 0: the caller's."""
     off_after: float = 1.0
     """Part of a driven recording after which the amplifier is off."""
+    seed: int = 0
+    """Of the rig."""
+
+    @property
+    def chance(self) -> np.random.Generator:
+        """For constants of a kind that differ from rig to rig; each call begins anew."""
+        return np.random.default_rng([self.seed, 3])
 
     @property
     def fractional(self) -> bool:
@@ -548,14 +566,14 @@ class Kind:
     unit: str
     """Of the severity."""
     severities: tuple[float, ...]
-    make: Callable[[Twin, float, np.random.Generator], Twin]
-    """The twin with it; the generator is the rig's, the same for each of its recordings."""
+    make: Callable[[Twin, float], Twin]
+    """Twin, severity → the twin with it."""
     title: str
 
     @property
     def fractional(self) -> bool:
         """Whether the right claim is "fractional"."""
-        return self.make(Twin(Rig()), self.severities[0], np.random.default_rng(0)).fractional
+        return self.make(Twin(Rig()), self.severities[0]).fractional
 
 
 KINDS: dict[str, Kind] = {}
@@ -565,7 +583,7 @@ KINDS: dict[str, Kind] = {}
 def kind(name: str, title: str, unit: str, *severities: float) -> Callable[[Callable[..., Twin]], None]:
     """Enter a kind into the table."""
 
-    def enter(make: Callable[[Twin, float, np.random.Generator], Twin]) -> None:
+    def enter(make: Callable[[Twin, float], Twin]) -> None:
         KINDS[name] = Kind(name, unit, severities, make, title)
 
     return enter
@@ -578,32 +596,34 @@ def _with(twin: Twin, sensor: dict[str, Any] | None = None, more: dict[str, Any]
 
 
 @kind("none", "nothing but the model: viscous and smooth dry friction, cable", "-", 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, _s: float) -> Twin:
     return twin
 
 
 @kind("sticking", "set-valued Coulomb friction, joints stick", "times", 0.5, 1, 3)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, friction=SET_VALUED, coulomb_theta=s * twin.rig.coulomb_theta,
                  coulomb_alpha=s * twin.rig.coulomb_alpha)  # fmt: skip
 
 
 @kind("stribeck", "set-valued friction that falls with speed: stiction above sliding", "times f", 0.3, 1, 3)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, friction=SET_VALUED, stiction_theta=s * twin.rig.coulomb_theta,
-                 stiction_alpha=s * twin.rig.coulomb_alpha, stribeck_theta=rng.uniform(0.02, 0.2),
-                 stribeck_alpha=rng.uniform(0.1, 1.0))  # fmt: skip
+                 stiction_alpha=s * twin.rig.coulomb_alpha, stribeck_theta=twin.chance.uniform(0.02, 0.2),
+                 stribeck_alpha=twin.chance.uniform(0.1, 1.0))  # fmt: skip
 
 
 @kind("dahl", "presliding without stiction (Dahl), both joints", "° of δ at the arm", 0.1, 0.5, 2)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     δ = math.radians(s)
-    return _with(twin, friction=BRISTLE, presliding_theta=δ, presliding_alpha=δ * rng.uniform(0.5, 3), cable=0.002)
+    return _with(
+        twin, friction=BRISTLE, presliding_theta=δ, presliding_alpha=δ * twin.chance.uniform(0.5, 3), cable=0.002
+    )
 
 
 @kind("lugre", "presliding with stiction (LuGre), both joints as on a real SRV02", "° of δ at the arm", 0.1, 0.5, 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    δ, near = math.radians(s), np.exp(0.2 * rng.standard_normal(6))
+def _(twin: Twin, s: float) -> Twin:
+    δ, near = math.radians(s), np.exp(0.2 * twin.chance.standard_normal(6))
     return _with(twin, friction=BRISTLE, coulomb_theta=0.0317 * near[0], stiction_theta=0.074 * near[1],
                  stribeck_theta=0.032 * near[2], presliding_theta=δ, coulomb_alpha=2e-5,
                  stiction_alpha=1.45e-4 * near[3], stribeck_alpha=0.68 * near[4], presliding_alpha=9 * δ,
@@ -615,12 +635,12 @@ DRIVE_INERTIA = 2.08e-3
 
 
 @kind("play", "play of the gear, θ read at the arm", "°, half the gap", 0.1, 0.25, 0.5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, hub_inertia=DRIVE_INERTIA, shaft_stiffness=1000.0, shaft_damping=0.3, play=math.radians(s))
 
 
 @kind("backlash", "play of the gear, θ read at the motor", "°, half the gap", 0.1, 0.25, 0.5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"theta_of_hub": True}, hub_inertia=DRIVE_INERTIA, shaft_stiffness=1000.0, shaft_damping=0.3,
                  play=math.radians(s))  # fmt: skip
 
@@ -634,129 +654,129 @@ def _elastic(rig: Rig, frequency: float, damping: float) -> dict[str, float]:
 
 
 @kind("elastic", "elastic arm, θ read at the hub", "Hz", 40, 21, 12)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    return _with(twin, {"theta_of_hub": True}, **_elastic(twin.rig, s, rng.uniform(0.01, 0.05)))
+def _(twin: Twin, s: float) -> Twin:
+    return _with(twin, {"theta_of_hub": True}, **_elastic(twin.rig, s, twin.chance.uniform(0.01, 0.05)))
 
 
 @kind("elastic-tip", "elastic arm, θ read at the tip", "Hz", 40, 21, 12)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    return _with(twin, **_elastic(twin.rig, s, rng.uniform(0.01, 0.05)))
+def _(twin: Twin, s: float) -> Twin:
+    return _with(twin, **_elastic(twin.rig, s, twin.chance.uniform(0.01, 0.05)))
 
 
 @kind("cubic-cable", "cable that hardens", "N m/rad³", 0.02, 0.1, 0.3)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, cable_cubic=s)
 
 
 @kind("drag", "quadratic drag of both joints", "times 1e-5 N m s²/rad²", 1, 5, 20)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, drag_alpha=1e-5 * s, drag_theta=2e-4 * s)
 
 
 @kind("eccentric", "dry friction that goes with the angle", "part", 0.2, 0.5, 0.9)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, eccentricity=s)
 
 
 @kind("fading", "all friction falls or rises with time", "%/s", -0.5, -1.5, 1.5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, fading=0.01 * s)
 
 
 @kind("tilted", "arm out of balance on an axis that is not vertical", "°", 0.5, 2)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, tilt=math.radians(s), cable=max(twin.rig.cable, 1.2 * math.radians(s) * twin.rig.C4))
 
 
 @kind("alpha-lowpass", "α behind a first-order filter", "ms", 1, 5, 20)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, lowpass=1e-3 * s)
 
 
 @kind("theta-late", "θ read late", "ms", 0.5, 2, 5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"theta_late": 1e-3 * s})
 
 
 @kind("alpha-late", "α read late", "ms", 0.5, 2, 5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"alpha_late": 1e-3 * s})
 
 
 @kind("held-input", "input held between samples", "ms", 2, 5, 10)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"drive": "multisine", "held": True, "sample": 1e-3 * s})
 
 
 @kind("line-input", "input that goes in lines between samples", "ms", 2, 5, 10)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"drive": "multisine", "held": False, "sample": 1e-3 * s})
 
 
 @kind("back-emf", "pulses, then the amplifier off: the motor brakes while it is on", "times 0.069 N m s/rad", 0.3, 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"drive": "pulses", "off_after": 0.5}, back_emf=0.069 * s)
 
 
 @kind("pulses", "nothing but the model, driven by pulses", "-", 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, _s: float) -> Twin:
     return _with(twin, more={"drive": "pulses"})
 
 
 @kind("encoder", "coarse encoders without dither", "counts a turn", 4096, 2000, 1024)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"counts": s, "noise": 0.0})
 
 
 @kind("dithered", "encoders with dither", "counts a turn", 4096, 1024)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"counts": s, "dither": True})
 
 
 @kind("jitter", "samples taken off their time", "ms", 0.1, 0.5, 2)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"jitter": 1e-3 * s})
 
 
 @kind("gain", "wrong counts a turn of α's encoder", "%", 0.1, 0.5, 2)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"alpha_gain": 1 + 0.01 * s})
 
 
 @kind("bias", "zero of α that is off", "°", 0.05, 0.2, 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, {"alpha_bias": math.radians(s)})
 
 
 @kind("several", "LuGre, α late and filtered, friction that fades: mild, together", "times", 0.5, 1)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    twin = KINDS["lugre"].make(twin, 0.3 * s, rng)
+def _(twin: Twin, s: float) -> Twin:
+    twin = KINDS["lugre"].make(twin, 0.3 * s)
     return _with(twin, {"alpha_late": 5e-4 * s, "alpha_gain": 1 + 1e-3 * s}, lowpass=1e-3 * s, fading=-0.003 * s)
 
 
 @kind("orders", "both orders below 1", "order", 0.97, 0.9, 0.8, 0.7)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"orders": (s, s)})
 
 
 @kind("order-mu", "the pendulum's order below 1", "order", 0.97, 0.9, 0.8)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"orders": (1.0, s)})
 
 
 @kind("order-lambda", "the arm's order below 1", "order", 0.97, 0.9, 0.8)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
+def _(twin: Twin, s: float) -> Twin:
     return _with(twin, more={"orders": (s, 1.0)})
 
 
 @kind("springpot-alpha", "springpot at the pendulum, order 0.3 to 0.7", "times 1e-3 N m s^ν/rad", 0.5, 2, 5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    return _with(twin, more={"springpot_orders": (0.5, rng.uniform(0.3, 0.7))}, springpot_alpha=1e-3 * s)
+def _(twin: Twin, s: float) -> Twin:
+    return _with(twin, more={"springpot_orders": (0.5, twin.chance.uniform(0.3, 0.7))}, springpot_alpha=1e-3 * s)
 
 
 @kind("springpot-theta", "springpot at the arm, order 0.3 to 0.7", "times 1e-2 N m s^ν/rad", 0.5, 2, 5)
-def _(twin: Twin, s: float, rng: np.random.Generator) -> Twin:
-    return _with(twin, more={"springpot_orders": (rng.uniform(0.3, 0.7), 0.5)}, springpot_theta=1e-2 * s)
+def _(twin: Twin, s: float) -> Twin:
+    return _with(twin, more={"springpot_orders": (twin.chance.uniform(0.3, 0.7), 0.5)}, springpot_theta=1e-2 * s)
 
 
 # --- a rig is recorded -----------------------------------------------------------------------------------------
@@ -780,8 +800,7 @@ def drawn_twin(name: str, severity: float, seed: int) -> Twin:
     """Return the twin of a kind; a seed is a rig, whose recordings share all constants."""
     if name not in KINDS:
         raise ValueError(f"kind {name!r}: expected one of {', '.join(KINDS)}")
-    rng = np.random.default_rng([seed, 1])
-    return KINDS[name].make(Twin(drawn_rig(rng)), severity, rng)
+    return KINDS[name].make(Twin(drawn_rig(np.random.default_rng([seed, 1])), seed=seed), severity)
 
 
 def recording(name: str, severity: float, *, seed: int, take: int = 0, seconds: float = 20.0, rate: float = 500.0,
@@ -833,20 +852,20 @@ def _motion(twin: Twin, angle: float, end: float, volts: np.ndarray | None, peri
         n = math.ceil(end / twin.step - 1e-9) + 1
         return fractional(twin.rig, initial, orders=twin.orders, springpot_orders=twin.springpot_orders,
                           step=twin.step, end=(n - 1) * twin.step), twin.step  # fmt: skip
-    per_sample = math.ceil(period / twin.step - 1e-9) if volts is not None else 1
-    step = period / per_sample if volts is not None else twin.step
-    kept = max(1, math.floor(2e-4 / step + 1e-9))
-    while volts is not None and per_sample % kept:
-        kept -= 1
-    on = None
-    if volts is not None:
+    if volts is None:
+        step, kept, drive = twin.step, max(1, round(2e-4 / twin.step)), None
+    else:
+        per_sample = math.ceil(period / twin.step - 1e-9)
+        step, kept = period / per_sample, math.gcd(per_sample, max(1, round(2e-4 / twin.step)))
         on = (np.arange(volts.size) < twin.off_after * volts.size).astype(float)
-    x = ordinary(twin.rig, initial, step=step, end=end, kept=kept, volts=volts, amplifier=on, period=period,
-                 held=twin.held)  # fmt: skip
+        drive = Drive(volts, on, period, twin.held)
+    x = ordinary(twin.rig, initial, step=step, end=end, kept=kept, drive=drive)
     return x, kept * step
 
 
-def _read(twin: Twin, x: np.ndarray, step: float, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def _read(
+    twin: Twin, x: np.ndarray, step: float, time: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Return θ and α as the encoders count them at each time; before 0 the rig is held."""
     sensor, rig = twin.sensor, twin.rig
     at = time + sensor.jitter * rng.standard_normal(time.size)

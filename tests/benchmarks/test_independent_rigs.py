@@ -87,8 +87,8 @@ def test_bristles_are_springs_of_stiffness_sigma_0_in_a_slow_reversal(rigs):
     p = rigs.Rig(friction=rigs.BRISTLE, coulomb_theta=0.03, stiction_theta=0.07, presliding_theta=0.01, cable=0.0)
     time = np.arange(0, 20, 0.01)
     torque = 1e-3 * np.sin(2 * np.pi * 0.1 * time)  # a hundredth of what breaks the joint away
-    x = rigs.ordinary(p, released(rigs, 0.0), step=1e-4, end=20.0 - 0.01, kept=100, period=0.01, held=False,
-                      volts=torque / p.torque_per_volt)  # fmt: skip
+    x = rigs.ordinary(p, released(rigs, 0.0), step=1e-4, end=20.0 - 0.01, kept=100,
+                      drive=rigs.Drive(torque / p.torque_per_volt, period=0.01, held=False))  # fmt: skip
     slope = np.polyfit(x[1000:, 0], torque[1000:], 1)[0]
     assert slope == pytest.approx((0.03 + 0.07) / 0.01, rel=0.03)
 
@@ -96,7 +96,9 @@ def test_bristles_are_springs_of_stiffness_sigma_0_in_a_slow_reversal(rigs):
 def test_a_stuck_joint_stands_still_until_its_breakaway_torque(rigs):
     p = rigs.Rig(friction=rigs.SET_VALUED, coulomb_theta=0.03, stiction_theta=0.02, cable=0.0, b_theta=0.0)
     torque = np.array([0.0] + [0.0499] * 20 + [0.0501] * 20)
-    x = rigs.ordinary(p, released(rigs, 0.0), step=1e-3, end=4.0, period=0.1, volts=torque / p.torque_per_volt)
+    x = rigs.ordinary(
+        p, released(rigs, 0.0), step=1e-3, end=4.0, drive=rigs.Drive(torque / p.torque_per_volt, period=0.1)
+    )
     assert np.all(x[:2101, [0, 1]] == 0.0)
     assert x[-1, 0] > 0.01
 
@@ -188,7 +190,7 @@ def test_there_are_fifteen_kinds_of_integer_order_truth_and_fractional_ones(rigs
 def test_every_kind_makes_a_recording_that_its_kind_shapes(rigs, tmp_path):
     plain = {}
     for k in rigs.KINDS.values():
-        r = rigs.recording(k.name, k.severities[-1], seed=4, seconds=1.5, plateau=0.2)
+        r = rigs.recording(k.name, k.severities[-1], seed=4, seconds=0.8, plateau=0.2)
         file = rigs.write(r, tmp_path)
         assert np.isfinite(np.loadtxt(file, delimiter=",", skiprows=1)).all()
         plain.setdefault(r.alpha.tobytes() + r.theta.tobytes(), []).append(k.name)
