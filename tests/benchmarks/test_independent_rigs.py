@@ -195,3 +195,15 @@ def test_every_kind_makes_a_recording_that_its_kind_shapes(rigs, tmp_path):
         assert np.isfinite(np.loadtxt(file, delimiter=",", skiprows=1)).all()
         plain.setdefault(r.alpha.tobytes() + r.theta.tobytes(), []).append(k.name)
     assert [names for names in plain.values() if len(names) > 1] == []
+
+
+def test_coupled_joints_that_stick_are_the_limit_of_ever_steeper_smooth_friction(rigs):
+    stuck = rigs.Rig(friction=rigs.SET_VALUED, coulomb_theta=0.05, coulomb_alpha=0.02)
+    x = rigs.ordinary(stuck, released(rigs, 1.3), step=1e-4, end=3.0, kept=100)
+    errors = []
+    for slip_speed in (1e-2, 1e-3):
+        smooth = stuck._replace(friction=rigs.TANH, slip_speed=slip_speed)
+        y = rigs.ordinary(smooth, released(rigs, 1.3), step=1e-5, end=3.0, kept=1000)
+        errors.append(np.abs(x - y)[:, [0, 2]].max())
+    assert np.mean(x[:, 1] == 0.0) > 0.2  # the arm sticks now and then
+    assert errors[1] < errors[0] / 5
