@@ -534,6 +534,7 @@ class Truth:
     fractional: bool
     """Whether the right claim is "fractional"."""
     orders: dict[str, float]
+    """Lambda, mu, and ν of each springpot that is there."""
     rig: dict[str, float]
     """All constants of :class:`Rig`."""
     sensor: dict[str, Any]
@@ -820,7 +821,8 @@ def recording(name: str, severity: float, *, seed: int, take: int = 0, seconds: 
     motion, step = _motion(twin, angle, time[-1] - begin, volts, period)
     theta, alpha = _read(twin, motion, step, time - begin, rng)
     orders = dict(zip(("lambda", "mu"), twin.orders, strict=True))
-    orders |= dict(zip(("springpot_theta", "springpot_alpha"), twin.springpot_orders, strict=True))
+    springpots = dict(zip(("springpot_theta", "springpot_alpha"), twin.springpot_orders, strict=True))
+    orders |= {name: order for name, order in springpots.items() if getattr(twin.rig, name)}
     truth = Truth(name, severity, seed, take, twin.fractional, orders, twin.rig._asdict(), asdict(twin.sensor), angle,
                   plateau if twin.drive else begin)  # fmt: skip
     return Recording(time, theta, alpha, volts, truth)
