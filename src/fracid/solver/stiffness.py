@@ -35,7 +35,7 @@ from fracid.findings import Finding
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import Outcome, Trajectory
 
-__all__ = ["STEPS_A_PERIOD", "fault_of", "linearised", "modes", "spectrum", "step_gain", "steps_a_period"]
+__all__ = ["STEPS_A_PERIOD", "fault_of", "linearised", "modes", "step_gain", "steps_a_period"]
 
 STEPS_A_PERIOD = 20.0
 """Fewer are too few."""
@@ -95,22 +95,6 @@ def step_gain(step: float, orders: FloatArray, time_scale: float) -> FloatArray:
     [0.01, 0.1]
     """
     return np.asarray(step**orders * time_scale ** (1 - orders))
-
-
-def spectrum(
-    rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray, p: FloatArray, gain: FloatArray
-) -> NDArray[np.complex128]:
-    """μ at a time, a state and an input; empty where the equations are not finite.
-
-    Examples
-    --------
-    >>> def pendulum(t, x, u, p, out):
-    ...     out[0], out[1] = x[1], -9.0 * np.sin(x[0])
-    >>> spectrum(pendulum, 0.0, np.zeros(2), np.zeros(0), np.zeros(0), np.ones(2)).imag.round(3).tolist()
-    [3.0, -3.0]
-    """
-    with np.errstate(all="ignore"):
-        return modes(linearised(rhs, t, x, u, p), gain)
 
 
 def steps_a_period(eigenvalues: NDArray[np.complex128]) -> float:

@@ -61,7 +61,7 @@ from fracid.signals.swing import final_value, swing_period
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import STEPS_A_PERIOD, spectrum, step_gain, steps_a_period
+from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period
 from fracid.validation.reversed_signs import reversals, wrong_sign
 
 __all__ = ["before"]
@@ -200,14 +200,15 @@ def _linearisation(problem: Problem, e: Experiment) -> Linearisation:
     swing = min(swing_period(e.most_moved), len(e.measured)) * e.step
 
     rhs = compile_rhs(model.rhs)
-    gain = step_gain(e.step / problem.substeps, orders, time_scale(model, values))
-    spectra = [spectrum(rhs, t, x, u, values, gain) for t, x, u in motion]
-    stiffness = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-    steps = float(np.median([steps_a_period(m) for m in spectra]))
-
     still, no_inputs = np.zeros(len(model.states)), np.zeros(len(model.inputs))
     still[[model.outputs[o] for o in posture]] = [*posture.values()]
-    departures = spectrum(rhs, 0.0, still, no_inputs, values, np.ones(len(still)))
+    gain = step_gain(e.step / problem.substeps, orders, time_scale(model, values))
+    with np.errstate(all="ignore"):
+        spectra = [modes(linearised(rhs, t, x, u, values), gain) for t, x, u in motion]
+        departures = modes(linearised(rhs, 0.0, still, no_inputs, values), np.ones(len(still)))
+
+    stiffness = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+    steps = float(np.median([steps_a_period(m) for m in spectra]))
     growth = max((m.real for m in departures if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
     return Linearisation(e.name, stiffness, steps, float(np.max(orders)), posture, growth, growth * swing > 1)
 
