@@ -38,7 +38,7 @@ from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
-from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Problem"]
 
@@ -83,7 +83,7 @@ class Problem:
     """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
-    memo: Memo | None = field(default=None, repr=False, compare=False)
+    memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
 
     def __post_init__(self) -> None:

@@ -34,7 +34,7 @@ from fracid.solver.memory import Memory
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
-from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Simulator"]
 
@@ -61,7 +61,7 @@ class Simulator:
     memory: Memory
     substeps: int
     """Steps per sample of the recording."""
-    memo: Memo | None
+    memo: Memo | Recent | None
     """Has what was simulated before, and keeps what will be."""
 
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
