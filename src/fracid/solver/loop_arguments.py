@@ -56,6 +56,8 @@ class Run(NamedTuple):
     """Corrector sweeps of ``pi2`` and ``pi3``; 0 for Newton's method at every step."""
     corrected: bool
     """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
+    after: FloatArray
+    """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps."""
 
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
@@ -65,7 +67,7 @@ RUN = types.NamedTuple(
         *(_vector, _vector, _matrix, _vector),
         *(_matrix, _vector, types.float64),
         *(types.float64, types.int64, types.int64, types.float64, _matrix),
-        *(KERNELS, types.int64, types.boolean),
+        *(KERNELS, types.int64, types.boolean, _matrix),
     ),
     Run,
 )
