@@ -11,7 +11,7 @@ import fracid
 from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
 from fracid.problem.costs import COSTS
 from fracid.problem.portable import Portable
-from fracid.problem.sensors import low_passed
+from fracid.solver.inputs import low_passed
 
 STEP, SAMPLES = 5e-3, 1201
 T = STEP * np.arange(SAMPLES)
@@ -197,3 +197,71 @@ def test_a_problem_with_sensors_travels():
     p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.zeros((1, 1)),
                 sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
     assert pickle.loads(pickle.dumps(Portable(p))).problem.names == p.names
+
+
+# --- inputs ----------------------------------------------------------------------------------------------
+
+
+def driven(u, late=0.0, step=0.02):
+    """The pendulum driven by held values by an independent integrator, each `late` after its sample."""
+
+    def f(t, x, v):
+        return [x[1], -36 * np.sin(x[0]) - 0.4 * x[1] + v]
+
+    x, states = np.array([0.3, 0.0]), []
+    for before, now in zip([u[0], *u[:-1]], u, strict=True):
+        states.append(x)
+        for value, span in ((before, late), (now, step - late)):
+            if span > 0:
+                x = solve_ivp(f, (0, span), x, "DOP853", args=(value,), rtol=1e-10, atol=1e-11).y[:, -1]
+    return np.array(states)[:, 0] + NOISE * np.random.default_rng(4).standard_normal(len(u))
+
+
+U = 3 * np.sin(0.3 * np.arange(500)) + np.random.default_rng(5).standard_normal(500)
+
+
+def of_driven(alpha, between, actuator=None, **more):
+    e = Experiment("twin", 0.02, alpha[:, None], U[:, None], initial={"alpha": 0.3}, between={"drive": between},
+                   actuators={} if actuator is None else {"drive": actuator})  # fmt: skip
+    free = {"stiffness": Free(35.0, 20.0, 50.0), "damping": Free(0.3, 0.0, 2.0)}
+    return Problem(PENDULUM, (e,), {"mu": Free(0.98, 0.8, 1.2)}, free, initial_state="held", substeps=8, **more)
+
+
+def test_held_values_give_the_order_of_a_perfect_model_where_lines_do_not():
+    alpha = driven(U)
+    held, lines = (fracid.identify(of_driven(alpha, between)) for between in ("hold", "line"))
+    low, high = held.orders["mu"].interval95
+    assert low < 1 < high
+    assert high - low < 1e-3
+    assert held.recordings["twin"].rmse["alpha"] == pytest.approx(NOISE, rel=0.1)
+    assert abs(lines.orders["mu"].value - 1) > 20 * abs(held.orders["mu"].value - 1)
+    assert lines.recordings["twin"].rmse["alpha"] > 5 * NOISE
+
+
+def test_the_delay_and_the_gain_of_an_input_are_found():
+    alpha = driven(2 * U + 0.5, late=0.0067)
+    far = Sensor(delay=Free(0.0, -0.02, 0.02), gain=Free(1.5, 0.5, 4.0), bias=Free(0.0, -2.0, 2.0))
+    fit = fracid.identify(of_driven(alpha, "hold", far))
+    for name, truth in {"delay_drive": 0.0067, "gain_drive": 2.0, "bias_drive": 0.5}.items():
+        low, high = fit.parameters[name].interval95
+        assert low < truth < high, name
+    assert abs(fit.parameters["delay_drive"].value - 0.0067) < 0.05 * 0.02
+
+
+def test_a_voltage_is_held_if_nothing_is_said():
+    time = 0.1 * np.arange(20)
+    signals = {"theta": 0 * time, "alpha": 0 * time, "voltage": np.sin(time)}
+    rig = fracid.rotary_pendulum()
+    volts = Recording.of("twin", time, signals, {"voltage": "V"})
+    assert Experiment.of(volts, rig, ["alpha"]).between == {"voltage": "hold"}
+    assert Experiment.of(volts, rig, ["alpha"], between={"voltage": "line"}).between == {"voltage": "line"}
+    assert Experiment.of(Recording.of("twin", time, signals, {"voltage": "1"}), rig, ["alpha"]).between == {}
+    with pytest.raises(InputError, match="unknown between of drive 'held'"):
+        of_driven(U, "held")
+
+
+def test_what_moves_an_input_is_in_the_key_of_the_memo():
+    alpha, fixed = U.copy(), Sensor(delay=1e-3)
+    problems = [of_driven(alpha, b, a) for b in ("hold", "line") for a in (None, fixed, replace(fixed, gain=2.0))]
+    keys = {p.simulator._key(p.start, p.experiments[0]) for p in problems}
+    assert len(keys) == len(problems)

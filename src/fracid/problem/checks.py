@@ -16,6 +16,7 @@ from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
+from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 __all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
@@ -162,6 +163,9 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
                         f"{e.name}: {name} has a delay of {delay:g} s, beyond the record of {e.time[-1]:g} s; expected "
                         "a part of it, in seconds: delay = 0.005."
                     )
+    for name, between in e.between.items():
+        check_choice(f"input of {e.name} with between", name, p.model.inputs)
+        check_choice(f"between of {name}", between, BETWEEN)
     if e.samples < 3:
         raise InputError(
             f"{e.name}: {e.samples} of its {len(e.measured)} samples are left to score beside its mask, bridged gaps "

@@ -18,8 +18,9 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.signals.swing import common_period
+from fracid.solver.inputs import Between
 
-__all__ = ["Experiment"]
+__all__ = ["Experiment", "held_inputs"]
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Experiment:
     """Output → its delay, gain, bias and low-pass, of those that have any."""
     actuators: Mapping[str, Sensor] = field(default_factory=dict)
     """Input → the same."""
+    between: Mapping[str, Between] = field(default_factory=dict)
+    """Input → what it does between its samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     mask: tuple[tuple[float, float], ...] = ()
     """From when to when samples are not scored, both included, on the recording's own clock [s]."""
 
@@ -72,8 +75,8 @@ class Experiment:
         """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
 
         The `options` are what else a recording has: its `weight`, its `release_time`, its `sensors` and `actuators`,
-        its `mask`, to which its bridged gaps are added.  `before` is the recording of what came before, for a start in
-        motion (:meth:`Recording.split` gives both).
+        `between`, where a voltage is held if nothing is said, and its `mask`, to which its bridged gaps are added.
+        `before` is the recording of what came before, for a start in motion (:meth:`Recording.split` gives both).
 
         Raises
         ------
@@ -108,6 +111,7 @@ class Experiment:
                     "take both from one recording: before, after = recording.split(time)."
                 )
         measured, inputs = _columns(recording, model, outputs)
+        options["between"] = held_inputs(recording, model) | dict(options.get("between", {}))
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         return cls(
             recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
@@ -187,6 +191,11 @@ class Experiment:
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:
+    """The inputs of which one takes it that they keep their value between samples: voltages, which converters make."""
+    return {n: "hold" for n in model.inputs if recording.units.get(n) == "V"}
 
 
 def _mask(recording: Recording, mask: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:

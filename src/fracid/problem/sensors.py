@@ -21,14 +21,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model, Parameter
 from fracid.problem.unknowns import Free, Value
 
-__all__ = ["QUANTITIES", "Reading", "Sensor", "low_passed", "with_sensors"]
+__all__ = ["QUANTITIES", "Reading", "Sensor", "with_sensors"]
 
 Quantity = Literal["delay", "gain", "bias", "lowpass"]
 
@@ -173,28 +170,6 @@ def _parameter(name: str, value: Free, channel: str, unit: str) -> Parameter:
         name, {"delay": "s", "gain": "1", "bias": unit, "lowpass": "s"}[quantity], value.start,
         f"{QUANTITIES[quantity]}: {channel}", lower=0.0 if quantity == "lowpass" else -math.inf,
     )  # fmt: skip
-
-
-def low_passed(y: FloatArray, step: float, lowpass: float) -> FloatArray:
-    """Filter lines between evenly spaced samples by T ż = y − z, exactly, from rest at the first.
-
-    Examples
-    --------
-    A ramp is followed T late, once the beginning is over:
-
-    >>> t = np.arange(0, 5, 0.01)
-    >>> float((t - low_passed(t, 0.01, 0.1))[-1].round(12))
-    0.1
-    """
-    if lowpass == 0.0:
-        return y
-    from scipy.signal import lfilter
-
-    r = step / lowpass
-    rise = -math.expm1(-r)  # 1 − e^(−r)
-    new = 1 - rise / r
-    filtered, _ = lfilter([new, rise - new], [1.0, rise - 1], y, zi=[(1 - new) * y[0]])  # z(0) = y(0)
-    return np.asarray(filtered)
 
 
 def _text(low: float, high: float) -> str:

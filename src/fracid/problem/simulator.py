@@ -16,6 +16,7 @@ With a `memo` nothing is simulated twice: outputs are kept under a hash of all t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
@@ -27,9 +28,10 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
-from fracid.problem.sensors import Reading, low_passed
+from fracid.problem.sensors import Reading
 from fracid.problem.unknowns import Free
 from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed_steps
 from fracid.solver.memory import Memory
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
@@ -104,14 +106,16 @@ class Simulator:
         model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
+        u = self.inputs(x, e)
         return integrate(
             Equation(
                 compile_rhs(model.rhs),
                 orders,
-                self.inputs(release, e),
+                u.before,
                 parameters,
                 time_scale(model, parameters),
                 model.relaxing_states,
+                u.jumps,
             ),
             InitialCondition(initial, time=release, history=history),
             e.step / self.substeps,
@@ -132,13 +136,53 @@ class Simulator:
         past = self.parametrisation.pasts.get(e.name)
         return None if past is None else past.states(*self.parametrisation.unpack(x, e)[:2])[:-1]
 
-    def inputs(self, release: float, e: Experiment) -> FloatArray:
-        """The inputs on the grid of a run from `release`; before the first and after the last sample they stay."""
+    def inputs(self, x: FloatArray, e: Experiment) -> Driven:
+        """The inputs on the grid of a run from its release; before the first and after the last sample they stay."""
+        if e.name in self._fixed_inputs:
+            return self._fixed_inputs[e.name]
+        values = self.parametrisation.unpack(x, e)
+        return self._driven(e, values.release, self.parametrisation.readings(x, e, e.actuators))
+
+    @cached_property
+    def _fixed_inputs(self) -> dict[str, Driven]:
+        """The inputs of those recordings in which no unknown moves them."""
+        fixed = {}
+        for e in self.parametrisation.experiments:
+            if e.release_time == 0.0 and not any(s.free(n) for n, s in e.actuators.items()):
+                fixed[e.name] = self._driven(e, 0.0, {n: s.reading(n, {}) for n, s in e.actuators.items()})
+        return fixed
+
+    def _driven(self, e: Experiment, release: float, actuators: Mapping[str, Reading]) -> Driven:
+        """The inputs as actuators make them of those recorded, a column each, or one row for all."""
+        u, count = e.all_inputs, self.steps(e) + 1
+        columns = list(zip(self.parametrisation.model.inputs, u.T, strict=True))
+        kinds = {n: e.between.get(n, "line") for n, _ in columns}
+        if not actuators and all(kind == "line" for kind in kinds.values()):
+            lines = self._lines(e, release, count)
+            return Driven(lines, lines)
+        first, spacing = self._first(e) / self.substeps + release / e.step, 1 / self.substeps
+        count += 0 if e.past is None else round(len(e.past) * self.substeps - self._first(e))
+        driven = []
+        for name, column in columns:
+            delay, gain, bias, lowpass = actuators.get(name, Reading())
+            if len(u) == 1:
+                driven.append(Driven(gain * column + bias, gain * column + bias))
+            else:
+                moved = between_samples(column, kinds[name], first - delay / e.step, spacing, count)
+                filtered = low_passed_steps(moved, e.step * spacing, lowpass)
+                driven.append(Driven(*(gain * v + bias for v in filtered)))
+        return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
+
+    def _lines(self, e: Experiment, release: float, count: int) -> FloatArray:
+        """The inputs as straight lines between the samples."""
         u = self._inputs[e.name]
-        if len(u) == 1 or e.release_time == 0.0:
+        if len(u) == 1:
             return u
-        at = release * self.substeps / e.step + np.arange(self.steps(e) + 1)
-        return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+        if e.release_time != 0.0:
+            at = release * self.substeps / e.step + np.arange(count)
+            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+        more = (len(e.measured) - 1) * self.substeps + 1
+        return u if count == more else np.vstack([u, np.repeat(u[-1:], count - more, axis=0)])
 
     @cached_property
     def _inputs(self) -> dict[str, FloatArray]:
@@ -169,8 +213,8 @@ class Simulator:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
         digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
-        if e.sensors or e.actuators:
-            digest.update(repr((e.sensors, e.actuators)).encode())
+        if e.sensors or e.actuators or e.between:
+            digest.update(repr((e.sensors, e.actuators, e.between)).encode())
         for vector in self.parametrisation.unpack(x, e):
             digest.update(np.ascontiguousarray(vector).data)
         return bytes(digest.digest())

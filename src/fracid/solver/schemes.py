@@ -22,6 +22,17 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    for stiff systems
 =================  =========================================================================================
 
+**Inputs that jump.**  At a grid point where an input jumps, f has two values, f⁻ before and f⁺ after it, Δ = f⁺ − f⁻.
+The panels to the left end with f⁻, those to the right begin with f⁺, whose half hat weighs
+
+.. math::  A_j = \frac{1}{Γ(q)} \int_0^1 (j - s)^{q-1} (1 - s)\,ds
+
+at the lag j.  ``pi2`` takes x there with f⁻, enters f⁻ + Δ/3 into the history and Δ/6 with the next sample, which has
+the area 1/2 and the centre 1/3 of that hat, and adds what is wrong at the first lag, :math:`A_1 - b_1/3`.  At order 1
+that is what two runs joined at the jump are, of convergence order 2; below it a solution begins like t^q anew at each
+jump, and the convergence order is 1 + q.  ``gl`` needs f⁺ alone; the other methods take the mean of both inputs
+(:mod:`fracid.solver.inputs`).
+
 The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
 
 **States that relax.**  The z of a presliding joint (:func:`fracid.models.joints.presliding`), of order 1, forgets
@@ -109,7 +120,7 @@ def _outside(x, bounds):
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_gl(rhs, run, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -148,7 +159,7 @@ def step_gl(rhs, run, raw, out):
 @when_called(_ENDED(RHS, RUN, _matrix))
 def step_gl_sequential(rhs, run, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -321,10 +332,38 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse
     return reuse
 
 
+@helper
+def _share_of_a_jump(orders):
+    """What a jump of f weighs in the step after it beside the third that was entered, in units of b_0."""
+    share = np.zeros(len(orders))
+    for i in range(len(orders)):
+        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
+    return share
+
+
+@helper
+def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
+    """Evaluate f just after a jump of the inputs, and say what enters the history; the predictor goes on from there."""
+    jumps = False
+    for c in range(len(u)):
+        jumps = jumps or u[c] != after[c]
+    for i in range(len(x)):
+        entered[i] = f[i] + jump[i] / 6
+        jump[i] = 0.0
+    if not jumps:
+        return
+    rhs(t, x, after, p, trial)
+    for i in range(len(x)):
+        jump[i] = trial[i] - f[i]
+        entered[i] += jump[i] / 3
+        before[i] = trial[i] - (f[i] - before[i])
+        f[i] = trial[i]
+
+
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
     begin, x0, together, knots, parabolas = start_together(rhs, run, third)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
@@ -334,6 +373,7 @@ def step_pi2(rhs, run, third, out):
     x, f, before, now = past[0].copy(), np.zeros(size), np.zeros(states), u[0].copy()
     last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
+    jumps, jump, entered, share = len(after) > 0, np.zeros(states), np.zeros(states), _share_of_a_jump(run.orders)
     W, trial, factors_valid = (
         np.zeros((states, 2 * states)),
         np.zeros(size),
@@ -364,11 +404,14 @@ def step_pi2(rhs, run, third, out):
         _read(u, n, now)
         for i in range(states):  # predict: f goes on in a straight line, or in a parabola
             history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            if jumps:
+                history_part[i] += newest[i] * share[i] * jump[i]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
-        for r in range(len(relaxing)):
-            x[relaxing[r]] = relax_start[r, 0]
+        if n >= first_free:
+            for r in range(len(relaxing)):
+                x[relaxing[r]] = relax_start[r, 0]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
@@ -387,30 +430,16 @@ def step_pi2(rhs, run, third, out):
         joins = n == m > together
         if newton or joins:
             factors_valid = _rare(
-                newton,
-                joins,
-                past[m],
-                rhs,
-                t,
-                x,
-                now,
-                p,
-                f,
-                history_part,
-                newest,
-                W,
-                factors_valid,
-                trial,
-                x0,
-                relaxing,
-                relax_start,
-                h,
-            )
+                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0,
+                relaxing, relax_start, h,
+            )  # fmt: skip
         _keep_relaxing(relaxing, x, f, relax_start)
+        if jumps:
+            _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
-            enter(i, j, f[i], head, window, ahead, kernels)
+            enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
         if how != COMPLETED:
             break
         if n == m + row * every:

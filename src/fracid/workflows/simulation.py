@@ -161,7 +161,8 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     read = load_recording(file, {inputs[0]: unit | (dict(channel) or only)})
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
-    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, **last)
+    held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
+    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=held, **last)
 
 
 def simulate_twin(
