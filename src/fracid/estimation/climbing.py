@@ -29,7 +29,7 @@ from fracid.optimise import Result
 from fracid.problem import Problem
 from fracid.problem.unknowns import Free
 
-__all__ = ["climbed", "embedded", "entries", "late_rungs", "without"]
+__all__ = ["climbed", "embedded", "entries", "late_rungs", "on_the_whole", "on_windows", "without"]
 
 ROUGH: Mapping[str, Any] = {"tolerance": 1e-2, "budget": 12}
 """Least squares on the windows from each entry of an element."""
@@ -77,33 +77,38 @@ def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result
     late = late_rungs(problem)
     if not late or problem.cost_function.loss is None:
         return []
-    names = [n for rung in late.values() for n in rung]
-    simple = without(problem, names)
+    elements = [n for rung in late.values() for n in rung]
+    simple = without(problem, elements)
     ends = []
     if simple.names:
         below = growing(simple, simple.start, jobs, watch).best
-        values = dict(zip(simple.names, below.point.tolist(), strict=True)) | _off(problem, names)
+        values = dict(zip(simple.names, below.point.tolist(), strict=True)) | _off(problem, elements)
         ends.append(("the simpler structure", refined(problem, embedded(problem, values), jobs, watch)))
-    shared = _on_windows(problem, late, jobs, watch)
-    alone = problem.with_shared(embedded(problem, shared), problem.experiments)
+    values = dict(problem.parameter_starts)
+    for k, names in enumerate(((), *late.values())):
+        later = [n for rung in list(late)[k:] for n in late[rung]]
+        values |= on_windows(without(problem, later), values, names, jobs, watch)
+    return [*ends, ("windows", on_the_whole(problem, values, jobs, watch))]
+
+
+def on_windows(
+    problem: Problem, values: Mapping[str, float], names: Sequence[str], jobs: int, watch: Watch
+) -> Mapping[str, float]:
+    """Orders and parameters that fit windows best, from these values and from each entry of the elements `names`."""
+    pieces = in_windows(problem)
+    starts = [embedded(pieces, {**values, **entry}) for entry in entries(problem, names)]
+    ends = [uninterrupted(refined(pieces, x, jobs, watch, **ROUGH)).best for x in starts]
+    best = min(ends, key=lambda e: e.cost)
+    return shared_values(pieces, uninterrupted(refined(pieces, best.point, jobs, watch, **FINE)).best.point)
+
+
+def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch: Watch) -> Result:
+    """Least squares on the whole record: first of what each recording has for itself, then of all."""
+    alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:
         own = growing(alone, alone.start, jobs, watch).best
-        shared |= dict(zip(alone.names, own.point.tolist(), strict=True))
-    return [*ends, ("windows", refined(problem, embedded(problem, shared), jobs, watch))]
-
-
-def _on_windows(problem: Problem, late: Mapping[str, tuple[str, ...]], jobs: int, watch: Watch) -> dict[str, float]:
-    """Orders and parameters at the top of the climb, by name."""
-    values = dict(problem.parameter_starts)
-    for k, rung in enumerate(("", *late)):
-        off = [n for later in list(late)[k:] for n in late[later]]
-        pieces = in_windows(without(problem, off))
-        starts = [embedded(pieces, values | entry) for entry in (entries(problem, late[rung]) if rung else [{}])]
-        ends = [uninterrupted(refined(pieces, x, jobs, watch, **ROUGH)).best for x in starts]
-        best = min(ends, key=lambda e: e.cost)
-        best = uninterrupted(refined(pieces, best.point, jobs, watch, **FINE)).best
-        values |= shared_values(pieces, best.point)
-    return values
+        values = {**values, **dict(zip(alone.names, own.point.tolist(), strict=True))}
+    return refined(problem, embedded(problem, values), jobs, watch)
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:
@@ -124,7 +129,7 @@ def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:
         kind = kinds[name]
         return kind.entries[turn % len(kind.entries)] * own.get(kind.part_of, 1.0) if kind.entries else kind.off
 
-    return [{n: entry(n, turn) for n in names} for turn in range(max(1, *(len(kinds[n].entries) for n in names)))]
+    return [{n: entry(n, turn) for n in names} for turn in range(max([1, *(len(kinds[n].entries) for n in names)]))]
 
 
 def without(problem: Problem, names: Sequence[str]) -> Problem:

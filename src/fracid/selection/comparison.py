@@ -46,6 +46,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
@@ -412,6 +413,8 @@ def _fitted(
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the problem's start and from the structures below."""
     problem, watch = structure.problem, Watch()
+    if late_rungs(problem) and problem.cost_function.loss is not None and below:
+        return _climbed(structure, below, jobs)
     optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
     result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
     ends = [(result.best, f"from its own start, {result.outcome.value}")]
@@ -426,6 +429,22 @@ def _fitted(
     if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
     return best, how
+
+
+def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
+    """The lowest that a structure with rich friction comes to, from the optima below and by windows."""
+    problem, watch, ends = structure.problem, Watch(), []
+    for origin, values in below.items():
+        x = structure.embed(values)
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
+                     f"from the optimum of {origin}"))  # fmt: skip
+    names = late_rungs(problem).get(structure.top, ())
+    if names and not structure.fractional:
+        (origin, values), *_ = below.items()
+        start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
+        shared = on_windows(problem, start, names, jobs, watch)
+        ends.append((on_the_whole(problem, shared, jobs, watch).best, f"from {origin} by windows"))
+    return min(ends, key=lambda end: end[0].cost)
 
 
 def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
