@@ -170,7 +170,8 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     _, values, _ = problem.unpack(problem.start, e)
     x = np.zeros(len(problem.model.states))
     for o, value in posture.items():
-        x[problem.model.outputs[o]] = value
+        if o in problem.model.output_states:
+            x[problem.model.output_states[o]] = value
     eigenvalues = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
     growth = max((m.real for m in eigenvalues if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
     falls = growth * min(swing_period(largest_output(e)), len(e.measured)) * e.step > 1
@@ -251,7 +252,9 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
     for k in np.linspace(w, len(e.measured) - 1 - w, ASKED, dtype=int).tolist():
         x = np.zeros(len(problem.model.states))
         for o, y in zip(problem.outputs, e.measured.T, strict=True):
-            i = problem.model.outputs[o]
+            i = problem.model.output_states.get(o)
+            if i is None:
+                continue
             x[i] = y[k]
             if i in problem.model.rates:
                 x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
@@ -340,8 +343,8 @@ def _signed(problem: Problem) -> list[str]:
 
 def _turned(problem: Problem, output: str) -> Problem:
     """The same with the sign of one output, and of what is known of its start, turned round."""
-    e, i = problem.experiments[0], problem.model.outputs[output]
-    own = {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
+    e, i = problem.experiments[0], problem.model.output_states.get(output)
+    own = set() if i is None else {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
     initial = {n: -v if n in own else v for n, v in e.initial.items()}
     return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))
