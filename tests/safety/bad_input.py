@@ -558,7 +558,7 @@ PROJECTS = [
     project("a low-pass below 0", of_alpha("lowpass = -0.01"),
             "alpha: lowpass = -0.01 s is not possible; expected a time constant of 0 or more."),
     project("a delay that is each recording's own where it is none", of_alpha("gain = 1.0") + '[fit]\nper_recording = ["delay_alpha"]\n',
-            "There is no rotary-pendulum parameter 'delay_alpha'"),
+            "unknown rotary-pendulum parameter 'delay_alpha'"),
     project("an unknown way between samples", ONE + 'voltage = { column = "theta", unit = "V", between = "held" }\n',
             "unknown between of voltage 'held': did you mean hold? The known ones are line, hold, band-limited"),
     project("an angle that is held", of_alpha('between = "hold"'), "unknown field of alpha 'between'"),

@@ -197,7 +197,12 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
             f"{e.name}: history is not possible beside a delay, gain, bias or lowpass of an output; leave one of them "
             "out."
         )
-    observed = {p.model.outputs[o] for o in p.outputs}
+    for name in p.outputs:
+        if name not in p.model.output_states:
+            raise InputError(
+                f"{e.name}: history needs states as outputs, and {name} is a function of them; leave it out."
+            )
+    observed = {p.model.output_states[o] for o in p.outputs}
     unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
     if unobserved:
         names = ", ".join(p.model.states[i] for i in sorted(unobserved))

@@ -18,7 +18,8 @@ unknowns x, in this order, are
 =============  ====================================================================================
 
 What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
-States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
+States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
+experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 """
 
@@ -249,8 +250,9 @@ class Parametrisation:
         if self.initial_state in ("measured", "held"):
             return []
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
-        units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
-        sizes = dict(zip(units, self.sizes(e).tolist(), strict=True))
+        states = self.model.output_states
+        units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
+        sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
@@ -274,7 +276,9 @@ class Parametrisation:
         x0 = np.zeros(len(self.model.states))
         readings = self._readings(parameters, e.sensors)
         for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
-            i, sensor = self.model.outputs[name], readings.get(name, Reading())
+            if name not in self.model.output_states:
+                continue
+            i, sensor = self.model.output_states[name], readings.get(name, Reading())
             x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
                 x0[self.rates[i]] = slope / sensor.gain
@@ -287,7 +291,7 @@ class Parametrisation:
     @cached_property
     def rates(self) -> dict[int, int]:
         """For each scored output's state i the state j with D^q x_i = x_j."""
-        indices = [self.model.outputs[name] for name in self.outputs]
+        indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
 
     def sizes(self, e: Experiment) -> FloatArray:

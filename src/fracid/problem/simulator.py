@@ -33,6 +33,7 @@ from fracid.problem.unknowns import Free
 from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed_steps
 from fracid.solver.memory import Memory
+from fracid.solver.outputs import output_along
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
@@ -90,16 +91,28 @@ class Simulator:
         run = self.trajectory(x, e)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
-        columns = [self.parametrisation.model.outputs[n] for n in self.parametrisation.outputs]
-        if e.sensors:
+        model, names = self.parametrisation.model, self.parametrisation.outputs
+        if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
-            pairs = zip(self.parametrisation.outputs, columns, strict=True)
-            return np.column_stack([_read(run, i, e.time, readings.get(n, Reading())) for n, i in pairs])
+            signals = [self._signal(x, e, run, n) for n in names]
+            return np.column_stack([
+                _read(signal, e.time, readings.get(n, Reading())) for n, signal in zip(names, signals, strict=True)
+            ])  # fmt: skip
+        columns = [model.output_states[n] for n in names]
         if e.release_time == 0.0:
             return run.states[:: self.substeps, columns]
         moving = e.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([initial, run.at(e.time[moving])[:, columns]])
+
+    def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
+        """One output on the grid of a run."""
+        y = self.parametrisation.model.outputs[output]
+        if isinstance(y, int):
+            return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
+        u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
+        values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p)
+        return replace(run, states=values[:, None], orders=np.ones(1))
 
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""
@@ -226,6 +239,9 @@ class Simulator:
         model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
         how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
                p.outputs, self.method, self.memory.name, self.substeps, p.initial_state)  # fmt: skip
+        functions = [getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int)]
+        if functions:
+            how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
             arrays = [self._inputs[e.name], *([] if e.past is None else [e.past, e.measured])]
@@ -239,17 +255,16 @@ EDGE = 8
 """Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""
 
 
-def _read(run: Trajectory, state: int, times: FloatArray, reading: Reading) -> FloatArray:
-    """What a sensor shows of a state at evenly spaced times [s]; before the run its first value."""
+def _read(run: Trajectory, times: FloatArray, reading: Reading) -> FloatArray:
+    """What a sensor shows of a signal at evenly spaced times [s]; before the run its first value."""
     if reading == Reading() and run.time[0] == 0.0:
-        return run.states[:: round((times[1] - times[0]) / run.step), state][: len(times)]
-    y = low_passed(run.states[:, state], run.step, reading.lowpass)
+        return run.states[:: round((times[1] - times[0]) / run.step), 0][: len(times)]
+    y = low_passed(run.states[:, 0], run.step, reading.lowpass)
     then = np.minimum(times - reading.delay, run.time[-1])
     output, (inner, interior) = np.full(len(times), y[0]), _evenly(y, then, run)
-    seen = replace(run, states=y[:, None], orders=run.orders[[state]])
     edges = then >= run.time[0]
     edges[inner] = False
-    output[inner], output[edges] = interior, seen.at(then[edges])[:, 0]
+    output[inner], output[edges] = interior, replace(run, states=y[:, None]).at(then[edges])[:, 0]
     return np.asarray(reading.gain * output + reading.bias)
 
 

@@ -37,10 +37,12 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
+from fracid.models.base import Output
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
 from fracid.solver.inputs import Between, Driven, between_samples
+from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
 from fracid.twins.encoder import encoder
@@ -261,6 +263,13 @@ class Twin:
                 driven.before[:, i], driven.after[:, i] = between_samples(read, kind, *grid)
         return driven
 
+    def _output(self, run: Trajectory, h: Output) -> FloatArray:
+        """An output that is no state, at the samples."""
+        u = np.zeros((len(run.time), len(self.model.inputs)))
+        for name, (times, values) in (self.inputs or {}).items():
+            u[:, self.model.inputs.index(name)] = np.interp(run.time, times, values)
+        return output_along(h, run.time, run.states, u, self.model.parameter_vector(self.parameters))
+
     def record(
         self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
         states: bool = False,
@@ -295,9 +304,10 @@ class Twin:
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
         units: dict[str, str] = {}
         signals: dict[str, FloatArray] = {}
-        for name, i in self.model.outputs.items():
-            signals[name] = encoder(run.states[:, i : i + 1], levels[name], resolution, rng)[:, 0]
-            units[name] = "rad" if self.model.zero else "1"
+        for name, y in self.model.outputs.items():
+            clean = run.states[:, y] if isinstance(y, int) else self._output(run, y)
+            signals[name] = encoder(clean[:, None], levels[name], resolution if isinstance(y, int) else 0.0, rng)[:, 0]
+            units[name] = "rad" if self.model.zero and isinstance(y, int) else "1"
         for name, (times, values) in (self.inputs or {}).items():
             signals[name] = np.interp(run.time, times, values)
             units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")

@@ -201,7 +201,9 @@ def _linearisation(problem: Problem, e: Experiment) -> Linearisation:
 
     rhs = compile_rhs(model.rhs)
     still, no_inputs = np.zeros(len(model.states)), np.zeros(len(model.inputs))
-    still[[model.outputs[o] for o in posture]] = [*posture.values()]
+    for o, value in posture.items():
+        if o in model.output_states:
+            still[model.output_states[o]] = value
     gain = step_gain(e.step / problem.substeps, orders, time_scale(model, values))
     with np.errstate(all="ignore"):
         spectra = [modes(linearised(rhs, t, x, u, values), gain) for t, x, u in motion]
@@ -225,7 +227,9 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
     for k in np.linspace(w, len(e.measured) - 1 - w, ASKED, dtype=int).tolist():
         x = np.zeros(len(problem.model.states))
         for o, y in zip(problem.outputs, e.measured.T, strict=True):
-            i = problem.model.outputs[o]
+            i = problem.model.output_states.get(o)
+            if i is None:
+                continue
             x[i] = y[k]
             if i in problem.model.rates:
                 x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
