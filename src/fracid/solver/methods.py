@@ -41,7 +41,7 @@ class Method:
     """A stepping scheme."""
 
     family: str
-    """Which kernel it sums with: ``gl``, ``pi`` or ``pi3`` (:mod:`fracid.solver.memory`)."""
+    """Which kernel it sums with: ``gl``, ``pi``, ``pi3`` or ``bdf`` (:mod:`fracid.solver.memory`)."""
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[[Any, Run, FloatArray], tuple[int, int]]
@@ -72,6 +72,10 @@ METHODS = {
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
         "stiff systems: Newton's method at every step",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
+    ),
+    "bdf2": Method(
+        "bdf", 2, lambda rhs, run, out: _loops().step_bdf2(rhs, run, out),
+        "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
         "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),

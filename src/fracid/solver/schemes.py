@@ -20,9 +20,12 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
+``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of BDF2:
+                   :math:`x_i^l = x_i^0 + g_i\big(w_0 f_i^l + \sum_{k=1}^{l-1} w_k f_i^{l-k} + \tfrac12 w_{l-1} f_i^0
+                   + C_i^l\big)`; what dies in the equation dies in the scheme, at any step and every order up to 2
 =================  =========================================================================================
 
-The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
+The first three are of convergence order 1, ``pi3`` of 3, the others of 2, where f(t, x) is smooth.
 
 **What is known before.**  `past` holds the states that are given: its last row is the state at the `start` of
 the run, the rows before it the samples of the history, one a step, the first of which is the x⁰ of the formulas.
@@ -43,9 +46,9 @@ from numba import types
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
 from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import gauss_jordan, start_together
+from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, start_together
 
-__all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
+__all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
 
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
@@ -282,7 +285,7 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse
 def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _ = run
-    begin, x0, together, knots, parabolas = start_together(rhs, run, third)
+    begin, x0, together, knots, parabolas = start_together(rhs, run, PI3 if third else PI2)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
@@ -337,6 +340,78 @@ def step_pi2(rhs, run, third, out):
             factors_valid = _rare(
                 newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0
             )
+        for i in range(states):
+            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
+                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            enter(i, j, f[i], head, window, ahead, kernels)
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last - m, how
+
+
+# --- the fractional BDF2 ---------------------------------------------------------------------------
+
+
+@helper
+def _first_derivative(rhs, run, x, f, newest, W, trial):
+    """Fill f with that of the first sample after a stiff start, known or to be solved for: at order 1, backward Euler."""
+    past, states, h = run.past, len(x), run.h
+    t, now = run.start - (len(past) - 2) * h, run.u[min(1, len(run.u) - 1)].copy()
+    base, weight = np.zeros(states), np.zeros(states)
+    for i in range(states):
+        x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
+    rhs(t, x, now, run.p, f)
+    if len(past) == 1:
+        _newton(rhs, t, x, now, run.p, f, base, weight, W, False, trial)
+
+
+@when_called(_ENDED(RHS, RUN, _matrix))
+def step_bdf2(rhs, run, out):
+    """``bdf2``: every step by Newton's method, from x going on in a straight line."""
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, BDF2)
+    m, states = len(past) - 1, len(slope)
+    t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
+    (window, sums, ahead), head = nothing_yet(kernels, end), 1
+    x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
+    history_part, newest, W, trial = np.zeros(states), np.zeros(states), np.zeros((states, 2 * states)), np.zeros(states)
+    mode = flush_denormals()
+    for i in range(states):
+        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+    rhs(t0, x, now, p, f)
+    last, how, row = end, COMPLETED, 1  # the first row of out holds x(start)
+    if not _finite(f):
+        last, how, end = 0, NOT_FINITE, 0
+    elif together == 0:
+        _first_derivative(rhs, run, x, f, newest, W, trial)
+    for i in range(states):
+        window[i, 0], x[i] = f[i], past[0, i]
+    k, factors_valid = min(0, together), states < 0  # 0 and False, but no literals: see step_pi2
+    for n in range(1, end + 1):
+        t, j = t0 + n * h, (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+            if together > 0:
+                k = _correct_block(n, knots, k, parabolas, ahead)
+        _read(u, n, now)
+        for i in range(states):
+            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            following = 2 * x[i] - before[i] if n >= first_free else begin[n, i]
+            before[i], x[i] = x[i], following
+        rhs(t, x, now, p, f)
+        if n >= first_free or n == m:
+            factors_valid = _rare(
+                n >= first_free, n == m > together, past[min(n, m)], rhs, t, x, now, p, f, history_part, newest, W,
+                factors_valid, trial, x0,
+            )  # fmt: skip
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
