@@ -61,7 +61,7 @@ from fracid.signals.swing import swing_count, swing_period, swing_start, tail
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, steps_a_period
+from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, steps_a_period, too_long
 
 __all__ = ["before", "largest_output"]
 
@@ -171,7 +171,8 @@ def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     x = np.zeros(len(problem.model.states))
     for o, value in posture.items():
         x[problem.model.outputs[o]] = value
-    eigenvalues = _modes(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values, np.ones(len(x)))
+    J = _linearised(problem, (0.0, x, np.zeros(len(problem.model.inputs))), values)
+    eigenvalues = modes(J, np.ones(len(x)))
     growth = max((m.real for m in eigenvalues if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
     falls = growth * min(swing_period(largest_output(e)), len(e.measured)) * e.step > 1
     pendulum = problem.model.pendulum
@@ -220,15 +221,15 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     orders, values, _ = problem.unpack(problem.start, e)
     h = e.step / problem.substeps
     gain = h**orders * time_scale(problem.model, values) ** (1 - orders)
-    spectra = [_modes(problem, at, values, gain) for at in _measured_states(problem, e)]
-    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-    steps = float(np.median([steps_a_period(m) for m in spectra]))
-    follows = METHODS[problem.method].follows
-    if largest > follows:
-        more = problem.substeps * math.ceil((2 * largest / follows) ** (1 / float(np.max(orders))))
-        yield Finding("stiff", e.name, largest, follows, "|J|h",
-            f"the step is too long for {problem.method}: |J|h is {largest:.3g} at the start's values, and an explicit "
-            f'scheme follows up to about {follows:g}. Type method = "pi2" in [fit], or substeps = {more}.')  # fmt: skip
+    linear = [_linearised(problem, at, values) for at in _measured_states(problem, e)]
+    steps = float(np.median([steps_a_period(modes(J, gain)) for J in linear]))
+    if beyond := too_long(problem.method, orders, linear, gain, len(e.measured) * problem.substeps):
+        more = problem.substeps * math.ceil(beyond.parts)
+        scheme, other = ("an explicit scheme", "pi2") if METHODS[problem.method].follows < math.inf else ("it", "bdf2")
+        yield Finding("stiff", e.name, beyond.size, beyond.limit, "|J|h",
+            f"the step is too long for {problem.method}: |J|h is {beyond.size:.3g} at the start's values, and {scheme} "
+            f'follows up to about {beyond.limit:.3g}. Type method = "{other}" in [fit], or substeps = '
+                      f"{more}.")  # fmt: skip
     elif steps < STEPS_A_PERIOD:
         more = problem.substeps * math.ceil(2 * STEPS_A_PERIOD / steps)
         yield Finding("coarse-steps", e.name, steps, STEPS_A_PERIOD, "steps a period",
@@ -236,13 +237,13 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
                       f"Type substeps = {more} in [fit].")  # fmt: skip
 
 
-def _modes(
-    problem: Problem, at: tuple[float, FloatArray, FloatArray], values: FloatArray, gain: FloatArray
-) -> NDArray[np.complex128]:
-    """μ at a time, a state and an input."""
+def _linearised(
+    problem: Problem, at: tuple[float, FloatArray, FloatArray], values: FloatArray
+) -> NDArray[np.float64]:
+    """J at a time, a state and an input."""
     t, x, u = at
     with np.errstate(all="ignore"):
-        return modes(linearised(compile_rhs(problem.model.rhs), t, x, u, values), gain)
+        return linearised(compile_rhs(problem.model.rhs), t, x, u, values)
 
 
 def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, FloatArray, FloatArray]]:
