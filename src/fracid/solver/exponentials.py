@@ -26,15 +26,16 @@ Put :math:`s = e^u` and sum over a grid of spacing Δ.  Three errors share the t
 
 ``pi3`` takes the exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference.
 
-``bdf``, the coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q} = \big((1-ζ)(3-ζ)/2\big)^{-q}`, have their integral along the
-cut from ζ = 1 on, with :math:`ζ = e^s`,
+``bdf``, the coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q} = \big((1-ζ)(3-ζ)/2\big)^{-q}`, have their integral along
+the cut from ζ = 1 on, with :math:`ζ = e^s`,
 
 .. math::
 
-    w_k = \frac{\sin \pi q}{\pi} \int_0^{\ln 3} \Big(\frac{(e^s-1)(3-e^s)}{2}\Big)^{-q} e^{-sk}\,ds + O(k^{q-1}\,3^{-k}),
+    w_k = \frac{\sin \pi q}{\pi} \int_0^{\ln 3} \Big(\frac{(e^s-1)(3-e^s)}{2}\Big)^{-q} e^{-sk}\,ds
+          + O(k^{q-1}\,3^{-k}),
 
-that of ``pi`` with another smooth factor beside :math:`s^{-q}`.  What the second root adds is gone after a few lags more,
-which are kept exactly: 24 for a tolerance of 10⁻¹⁰.
+that of ``pi`` with another smooth factor beside :math:`s^{-q}`.  What the second root adds is gone after a few lags
+more, which are kept exactly: 24 for a tolerance of 10⁻¹⁰.
 
 References
 ----------
@@ -98,7 +99,7 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
     if family == "pi3":
         return _third_kernel(q, lags, steps, tolerance)
     if family == "bdf":
-        return Kernel(*_bdf_kernel(q, sine_ratio(1 - q), max(lags, _bdf_lags(tolerance)), steps, tolerance), 0.5)
+        return _two_roots_kernel(q, max(lags, _bdf_lags(tolerance)), steps, tolerance)
     return Kernel(*_integral_kernel(q, sine_ratio(1 - q), lags, steps, tolerance))
 
 
@@ -111,6 +112,12 @@ def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     amplitude[0] += pi.ramp
     w, start = third_weights(q, L)
     return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
+
+
+def _two_roots_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
+    """The exponentials of the root at ζ = 1, after lags enough for that at 3."""
+    w, start, decay, amplitude, ratio, ramp = _bdf_kernel(q, sine_ratio(1 - q), L, steps, tolerance)
+    return Kernel(w, start, decay, amplitude, ratio, ramp, 0.5)
 
 
 def _bdf_lags(tolerance: float) -> int:

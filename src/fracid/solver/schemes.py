@@ -20,9 +20,9 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
-``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of BDF2:
-                   :math:`x_i^l = x_i^0 + g_i\big(w_0 f_i^l + \sum_{k=1}^{l-1} w_k f_i^{l-k} + \tfrac12 w_{l-1} f_i^0
-                   + C_i^l\big)`; what dies in the equation dies in the scheme, at any step and every order up to 2
+``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of
+                   BDF2, :math:`\tfrac12 w_{l-1}` for that of the start: what dies in the equation dies in the scheme, at
+                   any step and every order up to 2
 =================  =========================================================================================
 
 The first three are of convergence order 1, ``pi3`` of 3, the others of 2, where f(t, x) is smooth.
@@ -56,6 +56,9 @@ COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
 and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
+
+PATIENCE = 4
+"""Times 12 iterations that ``bdf2`` takes at most."""
 
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
@@ -361,7 +364,7 @@ def step_pi2(rhs, run, third, out):
 
 @helper
 def _first_derivative(rhs, run, x, f, newest, W, trial):
-    """Fill f with that of the first sample after a stiff start, known or to be solved for: at order 1, backward Euler."""
+    """Fill f with that of the first sample after a stiff start, known or solved for: at order 1, backward Euler."""
     past, states, h = run.past, len(x), run.h
     t, now = run.start - (len(past) - 2) * h, run.u[min(1, len(run.u) - 1)].copy()
     base, weight = np.zeros(states), np.zeros(states)
@@ -369,7 +372,17 @@ def _first_derivative(rhs, run, x, f, newest, W, trial):
         x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
     rhs(t, x, now, run.p, f)
     if len(past) == 1:
-        _newton(rhs, t, x, now, run.p, f, base, weight, W, False, trial)
+        _settle(rhs, t, x, now, run.p, f, base, weight, W, False, trial)
+
+
+@helper
+def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
+    """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
+    for _ in range(PATIENCE):
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial)
+        if reuse:
+            break
+    return reuse
 
 
 @when_called(_ENDED(RHS, RUN, _matrix))
@@ -381,7 +394,8 @@ def step_bdf2(rhs, run, out):
     t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
     x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
-    history_part, newest, W, trial = np.zeros(states), np.zeros(states), np.zeros((states, 2 * states)), np.zeros(states)
+    history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
+    W, trial = np.zeros((states, 2 * states)), np.zeros(states)
     mode = flush_denormals()
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
@@ -402,16 +416,17 @@ def step_bdf2(rhs, run, out):
             if together > 0:
                 k = _correct_block(n, knots, k, parabolas, ahead)
         _read(u, n, now)
-        for i in range(states):
+        for i in range(states):  # predict: x goes on in a straight line, but not that of a jump
             history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
-            following = 2 * x[i] - before[i] if n >= first_free else begin[n, i]
-            before[i], x[i] = x[i], following
+            move = x[i] - before[i]
+            goes_on = abs(move) <= 2 * abs(last_move[i])
+            before[i], last_move[i] = x[i], move
+            x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
         rhs(t, x, now, p, f)
-        if n >= first_free or n == m:
-            factors_valid = _rare(
-                n >= first_free, n == m > together, past[min(n, m)], rhs, t, x, now, p, f, history_part, newest, W,
-                factors_valid, trial, x0,
-            )  # fmt: skip
+        if n >= first_free:
+            factors_valid = _settle(rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial)
+        if n == m > together:
+            _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

@@ -39,12 +39,13 @@ measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a frac
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
 corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.
 
-**bdf2** has the same corrections with its own errors, whose expansion needs no last panel, since its weights and powers
-are coefficients of :math:`\sum_j d_j s^{j-q}` and :math:`Γ(σ+1)\,s^{-σ-1} + \sum_i ζ(-σ-i)(-s)^i/i!`, ζ = e^(−s):
-:math:`E_σ(n)` is the sum of :math:`n^{σ+q-j}` and :math:`n^{q-1-i-j}` that their product leaves.  It does not integrate
-constants exactly either: the start weighs :math:`w_{n-1}/2`, which makes order 2, and the exponent 0, with :math:`f_0`
-for its coefficient, does the rest.  Without corrections, thus in stiff starts, the loop puts :math:`f_1` in the place of
-:math:`f_0`: at order 1 that is the backward Euler step that BDF2 is usually begun with, and the fast part is gone after it.
+**bdf2** has the same corrections with its own errors, whose expansion needs no last panel, since its weights and
+powers are coefficients of :math:`\sum_j d_j s^{j-q}` and :math:`Γ(σ+1)\,s^{-σ-1} + \sum_i ζ(-σ-i)(-s)^i/i!`, at
+e^(−s): :math:`E_σ(n)` is the sum of :math:`n^{σ+q-j}` and :math:`n^{q-1-i-j}` that their product leaves.  It does not
+integrate constants exactly either: the start weighs :math:`w_{n-1}/2`, which makes order 2, and the exponent 0, with
+:math:`f_0` for its coefficient, does the rest.  Without corrections, thus in stiff starts, the loop puts :math:`f_1` in
+the place of :math:`f_0`: at order 1 that is the backward Euler step that BDF2 is usually begun with, and the fast part
+is gone after it.
 
 References
 ----------
@@ -211,9 +212,9 @@ BDF_TERMS = 10
 """Of the expansion of ``bdf2``'s errors, which is taken from n = 65 on."""
 
 
-@helper
+@_alone
 def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
-    """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 with the start's weights, which are half the last."""
+    """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 the start has its weights, half of the last."""
     E, few = np.zeros((len(sigma), len(knots))), bdf_weights(q, 64)
     w, start, d = few[0], few[1], bdf_series(q, BDF_TERMS)
     smooth, singular = np.zeros(BDF_TERMS), np.zeros(BDF_TERMS)
@@ -231,8 +232,8 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
             n = knots[k]
             if n <= 64:
                 E[m, k] = exact * float(n) ** (s + q) - (start[n] if s == 0.0 else 0.0)
-                for l in range(1, n + 1):
-                    E[m, k] -= w[n - l] * float(l) ** s
+                for lag in range(n):
+                    E[m, k] -= w[lag] * float(n - lag) ** s
             else:
                 one = other = 0.0
                 for i in range(BDF_TERMS - 1, -1, -1):
@@ -315,8 +316,8 @@ def _inverse_gamma(x: float) -> float:
 def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` one step, and
-    constants: the first row of its errors.
+    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` has one step,
+    and constants, the first row of its errors.
     """
     past, orders, third, bdf = run.past, run.orders, rule == PI3, rule == BDF2
     m, states, steps = len(past) - 1, len(orders), len(past) - 1 + run.steps

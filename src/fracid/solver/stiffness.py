@@ -28,9 +28,9 @@ sample: at
 
 240 at order 1.01, 50 at 1.05, 9.5 at 1.5, 12 towards 2.
 
-**Low orders.**  An explicit scheme sets x to :math:`x^0 + g f` of the last sample, less a history whose weights vanish as
-q → 0: a fixed-point iteration, which is off by :math:`|μ|/(1+|μ|)` at first and by :math:`2^{-q}|μ|` of that with each
-sample; and no step helps, for :math:`h^q` hardly depends on h.
+**Low orders.**  An explicit scheme sets x to :math:`x^0 + g f` of the last sample, less a history whose weights
+vanish as q → 0: a fixed-point iteration, which is off by :math:`|μ|/(1+|μ|)` at first, and by :math:`2^{-q}|μ|` times
+as much with each sample; and no step helps, for :math:`h^q` hardly depends on h.
 
 **How a run ended.**  Where a state runs away, \|J\|h *before* it did tells whose fault it is: beyond its scheme's
 limit the step's.  Otherwise the solution itself grows: in finite time, where the last decades of growth take less time
@@ -212,7 +212,8 @@ def _parts(scaled: FloatArray, orders: FloatArray, steps: int) -> float:
 def _unstable(scaled: FloatArray, orders: FloatArray, steps: int) -> bool:
     """Tell whether ``pi2`` has more growing modes than the equations D^q δ = Jδ, `scaled` being gJ."""
     rate = min(GROWTH / max(1, steps), 0.5)
-    return _growing(_of_scheme, math.pi, rate, scaled, orders) > _growing(_of_equation, math.inf, rate / 2, scaled, orders)
+    of_equation = _growing(_of_equation, math.inf, rate / 2, scaled, orders)
+    return _growing(_of_scheme, math.pi, rate, scaled, orders) > of_equation
 
 
 def _growing(
@@ -368,8 +369,8 @@ def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatAr
     samples = math.log(SETTLED * largest / (1 + largest)) / (q * math.log(2) - math.log(largest))
     return Finding(
         "low-order", "", samples, 1.0, "samples",
-        f"At order {q:g} {run.method} sets x to little else than f of the last sample: its first {samples:.0f} samples, "
-        "and as many after every jump, are wrong by 1 % of it or more, and no step shortens that. "
+        f"At order {q:g} {run.method} sets x to little else than f of the last sample: its first {samples:.0f} "
+        "samples, and as many after every jump, are wrong by 1 % of it or more, and no step shortens that. "
         'Type method = "pi2".',
     )  # fmt: skip
 

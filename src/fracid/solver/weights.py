@@ -128,8 +128,10 @@ def _exact_third(q: float, steps: int) -> Kernel:
 
 def _exact_bdf(q: float, steps: int) -> Kernel:
     if q == 1.0:  # w_k = 1 − 3^(−k−1), a running sum from k = 40 on
-        return Kernel(*bdf_weights(q, 40), np.zeros(1), np.ones(1), np.full(1, 0.5))
-    return Kernel(*bdf_weights(q, steps), *np.empty((3, 0)))
+        w, start = bdf_weights(q, 40)
+        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+    w, start = bdf_weights(q, steps)
+    return Kernel(w, start, *np.empty((3, 0)))
 
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.

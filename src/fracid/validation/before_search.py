@@ -237,9 +237,7 @@ def _steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
                       f"Type substeps = {more} in [fit].")  # fmt: skip
 
 
-def _linearised(
-    problem: Problem, at: tuple[float, FloatArray, FloatArray], values: FloatArray
-) -> NDArray[np.float64]:
+def _linearised(problem: Problem, at: tuple[float, FloatArray, FloatArray], values: FloatArray) -> NDArray[np.float64]:
     """J at a time, a state and an input."""
     t, x, u = at
     with np.errstate(all="ignore"):
