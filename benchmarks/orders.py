@@ -8,8 +8,8 @@ largest over the states at the last time at which a solution is known, unless a 
 binary logarithm of the last two errors' ratio.  A method that is added to ``METHODS`` has its rows by itself.
 """
 
-import re
 import math
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable
@@ -227,7 +227,7 @@ def stiff_table() -> str:
 def stiff_above_table() -> str:
     """What is left of a fast decay after 15 s, above order 1."""
 
-    def decay(t, x, u, p, out):
+    def decay(t, x, u, p, out):  # noqa: ARG001
         out[0] = -p[0] * x[0]
 
     rows = []

@@ -21,8 +21,8 @@ function pointer, so the loops compile once for all right-hand sides and are cac
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
 ``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of
-                   BDF2, :math:`\tfrac12 w_{l-1}` for that of the start: what dies in the equation dies in the scheme, at
-                   any step and every order up to 2
+                   BDF2, :math:`\tfrac12 w_{l-1}` for that of the start: what dies in the equation dies in the scheme,
+                   at any step and every order up to 2
 =================  =========================================================================================
 
 The first three are of convergence order 1, ``pi3`` of 3, the others of 2, where f(t, x) is smooth.

@@ -316,7 +316,7 @@ def _inverse_gamma(x: float) -> float:
 def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` has one step,
+    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` one step
     and constants, the first row of its errors.
     """
     past, orders, third, bdf = run.past, run.orders, rule == PI3, rule == BDF2
