@@ -97,6 +97,20 @@ def test_above_order_one_the_step_and_the_method_that_are_asked_for_help(q):
         assert abs(better.states[-1, 0] - 1.0) < 1e-3
 
 
+@pytest.mark.parametrize("mu", [0.9, 1.05])
+@pytest.mark.parametrize("b_alpha", [0.2, 0.5, 10.0])
+def test_a_run_whose_sweeps_ran_away_is_no_blow_up_of_the_solution(mu, b_alpha):
+    rig = {"orders": {"lambda": 1.0, "mu": mu}, "initial": {"alpha": 0.17}, "step": 1e-2, "end": 2.0}
+    model = fracid.rotary_pendulum("qube-servo2", b_alpha=b_alpha)
+    ended = fracid.simulate(model, **rig)
+    assert not ended.completed
+    assert ended.fault.code == "stiff"
+    assert 'method = "bdf2"' in ended.fault.sentence
+    solved = fracid.simulate(model, **rig, method="bdf2")
+    assert solved.completed
+    assert solved.fault is None
+
+
 def test_a_run_that_its_step_made_grow_is_not_called_completed():
     ended = run(decay, 1.05, [0.0], [3e4], end=5.0)
     assert np.abs(ended.states).max() > 1e10

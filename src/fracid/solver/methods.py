@@ -50,6 +50,8 @@ class Method:
     """What one takes it for, in a phrase."""
     follows: float = math.inf
     """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
+    sweeps: float = math.inf
+    """The |J|h up to which its sweeps contract: a run that ends early beyond it owes that to them, perhaps."""
     raw: bool = False
     """Whether it sums x itself, which is right only for x(0) = 0."""
     exported: Exported | None = None
@@ -66,6 +68,7 @@ METHODS = {
     "pi2": Method(
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
         "everything, steep friction too; at order 1 a second-order ODE solver",
+        sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(

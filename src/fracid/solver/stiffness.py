@@ -28,6 +28,9 @@ sample: at
 
 240 at order 1.01, 50 at 1.05, 9.5 at 1.5, 12 towards 2.
 
+**Sweeps.**  ``pi2`` asks for Newton's method after its sweeps, which overshoot where \|J\|h is above 1: a curved f may
+run away there and then, and no blow-up is concluded from it.
+
 **Low orders.**  An explicit scheme sets x to :math:`x^0 + g f` of the last sample, less a history whose weights
 vanish as q → 0: a fixed-point iteration, which is off by :math:`|μ|/(1+|μ|)` at first, and by :math:`2^{-q}|μ|` times
 as much with each sample; and no step helps, for :math:`h^q` hardly depends on h.
@@ -292,19 +295,26 @@ def _fault(
         return Finding("not-finite", "", end, math.inf, "s",
                        f"The right-hand side is not finite after t = {end:.4g} s: a division by zero, such as "
                        "det M = 0, or an overflow.")  # fmt: skip
-    if not several:
+    if not several and run.outcome is not Outcome.DIVERGED:
         return None
-    last = len(run.time) - 1 if run.completed else max(1, _growing_from(run) - 1)
+    if run.completed:
+        last = len(run.time) - 1
+    else:
+        last = max(1, _growing_from(run) - 1) if len(run.time) > 2 else 0  # the second may be on its way out
     linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
-    beyond = too_long(run.method, run.orders, linear, gain, round((end - run.origin) / run.step))
+    length, method = round((end - run.origin) / run.step), METHODS.get(run.method)
+    beyond = too_long(run.method, run.orders, linear, gain, length if run.completed else max(100, length))
     if beyond is not None:
         return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
     if away or run.outcome is Outcome.DIVERGED:
-        return _runs_away(run, max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0))
-    if METHODS[run.method].family == "gl" and np.min(run.orders) < LOW_ORDER:
+        largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+        if method and largest > method.sweeps:
+            return _swept_away(run, largest)
+        return _runs_away(run, largest) if several else None
+    if method and method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
@@ -355,6 +365,17 @@ def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
         "stiff", "", beyond.size, beyond.limit, "|J|h",
         f'The step is too long for {run.method}: |J|h is {beyond.size:.3g}, and {why}. Type method = "{other}", or a '
         f"step of {run.step / beyond.parts:.2g} s.",
+    )  # fmt: skip
+
+
+def _swept_away(run: Trajectory, largest: float) -> Finding:
+    limit = METHODS[run.method].sweeps
+    shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
+    return Finding(
+        "stiff", "", largest, limit, "|J|h",
+        f"It ended at t = {run.time[-1]:.4g} s, and whether by itself is open: |J|h was {largest:.3g} before, and "
+        f"beyond {limit:g} the sweeps of {run.method} overshoot; what is curved then runs away before Newton's method is "
+        f'asked. Type method = "bdf2", or a step of {shorter:.2g} s.',
     )  # fmt: skip
 
 
