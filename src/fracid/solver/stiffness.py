@@ -297,10 +297,9 @@ def _fault(
                        "det M = 0, or an overflow.")  # fmt: skip
     if not several and run.outcome is not Outcome.DIVERGED:
         return None
-    if run.completed:
-        last = len(run.time) - 1
-    else:
-        last = max(1, _growing_from(run) - 1) if len(run.time) > 2 else 0  # the second may be on its way out
+    last = len(run.time) - 1
+    if not run.completed:
+        last = max(1, _growing_from(run) - 1) if last > 1 else 0  # the second may be on its way out
     linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
@@ -374,8 +373,8 @@ def _swept_away(run: Trajectory, largest: float) -> Finding:
     return Finding(
         "stiff", "", largest, limit, "|J|h",
         f"It ended at t = {run.time[-1]:.4g} s, and whether by itself is open: |J|h was {largest:.3g} before, and "
-        f"beyond {limit:g} the sweeps of {run.method} overshoot; what is curved then runs away before Newton's method is "
-        f'asked. Type method = "bdf2", or a step of {shorter:.2g} s.',
+        f"beyond {limit:g} the sweeps of {run.method} overshoot; what is curved then runs away before Newton's method "
+        f'is asked. Type method = "bdf2", or a step of {shorter:.2g} s.',
     )  # fmt: skip
 
 
