@@ -41,7 +41,7 @@ class Method:
     """A stepping scheme."""
 
     family: str
-    """Which kernel it sums with: ``gl``, ``pi`` or ``pi3`` (:mod:`fracid.solver.memory`)."""
+    """Which kernel it sums with: ``gl``, ``pi``, ``pi3`` or ``bdf`` (:mod:`fracid.solver.memory`)."""
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[[Any, Run, FloatArray], tuple[int, int]]
@@ -52,6 +52,8 @@ class Method:
     """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
     at_a_jump: Literal["both", "after", "mean"] = "mean"
     """Of an input that jumps at a grid point it takes the values before and after it, that after it, or their mean."""
+    sweeps: float = math.inf
+    """The |J|h up to which its sweeps contract: a run that ends early beyond it owes that to them, perhaps."""
     raw: bool = False
     """Whether it sums x itself, which is right only for x(0) = 0."""
     exported: Exported | None = None
@@ -67,13 +69,18 @@ def _loops() -> Any:
 METHODS = {
     "pi2": Method(
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
-        "everything, steep friction too; at order 1 a second-order ODE solver", at_a_jump="both",
+        "everything, steep friction too; at order 1 a second-order ODE solver",
+        at_a_jump="both", sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
         "stiff systems: Newton's method at every step", at_a_jump="both",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
+    ),
+    "bdf2": Method(
+        "bdf", 2, lambda rhs, run, out: _loops().step_bdf2(rhs, run, out),
+        "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
         "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),

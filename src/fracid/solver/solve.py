@@ -47,7 +47,7 @@ from fracid.solver.loop_arguments import Run
 from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
-from fracid.solver.stiffness import fault_of
+from fracid.solver.stiffness import fault_of, grows_by_itself
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
@@ -262,6 +262,8 @@ def _solve(
     equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
     trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
+    if trajectory.completed and grows_by_itself(trajectory):
+        trajectory = replace(trajectory, outcome=Outcome.UNSTABLE)
     if times is None:
         return trajectory
     within = times[times <= trajectory.time[-1] + 1e-9 * h]

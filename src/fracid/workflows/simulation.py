@@ -202,8 +202,9 @@ def simulate_twin(
     for sentence in warned:
         observer.notice(sentence)
     if not run.completed:
+        advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
-                        "Give a smaller --step, other values, or an earlier --end.")  # fmt: skip
+                        f"{advice}")  # fmt: skip
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
     return SimulatedRecording(twin, run, recording, record, _written(recording, record, file, folder))
@@ -229,7 +230,8 @@ def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = twin.simulate()
-    return run, [str(w.message) for w in caught]
+    fault = [str(run.fault)] if run.completed and run.fault else []
+    return run, [str(w.message) for w in caught] + fault
 
 
 def _record(
