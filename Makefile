@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-all test-slow lint docs bench orders coverage bench-peers scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint docs bench orders coverage claims bench-peers scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -51,6 +51,10 @@ orders: $(READY)
 # short.  Writes its part of docs/uncertainty.md.
 coverage: $(READY)
 	$(BIN)/python benchmarks/intervals.py --write
+
+# What fracid claims of rigs of known truth, made without its solver: hours; goes on where it was cut short.
+claims: $(READY)
+	$(BIN)/python benchmarks/claims.py --draws 3
 
 # Error against time, fracid and its peers; they live in a venv of their own.  Writes docs/work-precision.md.
 bench-peers: $(PEERS)

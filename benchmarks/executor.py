@@ -193,12 +193,13 @@ def real() -> str:
     """Repetitions of a noise study on the demo's twin: 20 s at 1 kHz, two orders free."""
     import fracid
     from fracid.estimation.search import search
+    from fracid.optimise import OPTIMISERS
     from fracid.problem.project import load_project
     from fracid.validation.monte_carlo import noise_study
 
     project = load_project(Path(fracid.__file__).parent / "twins" / "reference-twin.toml")
     problem = project.problem
-    found, _ = search(problem, "multistart", np.random.default_rng(1))
+    found, _ = search(problem, OPTIMISERS["multistart"], np.random.default_rng(1))
     rows = []
     for name, optimiser, count in (("least squares", "multistart", 6), ("the paper's genetic algorithm", "genetic", 2)):
         spent = Spent()

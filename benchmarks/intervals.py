@@ -38,6 +38,7 @@ from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import jacobian, uncertainty
 from fracid.estimation.search import search
 from fracid.models import RIGS
+from fracid.optimise import OPTIMISERS
 from fracid.problem import Experiment, Free, Problem
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -262,7 +263,7 @@ def by_each_method(colour: str, seed: int) -> dict[str, dict[str, float]]:
     slow = lfilter([1], [1, -rho], rng.standard_normal((len(empty) + 500, 2)), axis=0)[500:]
     noise = 3e-3 * (math.sqrt(1 - rho**2) * slow + white * rng.standard_normal(empty.shape))
     problem = replace(twin, experiments=(replace(e, measured=e.measured + noise),))
-    x = search(problem, "multistart", rng)[0].best.point
+    x = search(problem, OPTIMISERS["multistart"], rng)[0].best.point
     known, drawn = uncertainty(problem, x), bootstrap(problem, x, draws=400, seed=seed)
     profiles = profile(problem, x, parameters=list(problem.names), points=6).profiles
     held = {}

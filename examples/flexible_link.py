@@ -104,7 +104,8 @@ def problem():
     )
     return Problem(
         model,
-        (Experiment.of(recording, model, ["theta", "alpha"], {"theta": 0.0, "alpha": 0.0}),),  # it starts at rest
+        (Experiment.of(recording, model, ["theta", "alpha"], {"theta": 0.0, "alpha": 0.0},  # it starts at rest
+                       between={"voltage": "line"}),),  # as it was simulated; a converter's is held
         orders={"r": Free(0.9, 0.05, 1.0)},
         parameters={
             "J_hub": Free(3e-3, 1e-4, 2e-2), "J_link": Free(3e-3, 1e-4, 2e-2), "b": Free(0.1, 0.0, 1.0),

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.identification import identify
     from fracid.models import Model, Parameter, rotary_pendulum
-    from fracid.problem import Experiment, Free, Problem
+    from fracid.problem import Experiment, Free, Problem, Sensor
     from fracid.problem.draft import draft_project
     from fracid.problem.project import Project, load_project
     from fracid.recording import Recording, load_recording
@@ -93,6 +93,7 @@ _HOME = {
     "ResidualAnalysis": "validation.residual_records",
     "SavedRun": "runs.saved",
     "Sensitivities": "solver.batch",
+    "Sensor": "problem",
     "Spread": "estimation.agreement",
     "System": "solver.reduction",
     "Task": "tasks.job",
@@ -143,7 +144,7 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", 
            "FinishedComparison", "FinishedNoiseStudy", "FinishedProfiles", "FinishedResiduals", "FinishedRun",
            "Fit", "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted",
            "Observer", "Outcome", "Parameter", "Problem", "Profile", "Profiles", "Project", "Recording",
-           "Regression", "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Spread", "System",
+           "Regression", "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Sensor", "Spread", "System",
            "Task", "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test",
            "bootstrap", "compare", "cut_check", "derivative", "draft_project", "export_run",
            "identifiability", "identify", "integer_model", "linear_multi_term", "linear_system",

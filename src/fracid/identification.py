@@ -44,10 +44,9 @@ from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
 from fracid.fit import Fit
-from fracid.optimise import Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
+from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.recording import Report
 from fracid.selection.integer_rival import Alternative, integer_alternative
 from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
@@ -131,8 +130,7 @@ def identify(
     >>> round(fit.orders["lambda"].value, 4), round(fit.orders["mu"].value, 4)
     (0.9, 0.95)
     """
-    whole: Mapping[str, Experiment] = {}
-    reports: Mapping[str, Report] | None = None
+    project: Project | None = None
     if not isinstance(problem, Problem):
         if not hasattr(problem, "problem"):
             raise InputError(f"identify takes a project or a problem, and {problem!r} is none. For a project file type "
@@ -140,30 +138,31 @@ def identify(
         if validation:
             raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem
-        reports = {r.name: r.report for r in project.recordings}
-        whole = whole_records(project) if cut else {}
         problem, validation = project.problem, project.validation
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
-    name, seed = optimiser or "multistart", 1 if seed is None else seed
+    seed = 1 if seed is None else seed
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more, and less than 2^63.")
-    executor_from_name(executor)
     refuse_twins([*problem.experiments, *validation])
+    executor_from_name(executor)
+    entry = optimiser_from_name(optimiser or "multistart")
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
+    whole = whole_records(project) if cut and project is not None else {}
+    reports = None if project is None else {r.name: r.report for r in project.recordings}
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
     clock.lap("look")
-    result, attempts = search(problem, name, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
+    result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, result, attempts, seen=[*seen])
+    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen])
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
         analysis.seen += failed(problem, result.best.point)
     elif not result.interrupted:
-        _examine(analysis, name, validation, whole if cut else None, jobs, clock)
-    return _fit(analysis, name, seed, watch.count, clock.laps)
+        _examine(analysis, validation, whole if cut else None, jobs, clock)
+    return _fit(analysis, watch.count, clock.laps)
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
@@ -174,6 +173,8 @@ class _Findings:
     """What is known of a minimum so far; Ctrl-C may end the examination at any point."""
 
     problem: Problem
+    optimiser: Entry
+    seed: int
     result: Result
     starts: tuple[Start, ...] = ()
     known: Uncertainty | Failure = INTERRUPTED
@@ -189,13 +190,15 @@ class _Findings:
 
 
 def _examine(
-    analysis: _Findings, name: str, validation: tuple[Experiment, ...], whole: Mapping[str, Experiment] | None,
+    analysis: _Findings,
+    validation: tuple[Experiment, ...],
+    whole: Mapping[str, Experiment] | None,
     jobs: int,
     clock: _Clock,
-) -> None:  # fmt: skip
+) -> None:
     """The steps after the search; `whole` is None where the cut is not to be checked."""
     problem, x = analysis.problem, analysis.result.best.point
-    unpolished = optimiser_from_name(name).keeps_its_own
+    unpolished = analysis.optimiser.keeps_its_own
     try:
         analysis.known = uncertainty(problem, x, jobs=jobs)
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
@@ -243,7 +246,7 @@ CHANCE = "no different from {:g} as far as the recordings can tell"
 """The verdict on orders at whose integer value the same model is as good."""
 
 
-def _fit(analysis: _Findings, name: str, seed: int, evaluations: int, timing: Mapping[str, float]) -> Fit:
+def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
     problem, best, precision = analysis.problem, analysis.result.best, analysis.known
     estimates = _estimates(problem, best.point, precision, analysis.verdicts)
     if analysis.alternative is not None and analysis.alternative.warning:
@@ -256,7 +259,8 @@ def _fit(analysis: _Findings, name: str, seed: int, evaluations: int, timing: Ma
     messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *_warnings(problem, precision, analysis.verdicts),
                 *analysis.warnings)  # fmt: skip
     return Fit(
-        problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=seed, optimiser=name,
+        problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=analysis.seed,
+        optimiser=analysis.optimiser.name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
@@ -294,14 +298,14 @@ def _recording(
     simulated = problem.fitted(x, e)
     failure = isinstance(simulated, Failure)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values)
+    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values, e.scored)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
-        e.sha256, e.units, problem.model.zero,
+        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored,
     )  # fmt: skip
 
 

@@ -3,9 +3,11 @@
 import json
 import shutil
 
+import jsonschema
 import numpy as np
 import pytest
 
+from fracid.schemas.files import json_schema
 from program import fit_in, run
 from twins import write_release
 
@@ -62,6 +64,7 @@ def test_every_interval_says_its_method_and_every_unknown_its_verdict(capsys, fo
     assert (code, err) == (0, "")
     record = json.loads(out)
     assert record == json.loads((tmp_path / "profiles.json").read_text(encoding="utf-8"))
+    jsonschema.validate(record, json.loads(json_schema("profiles.json")))
     assert record["profiles"]["mu"]["method"].startswith("profile likelihood")
     rows = record["intervals"]["unknowns"]
     assert set(rows["mu"]) == {"sandwich", "white", "bootstrap", "profile", "effective_samples"}

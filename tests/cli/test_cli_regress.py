@@ -3,12 +3,14 @@
 import json
 import sys
 
+import jsonschema
 import numpy as np
 import pytest
 
 import fracid
 from fracid.cli.app import main
 from fracid.regression import LUMPED
+from fracid.schemas.files import json_schema
 from fracid.validation.unknown_past import whole_recordings
 from twins import write_release
 
@@ -95,6 +97,7 @@ def test_a_projects_free_constants_are_found_and_given_as_a_start_and_nothing_is
 def test_json_holds_the_same_and_out_writes_it(capsys, folder, tmp_path):
     found = record(capsys, folder / "rig.toml", *GIVEN, "--out", tmp_path / "new")
     assert found == json.loads((tmp_path / "new" / "regression.json").read_text(encoding="utf-8"))
+    jsonschema.validate(found, json.loads(json_schema("regression.json")))
     c = found["parameters"]["C1"]
     assert set(c) == {"value", "unit", "standard_error", "interval95", "bias", "verdict"}
     assert c["interval95"][1] - c["interval95"][0] == pytest.approx(3.92 * c["standard_error"], rel=1e-3)

@@ -8,9 +8,11 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from fracid.cli.app import main
+from fracid.schemas.files import json_schema
 from program import fit_in
 from twins import RIG, write_release
 
@@ -128,6 +130,7 @@ def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, un
     assert err == ""
     assert out == (tmp_path / "residuals.json").read_text(encoding="utf-8")
     record = json.loads(out)
+    jsonschema.validate(record, json.loads(json_schema("residuals.json")))
     assert list(record["recordings"]) == ["again"]
     assert list(record["recordings"]["again"]) == ["theta", "alpha"]
     assert record["recordings"]["again"]["theta"]["use"] == "validate"

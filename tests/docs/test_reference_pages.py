@@ -12,7 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from fracid import Recording, rotary_pendulum, save_recording, simulate
+from fracid import Recording, Sensor, rotary_pendulum, save_recording, simulate
 from fracid.cli.app import main
 from fracid.estimation.parameter_verdicts import Kind
 from fracid.findings import Finding
@@ -25,7 +25,8 @@ from fracid.problem.project import PRESETS
 from fracid.recording import UNITS, Channel
 from fracid.recording.clock import SECONDS
 from fracid.runs.folder import LATER
-from fracid.schemas.result import json_schema
+from fracid.schemas.files import json_schema
+from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -93,6 +94,14 @@ def test_the_tables_of_the_file_are_the_headings_of_the_page():
 def test_the_page_of_the_project_file_has_every_field_of_a_signal():
     expected = {f.name: "—" if f.default is MISSING else written(f.default) for f in fields(Channel)}
     assert listed("A signal") == expected
+
+
+def test_the_page_of_the_project_file_has_everything_that_a_channel_may_do():
+    assert listed("What the channel does") == {f.name: written(f.default) for f in fields(Sensor)}
+
+
+def test_the_page_of_the_project_file_has_every_way_between_samples():
+    assert {row[0].strip('`"') for row in ROWS["Between the samples of an input"][1:]} == set(BETWEEN)
 
 
 def test_the_page_of_the_project_file_has_every_parameter_of_the_pendulum():

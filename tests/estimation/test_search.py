@@ -7,18 +7,29 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError, Unfinished
+from fracid.errors import InputError
 from fracid.estimation.horizons import Watch, horizons
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
-from fracid.optimise import Evaluation, Outcome, Path, Space, least_squares, lockstep, minimise, sobol_points
+from fracid.optimise import (
+    OPTIMISERS,
+    Evaluation,
+    Outcome,
+    Path,
+    Space,
+    least_squares,
+    lockstep,
+    minimise,
+    sobol_points,
+)
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.tasks.journal import Journal
 from twins import release
 
+MULTISTART = OPTIMISERS["multistart"]
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 TRUE = {"coulomb_theta": 1e-2, "coulomb_alpha": 3e-4, "b_theta": 5e-3, "b_alpha": 2e-4}
 WIDE = {
@@ -100,7 +111,7 @@ def test_the_result_is_the_same_for_any_number_of_threads():
 @pytest.mark.broad
 def test_the_seed_decides_the_sobol_points():
     p = stiff(swing(end=1.0), parameters={})
-    points = [[s.point.tolist() for s in search(p, "multistart", np.random.default_rng(seed), starts=4)[1]]
+    points = [[s.point.tolist() for s in search(p, MULTISTART, np.random.default_rng(seed), starts=4)[1]]
               for seed in (1, 1, 2)]  # fmt: skip
     assert points[0] == points[1] != points[2]
 
@@ -109,13 +120,13 @@ def test_the_seed_decides_the_sobol_points():
 @pytest.mark.parametrize("starts", [2, 4])
 def test_many_starts_never_end_above_one(starts):
     p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
-    one = search(p, "multistart", np.random.default_rng(1))[0]
-    assert search(p, "multistart", np.random.default_rng(1), starts=starts)[0].best.cost <= one.best.cost
+    one = search(p, MULTISTART, np.random.default_rng(1))[0]
+    assert search(p, MULTISTART, np.random.default_rng(1), starts=starts)[0].best.cost <= one.best.cost
 
 
 def test_where_the_regression_does_not_apply_sobol_points_take_its_place():
     p = stiff(swing(end=2.0), parameters={"slip_speed": Free(0.05, 1e-3, 1.0)})  # not in the regression
-    made = search(p, "multistart", np.random.default_rng(1), starts=3)[1]
+    made = search(p, MULTISTART, np.random.default_rng(1), starts=3)[1]
     assert [s.origin.split()[0] for s in made] == ["given", "Sobol", "Sobol"]
 
 
@@ -128,7 +139,7 @@ def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
         if n > 150:
             raise KeyboardInterrupt
 
-    result, made = search(p, "multistart", np.random.default_rng(1), starts=4, watch=Watch(callback=callback))
+    result, made = search(p, MULTISTART, np.random.default_rng(1), starts=4, watch=Watch(callback=callback))
     assert result.interrupted
     assert result.best.cost == p.cost(result.best.point) < p.cost(p.start)
     assert len(made) == 4
@@ -137,7 +148,7 @@ def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
 
 def test_every_start_that_fails_has_its_reason():
     p = stiff(swing(end=2.0), parameters={"C3": 0.1})
-    result, made = search(p, "multistart", np.random.default_rng(1), starts=3)
+    result, made = search(p, MULTISTART, np.random.default_rng(1), starts=3)
     assert result.outcome is Outcome.ALL_FAILED
     assert made[0].ended == "every run failed"
     assert won(made).cost == np.inf
@@ -219,11 +230,11 @@ def test_no_start_at_all_is_told():
 def test_what_no_derivative_found_is_polished_by_least_squares(name, options):
     p = stiff(swing(end=2.0), parameters=TRUE, initial_state="held")
     rng = np.random.default_rng(1)
-    polished, _ = search(p, name, rng, options=options)
-    best, _ = search(p, "multistart", rng)
+    polished, _ = search(p, OPTIMISERS[name], rng, options=options)
+    best, _ = search(p, MULTISTART, rng)
     assert polished.best.cost == pytest.approx(best.best.cost, rel=1e-6)
     assert polished.best.point == pytest.approx(best.best.point, abs=1e-5)
-    raw, _ = search(p, "genetic", np.random.default_rng(1), options={"generations": 2})
+    raw, _ = search(p, OPTIMISERS["genetic"], np.random.default_rng(1), options={"generations": 2})
     assert raw.best.cost > 1.001 * best.best.cost  # the paper's own keeps what it found
 
 
@@ -236,23 +247,23 @@ def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum
     found = {}
     for jobs in (1, 2):
         with Journal(tmp_path / f"{jobs}.jsonl", {}) as journal:
-            result, made = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", jobs=jobs,
+            result, made = search(p, MULTISTART, np.random.default_rng(1), starts=4, executor="processes", jobs=jobs,
                                   journal=journal)  # fmt: skip
             assert list(journal.done) == [s.origin for s in made] or jobs == 2
         found[jobs] = result.best.cost, result.best.point.tolist(), [s.cost for s in made]
     assert found[1] == found[2]
-    together, _ = search(p, "multistart", np.random.default_rng(1), starts=4)
+    together, _ = search(p, MULTISTART, np.random.default_rng(1), starts=4)
     assert found[1][0] <= 1.001 * together.best.cost
     with Journal(tmp_path / "1.jsonl", {}) as journal:  # all of them are kept: nothing is done again
-        again, _ = search(p, "multistart", np.random.default_rng(1), starts=4, executor="processes", journal=journal)
+        again, _ = search(p, MULTISTART, np.random.default_rng(1), starts=4, executor="processes", journal=journal)
     assert again.best.point.tolist() == found[1][1]
 
 
 def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
     own = replace(COSTS["rmse"], name="mine")
     p = stiff(swing(end=2.0), parameters=TRUE, cost_function=own)
-    with pytest.raises(Unfinished, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
-        search(p, "multistart", np.random.default_rng(1), starts=2, executor="processes")
+    with pytest.raises(InputError, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
+        search(p, MULTISTART, np.random.default_rng(1), starts=2, executor="processes")
 
 
 def test_the_first_horizon_holds_every_release():

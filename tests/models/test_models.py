@@ -4,7 +4,6 @@ import math
 import pickle
 from dataclasses import replace
 
-import numba as nb
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,6 +23,7 @@ from fracid.models import (
     rotary_pendulum,
 )
 from fracid.models.pendulum import PARAMETERS
+from fracid.solver.right_hand_side import compile_rhs
 from oracles import furuta
 
 ZEROS = ("hanging", "upright")
@@ -189,8 +189,7 @@ def test_time_scale_leaves_the_right_hand_side_alone():
 @pytest.mark.parametrize("zero", ZEROS)
 def test_compiled_and_plain_right_hand_side_agree(zero):
     model = rotary_pendulum(zero=zero, coulomb_theta=0.01, coulomb_alpha=0.02, drag_alpha=0.1, alpha_rest=0.05)
-    signature = "void(f8,f8[::1],f8[::1],f8[::1],f8[::1])"
-    compiled = nb.njit(signature, error_model="numpy", cache=True)(model.rhs)
+    compiled = compile_rhs(model.rhs)
     x, u, out = np.array([0.1, 2.0, 0.7, -3.0]), np.array([1.5]), np.empty(4)
     compiled(0.0, x, u, model.parameter_vector(), out)
     np.testing.assert_allclose(out, f(model, x, u), rtol=1e-13)
@@ -310,6 +309,10 @@ def test_the_parameters_stand_in_the_order_of_the_contract():
     assert rotary_pendulum().parameter_names == (
         "C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed",
         "drag_theta", "drag_alpha", "cable_stiffness", "theta_rest", "alpha_rest", "torque_per_volt", "time_scale",
+        "stiction_theta", "stribeck_speed_theta", "presliding_theta", "presliding_damping_theta", "springpot_theta",
+        "springpot_order_theta", "stiction_alpha", "stribeck_speed_alpha", "presliding_alpha",
+        "presliding_damping_alpha", "springpot_alpha", "springpot_order_alpha", "play_theta", "arm_stiffness",
+        "arm_damping", "hub_inertia", "back_emf", "dead_zone", "saturation",
     )  # fmt: skip
     assert all(parameter.unit and parameter.description for parameter in PARAMETERS)
 

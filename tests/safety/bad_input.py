@@ -540,6 +540,11 @@ def project(wrong: str, words: str | Callable[[], bytes], says: str, code: int =
     return Row(wrong, "rig.toml", toml(words) if isinstance(words, str) else words, says, code, "Project files")
 
 
+def of_alpha(more: str) -> str:
+    """One recording, with more in the table of its channel."""
+    return ONE.replace('"alpha" }', f'"alpha", {more} }}')
+
+
 def both(first: str, second: str) -> str:
     """Two recordings of one file, each with its own keys."""
     return ONE + f'name = "one"\n{first}\n' + ONE + f'name = "two"\n{second}\n'
@@ -611,6 +616,26 @@ PROJECTS = [
     project("two recordings of one name", ONE + ONE, "two recordings are named 'swing'; give each its own name."),
     project("three thousand copies of one recording", ONE * 3000,
             "3,000 recordings are named 'swing'; give each its own name."),
+    project("a delay beyond the record", of_alpha("delay = 7.5"), "swing: alpha has a delay of 7.5 s, beyond the record of 3.99 s"),
+    project("a range of delays beyond the record", of_alpha("delay = { start = 0.0, lower = -9.0, upper = 9.0 }"),
+            "swing: alpha has a delay of -9 s, beyond the record of 3.99 s"),
+    project("a delay of text", of_alpha('delay = "5 ms"'), "alpha: delay = '5 ms' is not possible; expected a number, or { start"),
+    project("a delay without its bounds", of_alpha("delay = { start = 0.0 }"), "alpha: delay = {'start': 0.0} is not possible; expected a number, or {"),
+    project("a gain of 0", of_alpha("gain = 0"), "swing.csv: alpha: gain = 0 is not possible, nothing would be left of the signal"),
+    project("a gain that may be 0", of_alpha("gain = { start = 1.0, lower = -1.0, upper = 2.0 }"),
+            "alpha: gain = -1 … 2 holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."),
+    project("a low-pass below 0", of_alpha("lowpass = -0.01"),
+            "alpha: lowpass = -0.01 s is not possible; expected a time constant of 0 or more."),
+    project("a delay that is each recording's own where it is none", of_alpha("gain = 1.0") + '[fit]\nper_recording = ["delay_alpha"]\n',
+            "unknown rotary-pendulum parameter 'delay_alpha'"),
+    project("an unknown way between samples", ONE + 'voltage = { column = "theta", unit = "V", between = "held" }\n',
+            "unknown between of voltage 'held': did you mean hold? The known ones are line, hold, band-limited"),
+    project("an angle that is held", of_alpha('between = "hold"'), "unknown field of alpha 'between'"),
+    project("a mask outside", ONE + "mask = [[12.0, 12.5]]", "swing: the mask from 12 to 12.5 s holds none of its samples, which go from 0 to 3.99 s."),
+    project("a mask that ends before it begins", ONE + "mask = [[2.0, 1.0]]", "swing: mask = [[2.0, 1.0]] is not possible; expected pairs of a time and a later one"),
+    project("a mask of one number", ONE + "mask = [1.0]", "[[recording]] number 1: mask: 0 = 1.0; expected a list"),
+    project("a mask of everything", ONE + "mask = [[0.0, 2.0], [1.0, 9.0]]", "swing: 0 of its 400 samples are left to score"),
+    project("masks that overlap", ONE + "mask = [[1.0, 2.0], [1.5, 2.5]]", "", 0),
     project("nothing to fit", ONE + 'use = "validate"', 'no [[recording]] has use = "fit"; at least one must be fitted.'),
     project("a finer grid than there is memory", ONE + "resample = 1e-9", "swing: a step of 1e-09 s makes 3.99e+09 samples"),
     project("a recording that is not there", ONE.replace("swing", "swong"), "swong.csv"),

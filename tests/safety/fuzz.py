@@ -124,6 +124,7 @@ def _search(project: Any, *, whole: bool) -> None:
     from fracid.estimation.horizons import Watch
     from fracid.estimation.search import search
     from fracid.identification import identify
+    from fracid.optimise import optimiser_from_name
     from fracid.validation.before_search import before
 
     def stop(best: Any, evaluations: int) -> None:
@@ -139,7 +140,8 @@ def _search(project: Any, *, whole: bool) -> None:
     findings = before(project.problem, {r.name: r.report for r in project.recordings}, validation=project.validation)
     assert all(str(f).isprintable() for f in findings)
     with suppress(_Enough):
-        search(project.problem, project.optimiser, np.random.default_rng(1), starts=starts, watch=Watch(callback=stop))
+        optimiser = optimiser_from_name(project.optimiser)
+        search(project.problem, optimiser, np.random.default_rng(1), starts=starts, watch=Watch(callback=stop))
 
 
 def _assert_whole(recording: Any) -> None:

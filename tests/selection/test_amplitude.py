@@ -11,6 +11,7 @@ import pytest
 import fracid
 from fracid import InputError
 from fracid.estimation.search import search
+from fracid.optimise import OPTIMISERS
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import Cost
 from fracid.selection.amplitude import AmplitudeTest, Drift, amplitude_test, trend
@@ -65,7 +66,7 @@ def test_drag_takes_as_much_from_the_order_as_its_energy_says(drag):
 @cache
 def fitted(dry=0.0, drag=0.0, mu=1.0, in_model=False):
     problem = model(swing(0.7, mu, dry=dry, drag=drag, end=8.0), dry=(dry or 1e-6) if in_model else None)
-    x = search(problem, "multistart", np.random.default_rng(1))[0].best.point
+    x = search(problem, OPTIMISERS["multistart"], np.random.default_rng(1))[0].best.point
     return amplitude_test(problem, x)
 
 

@@ -20,7 +20,8 @@ from fracid.problem.costs import COSTS
 from fracid.recording import Recording
 from fracid.solver.memory import compressed, full, short
 from fracid.validation.after_search import after, noisy_start
-from fracid.validation.before_search import _most_moved, before
+from fracid.validation.before_search import before
+from fracid.validation.reversed_signs import _most_moved
 from fracid.validation.sensor_faults import FORMS, misreadings
 from twins import COUNT, angles
 
@@ -536,7 +537,8 @@ def test_a_finding_is_a_warning_of_the_fit_and_stands_in_its_json():
 
 
 def test_every_code_has_its_row_in_the_page():
-    files = ("validation/before_search.py", "validation/after_search.py", "solver/stiffness.py", "recording/faults.py")
+    validation = ("before_search", "reversed_signs", "after_search")
+    files = (*(f"validation/{name}.py" for name in validation), "solver/stiffness.py", "recording/faults.py")
     source = (Path(fracid.__file__).parent / name for name in files)
     known = {code for path in source for code in re.findall(r'Finding\(\s*"([a-z-]+)"', path.read_text("utf-8"))}
     known |= {"degrees-as-radians", "radians-as-degrees", *FORMS}

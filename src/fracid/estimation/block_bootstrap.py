@@ -40,7 +40,9 @@ from fracid.errors import Failure, InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Problem
-from fracid.problem.portable import Portable, portable_memory
+from fracid.problem.portable import Portable
+from fracid.safety.schema import as_json
+from fracid.schemas.profiles import BootstrapBlock
 from fracid.solver.trajectory import vector
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -95,12 +97,11 @@ class Bootstrap:
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values, without the draws."""
         se, bias = self.standard_error.tolist(), self.bias.tolist()
-        return {
-            "method": f"{METHODS['bootstrap']}, {self.variant}",
-            "draws": len(self.draws), "failed": self.failed, "block": self.block, "warning": self.warning,
-            "unknowns": {n: {"standard_error": se[i], "bias": bias[i], "interval95": list(self.interval(i))}
+        return as_json(BootstrapBlock, vars(self) | {
+            "method": f"{METHODS['bootstrap']}, {self.variant}", "draws": len(self.draws),
+            "unknowns": {n: {"standard_error": se[i], "bias": bias[i], "interval95": self.interval(i)}
                          for i, n in enumerate(self.names)},
-        }  # fmt: skip
+        })  # fmt: skip
 
 
 def bootstrap(
@@ -256,7 +257,7 @@ def _refitted(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], execution: Execution
 ) -> list[FloatArray | None]:
     """A few steps of least squares for each draw; None where every run fails."""
-    same = Portable(replace(problem, memory=portable_memory(problem.memory.name)))
+    same = Portable(problem)
     tasks = [Task(f"draw {i}", (same, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
     return [None if point is None else np.array(point) for point in execution.run(_redrawn, tasks).values()]
 

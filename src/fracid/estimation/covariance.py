@@ -249,7 +249,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
     null_space = np.zeros((len(directions), len(x)))
     null_space[:, free] = directions
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
-    samples, wider = sum(len(e.measured) for e in problem.experiments), np.ones(len(x))
+    samples, wider = sum(e.samples for e in problem.experiments), np.ones(len(x))
     wider[free] = estimator.widening
     return Uncertainty(
         error,

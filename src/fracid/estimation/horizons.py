@@ -26,7 +26,6 @@ from fracid.optimise import (
     minimise,
 )
 from fracid.problem import Experiment, Free, Problem
-from fracid.signals.swing import common_period
 
 __all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
 
@@ -175,7 +174,7 @@ def _first_horizon(e: Experiment) -> float:
     """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings.
 
     As long as is needed, too, for every release to lie in its first half."""
-    swings = round((len(e.time) - 1) / common_period(e.measured))
+    swings = round(e.swings)
     of = e.release_time
     release = max(map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
     return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * release + e.step) * (release > 0))

@@ -163,9 +163,11 @@ class _View:
         return self._travels
 
     def swings(self) -> dict[str, float]:
-        """The same of the model's outputs."""
-        travels = [*self.travels().values()]
-        return {n: travels[i] for n, i in self.problem.model.outputs.items()}
+        """The same of the model's outputs that are states, and how far the others were measured to."""
+        travels, problem = [*self.travels().values()], self.problem
+        measured = {n: max(float(np.ptp(e.measured[:, k])) for e in problem.experiments)
+                    for k, n in enumerate(problem.outputs)}  # fmt: skip
+        return measured | {n: travels[i] for n, i in problem.model.output_states.items()}
 
     def size(self, output: str) -> str:
         """How far an output moves, in words."""
@@ -174,7 +176,7 @@ class _View:
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""
         model = self.problem.model
-        return tuple(n for n, i in model.outputs.items() if model.orders[i] == order)
+        return tuple(n for n, i in model.output_states.items() if model.orders[i] == order)
 
     def power(self, i: int) -> float:
         """With which power of the swing an unknown's sensitivity grows; NaN where angles cannot be halved."""

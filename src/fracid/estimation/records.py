@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import Style, draw
+from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
 
 if TYPE_CHECKING:
@@ -74,11 +76,27 @@ class RecordingFit:
     """Output → its unit; rad where it says nothing."""
     zero: str = ""
     """Where the model has the zero of the pendulum's angle; "" where that has no meaning."""
+    pendulum: str = PENDULUM
+    """The output that is the pendulum's angle."""
+    scored: NDArray[np.bool_] | None = None
+    """Which samples count, shape (n_samples,); None for all."""
+
+    def zero_of(self, output: str) -> str:
+        """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
+
+        Examples
+        --------
+        >>> angles = {"arm": np.zeros(3), "rod": np.zeros(3)}
+        >>> fit = RecordingFit("a", "fit", np.arange(3.0), angles, angles, 0.0, {}, {}, zero="hanging", pendulum="rod")
+        >>> fit.zero_of("rod"), fit.zero_of("arm")
+        ('hanging', '')
+        """
+        return self.zero if output == self.pendulum else ""
 
     @property
     def samples(self) -> int:
         """How many were used."""
-        return len(self.time)
+        return len(self.time) if self.scored is None else int(np.count_nonzero(self.scored))
 
     @property
     def begin(self) -> float:
@@ -102,16 +120,20 @@ class RecordingFit:
     @property
     def rmse(self) -> dict[str, float]:
         """Root mean square of the residual, per output [rad]."""
-        return {n: float(np.sqrt(np.mean((self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
+        return {n: float(np.sqrt(np.mean(self._scored(self.measured[n] - self.fitted[n]) ** 2))) for n in self.measured}
 
     @property
     def fit_percent(self) -> dict[str, float]:
         """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output; −inf for a constant output that is missed."""
-        return {n: _fit_percent(self.measured[n], self.fitted[n]) for n in self.measured}
+        return {n: _fit_percent(self._scored(self.measured[n]), self._scored(self.fitted[n])) for n in self.measured}
 
     def residual(self, output: str) -> FloatArray:
-        """Measured minus simulated [rad]."""
-        return np.asarray(self.measured[output] - self.fitted[output])
+        """Measured minus simulated [rad]; NaN where a sample is not scored."""
+        residual = np.asarray(self.measured[output] - self.fitted[output])
+        return residual if self.scored is None else np.where(self.scored, residual, np.nan)
+
+    def _scored(self, signal: FloatArray) -> FloatArray:
+        return signal if self.scored is None else np.asarray(signal)[self.scored]
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
@@ -143,7 +165,7 @@ class RecordingFit:
         Parameters
         ----------
         output : str, optional
-            ``alpha`` if left out, or the first output of a model that has none.
+            The pendulum's angle if left out, or the first output of a model that has none.
         tests : bool
             Also what :func:`fracid.residual_analysis` looks at; see :func:`fracid.plots.residual_diagnostics`.
         style : str or Style
@@ -154,7 +176,7 @@ class RecordingFit:
         InputError
             If there is no such output.
         """
-        name = output or ("alpha" if "alpha" in self.measured else next(iter(self.measured)))
+        name = output or (self.pendulum if self.pendulum in self.measured else next(iter(self.measured)))
         kind = "residual_diagnostics" if tests else "residual_plots"
         return draw(kind, self, name, resolution=self.resolutions, style=style)
 

@@ -13,6 +13,9 @@ above 1:
    so is one that costs many times as much as the best; the given start is not, so many starts never end above one.
 4. Those left are **polished** on the whole record.
 
+Rich friction, presliding and what follows it, has minima that no such start leaves: a search that has it free climbs to
+it beside the starts (:mod:`fracid.estimation.climbing`).
+
 Step 3 pays: on a release of a real SRV02 with 18 unknowns, 16 starts take 10 times as long as one, and six of them
 come to the one minimum; with none left for its cost all 16 come to it, in three times the time.
 
@@ -33,11 +36,12 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
+from fracid.estimation.climbing import climbed
 from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
 from fracid.estimation.starts import Start
-from fracid.optimise import MOST_STARTS, Evaluation, Optimiser, Outcome, Result, optimiser_from_name, sobol_points
+from fracid.optimise import MOST_STARTS, Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
 from fracid.problem import Problem
-from fracid.problem.portable import Portable, portable_memory
+from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.schemas.run_record import EndBlock
 from fracid.tasks.job import Task
@@ -51,11 +55,11 @@ CANDIDATES = 8
 
 
 def search(
-    problem: Problem, name: str, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
+    problem: Problem, optimiser: Entry, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
     watch: Watch | None = None, options: dict[str, Any] | None = None, executor: str = "threads",
     journal: Journal | None = None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
-    """Minimise the cost of a problem by the optimiser of that name.
+    """Minimise the cost of a problem by an optimiser, an entry of :data:`fracid.optimise.OPTIMISERS`.
 
     With an `executor` other than threads, the starts of ``multistart`` are tasks of
     :func:`fracid.tasks.tasks.run_tasks`, which know nothing of each other: none is left for another's sake, and each
@@ -76,20 +80,20 @@ def search(
     Examples
     --------
     >>> import fracid
+    >>> from fracid.optimise import OPTIMISERS
     >>> from fracid.problem import Experiment, Free, Problem
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)},
     ...                   initial_state="held")
-    >>> result, made = search(problem, "multistart", np.random.default_rng(1), starts=3)
+    >>> result, made = search(problem, OPTIMISERS["multistart"], np.random.default_rng(1), starts=3)
     >>> result.best.point.round(4), [s.origin for s in made][0], len(made)
     (array([0.9 , 0.95]), 'given', 3)
     """
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
     watch, options = watch or Watch(), options or {}
-    optimiser = optimiser_from_name(name)
     if optimiser.function is not None:
         result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
         return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
@@ -99,7 +103,25 @@ def search(
         points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
     if executor != "threads" and starts > 1:
         return _scattered(problem, points[:starts], executor, jobs, watch, journal)
-    return grown_horizon(problem, points[:starts], jobs, watch)
+    result, made = grown_horizon(problem, points[:starts], jobs, watch)
+    return (result, made) if result.interrupted else _climbing(problem, result, made, jobs, watch)
+
+
+def _climbing(
+    problem: Problem, result: Result, made: tuple[Start, ...], jobs: int, watch: Watch
+) -> tuple[Result, tuple[Start, ...]]:
+    """The lower of what the starts came to and what a climb to rich friction comes to, where there is any."""
+    before = watch.count
+    try:
+        ends = climbed(problem, jobs, watch)
+    except KeyboardInterrupt:
+        return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
+    starts = [
+        Start(origin, problem.start, np.inf, end.best.point, end.best.cost, end.outcome.value, end.evaluations)
+        for origin, end in ends
+    ]
+    lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)
+    return replace(lowest, evaluations=result.evaluations + watch.count - before), (*made, *starts)
 
 
 def _polished(problem: Problem, result: Result, jobs: int, watch: Watch) -> Result:
@@ -154,9 +176,9 @@ def _scattered(
     problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
     journal: Journal | None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
-    """One task a start; the problem that travels has its memory by name, and so has the one that judges."""
-    problem = replace(problem, memory=portable_memory(problem.memory.name))
-    tasks = [Task(origin, (Portable(problem), origin, x)) for origin, x in points]
+    """One task a start, judged by the problem as it travels."""
+    portable = Portable(problem)
+    tasks = [Task(origin, (portable, origin, x)) for origin, x in points]
     results = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
     ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
@@ -165,7 +187,7 @@ def _scattered(
     )
     watch.count += sum(s.evaluations for s in starts)
     best = min(ends, key=lambda e: e.cost)
-    return Result(problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
+    return Result(portable.problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
 
 
 def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:

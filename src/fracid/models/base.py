@@ -17,7 +17,9 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
    order is known has the number itself: 1.0 for an ordinary derivative.  What an order is in the model without
    fractional calculus goes into ``integer_orders`` where it is not 1: a damper written as D^r z = x', z = D^(1-r) x, is
    a dashpot at r = 0 and a spring at r = 1, so ``{"r": 0}``.
-4. Say which states are measured: ``outputs = {"alpha": 0}``.
+4. Say what is measured: of a state its index, ``outputs = {"alpha": 0}``; of anything else a function of the same
+   language, ``outputs = {"force": force}`` with ``def force(t, x, u, p): return p[0] * x[0] + p[1] * x[1]``.  At a
+   sample where an input jumps it sees the new value.
 5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
 6. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
@@ -56,11 +58,15 @@ from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.geometry import RigGeometry
+from fracid.models.joints import Complement
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Parameter", "RightHandSide", "Written"]
+__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Output", "Parameter", "RightHandSide", "Written"]
+
+Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
+"""``h(t, x, u, p)``: returns an output that is no state."""
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
@@ -102,6 +108,10 @@ class Parameter:
     """Letter and index, as equations write it; None for the name."""
     friction: Friction | None = None
     """What it is if it is friction; None where its name is to say (:data:`fracid.models.friction.BY_NAME`)."""
+    needs: tuple[str, ...] = ()
+    """Parameters without one of which, not zero, it does nothing."""
+    switch: str = ""
+    """It acts only in recordings that say of this that it is on; "" for always."""
 
     def __post_init__(self) -> None:
         """Refuse what is no number or lies outside the bounds."""
@@ -159,6 +169,8 @@ class LinearTerms:
     """Those that are looked for if nobody says."""
     pendulum: tuple[str, ...]
     """Those of the equation of the pendulum alone."""
+    gauge: str
+    """The one that is taken as known where nothing drives the rig, for then the motion tells only ratios."""
     columns: Callable[..., tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]]
     """(model, θ, α, (x₂, D^λ x₂), (x₄, D^μ x₄), drive) → the arm's and the pendulum's by name, shape (n,)."""
 
@@ -195,10 +207,11 @@ class Model:
     """Plain Python in Numba's language; see the module's docstring."""
     states: tuple[str, ...]
     """Names of the states x, shape (n_states,)."""
-    orders: tuple[str | float, ...]
-    """For each state the name of its order, or the order itself where it is known, shape (n_states,)."""
-    outputs: Mapping[str, int]
-    """Measured signals: name to index of the state."""
+    orders: tuple[str | float | Complement, ...]
+    """For each state the name of its order, the order itself where it is known, or of a springpot the parameter that
+    it follows, shape (n_states,)."""
+    outputs: Mapping[str, int | Output]
+    """Measured signals: name to index of the state, or to a function ``h(t, x, u, p)`` that returns the signal."""
     inputs: tuple[str, ...]
     """Names of the inputs u; empty for a model that nothing drives."""
     parameters: tuple[Parameter, ...]
@@ -226,6 +239,12 @@ class Model:
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
+    relaxing: Mapping[str, str] = field(default_factory=dict)
+    """Of each :func:`fracid.models.joints.presliding` element its state, and the parameter that is its δ."""
+    follows: Mapping[str, str] = field(default_factory=dict)
+    """State → the state with whose value it begins where nobody says: an arm stands where its hub does."""
+    grown: Callable[[Model, frozenset[str]], Model] | None = None
+    """(model, parameters that are not zero) → the model with the states that they need; None where it has them all."""
 
     def __post_init__(self) -> None:
         """Check that the fields fit together, so that no later layer has to."""
@@ -233,6 +252,18 @@ class Model:
         _check_shapes(self)
         if self.written is not None and getattr(self.rhs, "py_func", self.rhs) is not self.written.of:
             object.__setattr__(self, "written", None)
+
+    @cached_property
+    def output_states(self) -> dict[str, int]:
+        """The outputs that are states: name to index.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().output_states
+        {'theta': 0, 'alpha': 2}
+        """
+        return {name: i for name, i in self.outputs.items() if isinstance(i, int)}
 
     @property
     def friction(self) -> dict[str, Friction]:
@@ -296,7 +327,7 @@ class Model:
                 f"The right-hand side of {self.name} fails: {type(error).__name__}: {error}. x and out have {n} "
                 f"entries, u has {len(self.inputs)}, p has {len(self.parameters)}."
             ) from error
-        return {i: j for i in range(n) for j in range(n) if out[i] == x[j]}
+        return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and self.orders[i] == self.orders[j]}
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.
@@ -355,9 +386,49 @@ class Model:
         InputError
             As :meth:`parameter_vector`.
         """
-        return replace(self, parameters=self._overridden(values))
+        return replace(self, parameters=self._overridden(values)).equipped()
 
-    def state_orders(self, orders: Mapping[str, float]) -> FloatArray:
+    def equipped(self, on: Iterable[str] | None = None) -> Model:
+        """Return the same model with the states that its elements need: what is off costs nothing.
+
+        Parameters
+        ----------
+        on
+            Names of parameters that are not zero, or may become so; None for those whose own value is not zero.
+
+        Raises
+        ------
+        InputError
+            If a parameter is there without the one that it acts with.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().equipped(["presliding_theta"]).states[4:]
+        ('z_theta',)
+        """
+        names = frozenset(p.name for p in self.parameters if p.value != 0.0) if on is None else frozenset(on)
+        for p in self.parameters:
+            if p.needs and p.name in names and names.isdisjoint(p.needs):
+                unit = self.parameter(p.needs[0]).unit
+                raise InputError(
+                    f"{p.name} acts only with {' or '.join(p.needs)}, which is 0: give {p.needs[0]} a value [{unit}], "
+                    f"or leave {p.name} out."
+                )
+        return self if self.grown is None else self.grown(self, names)
+
+    @property
+    def relaxing_states(self) -> tuple[int, ...]:
+        """Which states are those of presliding elements."""
+        return tuple(self.states.index(name) for name in self.relaxing)
+
+    @cached_property
+    def complements(self) -> tuple[tuple[int, int], ...]:
+        """(state, parameter) of each springpot: the state's order is 1 minus the parameter."""
+        names = self.parameter_names
+        return tuple((i, names.index(q.parameter)) for i, q in enumerate(self.orders) if isinstance(q, Complement))
+
+    def state_orders(self, orders: Mapping[str, float], parameters: FloatArray | None = None) -> FloatArray:
         """Return the order of each state.
 
         Parameters
@@ -365,6 +436,8 @@ class Model:
         orders
             A value for each of :attr:`order_names`.  A trailing underscore is dropped, so that
             ``dict(lambda_=0.86, mu=0.91)`` can be written in Python.
+        parameters
+            The vector p, shape (n_parameters,), which springpots take their order from; the model's own if None.
 
         Returns
         -------
@@ -382,7 +455,12 @@ class Model:
         if missing:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
-        return np.array([values[q] if isinstance(q, str) else q for q in self.orders], dtype=np.float64)
+        p = self.parameter_vector() if parameters is None else parameters
+        known = {q: 0.0 for q in self.orders if isinstance(q, Complement)} | values
+        q = np.array([known[q] if isinstance(q, str | Complement) else q for q in self.orders], dtype=np.float64)
+        for state, parameter in self.complements:
+            q[state] = 1.0 - p[parameter]
+        return q
 
     def state_vector(self, states: Mapping[str, float]) -> FloatArray:
         """Return the states x from values by name; those left out are zero.
@@ -408,14 +486,25 @@ class Model:
         array([0.  , 0.  , 0.17, 0.  ])
         """
         x = np.zeros(len(self.states))
-        index = {**self.outputs, **{name: i for i, name in enumerate(self.states)}}
-        for name, value in states.items():
+        index = {**self.output_states, **{name: i for i, name in enumerate(self.states)}}
+        for name, value in self.with_followers(states).items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
             if not is_number(value) or not math.isfinite(value):
                 raise InputError(f"initial state {name} = {value!r}: expected a finite number")
             x[index[name]] = value
         return x
+
+    def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
+        """States by name, with those that begin where another does.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum(arm_stiffness=9.0).with_followers({"theta": 0.2})
+        {'arm': 0.2, 'theta': 0.2}
+        """
+        return {name: states[other] for name, other in self.follows.items() if other in states} | dict(states)
 
     def geometry(self) -> RigGeometry:
         """The shape that its constants determine, and what stands for what they do not.
@@ -484,6 +573,24 @@ def _check_names(model: Model) -> None:
         raise InputError(f"model {model.name}: zero = {model.zero!r}; expected one of {ZEROS}")
 
 
+def _check_output(model: Model, name: str, h: Output) -> None:
+    """A function of (t, x, u, p), which gives a number."""
+    sizes = f"x has {len(model.states)} entries, u has {len(model.inputs)}, p has {len(model.parameters)}"
+    arguments = np.linspace(0.1, 0.2, len(model.states)), np.zeros(len(model.inputs)), model.parameter_vector()
+    try:
+        with np.errstate(all="ignore"):
+            value = getattr(h, "py_func", h)(0.0, *arguments)
+    except ArithmeticError:
+        return
+    except Exception as error:
+        raise InputError(
+            f"model {model.name}: the output {name!r} fails: {type(error).__name__}: {error}; expected a function"
+            f" h(t, x, u, p), where {sizes}"
+        ) from error
+    if not is_number(value):
+        raise InputError(f"model {model.name}: the output {name!r} returns {value!r}; expected one number")
+
+
 def _check_shapes(model: Model) -> None:
     """An order for each state, a state for each output, a right-hand side to call."""
     if not model.states or len(model.orders) != len(model.states):
@@ -492,15 +599,24 @@ def _check_shapes(model: Model) -> None:
             " expected at least one state, and one order name for each"
         )
     for order in model.orders:
-        if not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
+        if isinstance(order, Complement):
+            model.parameter(order.parameter)
+        elif not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
                 f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
             )
+    for state in model.relaxing:
+        if state not in model.states or model.orders[model.states.index(state)] != 1.0:
+            raise InputError(
+                f"model {model.name}: relaxing names {state!r}; expected a state of order 1.0, a presliding element's"
+            )
     for output, index in model.outputs.items():
-        if not isinstance(index, int) or not 0 <= index < len(model.states):
+        if callable(index):
+            _check_output(model, output, index)
+        elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(
                 f"model {model.name}: output {output!r} points to state {index!r};"
-                f" expected an index from 0 to {len(model.states) - 1}"
+                f" expected an index from 0 to {len(model.states) - 1}, or a function h(t, x, u, p)"
             )
     for name, value in model.integer_orders.items():
         if name not in model.order_names:

@@ -8,9 +8,13 @@ element is its row in the parameters of its model, and its torque in the right-h
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
-__all__ = ["BY_NAME", "COULOMB", "DRAG", "RUNGS", "SPRING", "VISCOUS", "Friction"]
+__all__ = [
+    "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
+    "SPRINGPOT_ORDER", "STRIBECK_SPEED", "VISCOUS", "Friction",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,15 @@ class Friction:
     """Parameters that mean nothing without it, and that each recording has for itself."""
     joint: str = ""
     """The output that measures its joint; "" where nobody says."""
+    most: float = math.inf
+    """A search looks for it up to here [the parameter's unit]; up to the reach of the torques where it is infinite."""
+    entries: tuple[float, ...] = ()
+    """Where a search that climbs to it puts it first, one after the other [the parameter's unit, or of `part_of`]; a
+    little off nothing where there are none."""
+    climbed: bool = False
+    """Whether its cost has minima enough that a search brings it in after all others: presliding, not drag."""
+    part_of: str = ""
+    """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
     @property
     def dry(self) -> bool:
@@ -57,12 +70,30 @@ VISCOUS = Friction("viscous", power=1)
 
 COULOMB = Friction("Coulomb", power=0, begins=2e-3)
 
+PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True)
+
+LUGRE = Friction("LuGre", climbed=True)
+
 DRAG = Friction("drag", power=2)
 
 SPRING = Friction("cable", rests=("theta_rest",))
 
-BY_NAME = {"b_": VISCOUS, "coulomb_": COULOMB, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING}
+PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True)
+
+SPRINGPOT = Friction("springpot", climbed=True)
+
+ELASTIC = Friction("elastic arm", climbed=True)
+
+STRIBECK_SPEED = replace(LUGRE, off=0.1, most=10.0, entries=(0.05, 0.5))
+
+SPRINGPOT_ORDER = replace(SPRINGPOT, off=0.5, most=0.99, entries=(0.3, 0.7))
+
+BY_NAME = {
+    "b_": VISCOUS, "coulomb_": COULOMB, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
+    "stribeck_speed_": STRIBECK_SPEED, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING, "play_": PLAY,
+    "springpot_order_": SPRINGPOT_ORDER, "springpot_": SPRINGPOT,
+}  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""
 
-RUNGS = tuple(dict.fromkeys(kind.rung for kind in BY_NAME.values()))
+RUNGS = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable", "play", "springpot", "elastic arm")
 """Every model's first rungs, from the ground up; rungs of a model's own follow."""

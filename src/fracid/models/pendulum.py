@@ -64,6 +64,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
 from string import Template
 from typing import Any, Literal
 
@@ -73,8 +75,21 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide, Written
-from fracid.models.friction import COULOMB, DRAG, SPRING, VISCOUS
+from fracid.models.friction import (
+    COULOMB,
+    DRAG,
+    ELASTIC,
+    LUGRE,
+    PLAY,
+    PRESLIDING,
+    SPRING,
+    SPRINGPOT,
+    SPRINGPOT_ORDER,
+    STRIBECK_SPEED,
+    VISCOUS,
+)
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
+from fracid.models.joints import Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import RIGS
 
 __all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
@@ -157,7 +172,48 @@ PARAMETERS = (
         lower=POSITIVE,
         symbol=("τ", "0"),
     ),
-)
+    *(row for joint, letter, body in (("theta", "θ", "arm"), ("alpha", "α", "pendulum")) for row in (
+        Parameter(
+            f"stiction_{joint}", "N m", 0.0, f"what rest of the {body} takes above sliding, Stribeck's s", lower=0.0,
+            symbol=("s", letter), friction=LUGRE.at(joint),
+        ),
+        Parameter(
+            f"stribeck_speed_{joint}", "rad/s", 0.1, f"rate of the {body} at which that goes", lower=1e-4,
+            symbol=("v", f"st{letter}"),
+            friction=STRIBECK_SPEED.at(joint),
+        ),
+        Parameter(
+            f"presliding_{joint}", "rad", 0.0, f"what the {body} gives before it slides; 0: tanh(rate / slip_speed)",
+            lower=0.0, symbol=("δ", letter), friction=PRESLIDING.at(joint),
+        ),
+        Parameter(
+            f"presliding_damping_{joint}", "N m s/rad", 0.0, f"damping of the presliding of the {body}", lower=0.0,
+            symbol=("σ", f"1{letter}"), needs=(f"presliding_{joint}",), friction=LUGRE.at(joint),
+        ),
+        Parameter(
+            f"springpot_{joint}", "N m s^nu/rad", 0.0, f"springpot c D^nu of the {body}'s angle", lower=0.0,
+            symbol=("c", letter), friction=SPRINGPOT.at(joint),
+        ),
+        Parameter(
+            f"springpot_order_{joint}", "-", 0.5, "its order nu, between a spring and a dashpot", lower=0.01,
+            upper=0.99, symbol=("ν", letter),
+            friction=SPRINGPOT_ORDER.at(joint),
+        ),
+    )),
+    Parameter("play_theta", "rad", 0.0, "half the gap between hub and arm", lower=0.0, symbol=("γ", "θ"),
+              friction=PLAY.at("theta")),
+    Parameter("arm_stiffness", "N m/rad", 0.0, "spring between hub and arm; 0: rigid, or at play a contact of 60 Hz",
+              lower=0.0, symbol=("k", "a"), friction=replace(ELASTIC, entries=(100.0, 1000.0)).at("theta")),
+    Parameter("arm_damping", "N m s/rad", 0.0, "dashpot beside that spring", lower=0.0, symbol=("b", "a"),
+              needs=("arm_stiffness", "play_theta"), friction=ELASTIC.at("theta")),
+    Parameter("hub_inertia", "kg m^2", 0.0, "of J_theta what turns with hub and encoder; 0: a fifth", lower=0.0,
+              symbol=("J", "h"), needs=("arm_stiffness", "play_theta"),
+              friction=replace(ELASTIC, off=0.0, most=0.95, entries=(0.2,), part_of="J_theta").at("theta")),
+    Parameter("back_emf", "N m s/rad", 0.0, "braking of the motor where the amplifier is on", lower=0.0,
+              symbol=("b", "e"), switch="amplifier"),
+    Parameter("dead_zone", "V", 0.0, "voltage below which the motor does nothing", lower=0.0, symbol=("u", "0")),
+    Parameter("saturation", "V", 0.0, "largest voltage of the amplifier; 0: no limit", lower=0.0, symbol=("u", "max")),
+)  # fmt: skip
 
 
 def rotary_pendulum(
@@ -215,7 +271,7 @@ def rotary_pendulum(
     torque: dict[str, float] = {"torque_per_volt": 1.0} if actuation == "torque" else {}
     return Model(
         name="rotary-pendulum",
-        rhs={"hanging": hanging, "upright": upright}[zero],
+        rhs=_right_hand_side(zero, ()),
         states=("theta", "D^lambda theta", "alpha", "D^mu alpha"),
         orders=("lambda", "lambda", "mu", "mu"),
         outputs={"theta": 0, "alpha": 2},
@@ -231,6 +287,7 @@ def rotary_pendulum(
         drawing=Drawing(_shape, as_found=("C1",)),
         postures=_postures,
         linear_terms=LINEAR_TERMS,
+        grown=_grown,
     ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
 
 
@@ -296,47 +353,117 @@ def energy(model: Model, states: ArrayLike, overrides: Mapping[str, float] | Non
     return total
 
 
-def _right_hand_side(gravity: float) -> RightHandSide:
-    """Return f of (15) with +1 (upright) or -1 (hanging) as gravity's sign, a constant when compiled."""
+STATES = {
+    "z_theta": ("presliding_theta",),
+    "z_alpha": ("presliding_alpha",),
+    "y_theta": ("springpot_theta",),
+    "y_alpha": ("springpot_alpha",),
+    "arm": ("arm_stiffness", "play_theta"),
+}
+"""States beyond the four, and the parameters that need them: of presliding, of springpots, and the arm's own angle."""
+
+CONTACT = (2.0 * math.pi * 60.0) ** 2
+"""ω² of a contact whose stiffness nobody gives [1/s²]."""
+
+
+@cache
+def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
+    """Return f of (15), with the states of `own` behind the four; gravity's sign and who is there are constants."""
+    gravity = GRAVITY[zero]
+    z_theta, z_alpha, y_theta, y_alpha, arm = (4 + own.index(n) if n in own else 0 for n in STATES)
 
     def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
         C1, C3, C4, C6, J_theta = p[0], p[1], p[2], p[3], p[4]
         b_theta, b_alpha, coulomb_theta, coulomb_alpha, slip_speed = p[5], p[6], p[7], p[8], p[9]
         drag_theta, drag_alpha, cable_stiffness, theta_rest = p[10], p[11], p[12], p[13]
         alpha_rest, torque_per_volt = p[14], p[15]
+        stiction_theta, stribeck_speed_theta, presliding_theta, damping_theta = p[17], p[18], p[19], p[20]
+        stiction_alpha, stribeck_speed_alpha, presliding_alpha, damping_alpha = p[23], p[24], p[25], p[26]
+        back_emf, dead_zone, saturation = p[33], p[34], p[35]
 
         theta, theta_rate, alpha, alpha_rate = x[0], x[1], x[2] - alpha_rest, x[3]
         sin, cos = math.sin(alpha), math.cos(alpha)
         sin2 = 2.0 * sin * cos
 
-        f_theta = torque_per_volt * u[0] - cable_stiffness * (theta - theta_rest)
-        f_theta -= (b_theta + drag_theta * abs(theta_rate) + C6 * sin2 * alpha_rate) * theta_rate  # (9)
-        f_theta += C3 * sin * alpha_rate * alpha_rate
-        f_alpha = gravity * C4 * sin + 0.5 * C6 * sin2 * theta_rate * theta_rate  # (10)
-        f_alpha -= (b_alpha + drag_alpha * abs(alpha_rate)) * alpha_rate
-        if coulomb_theta != 0.0:  # tanh costs as much as all the rest
-            f_theta -= coulomb_theta * math.tanh(theta_rate / slip_speed)
-        if coulomb_alpha != 0.0:
-            f_alpha -= coulomb_alpha * math.tanh(alpha_rate / slip_speed)
+        # what the joints resist with beside viscous friction and drag
+        if z_theta and presliding_theta > 0.0:
+            joint_theta = presliding(
+                x, out, z_theta, theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, presliding_theta,
+                damping_theta,
+            )  # fmt: skip
+        else:
+            joint_theta = sliding(theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, slip_speed)
+            if z_theta:
+                out[z_theta] = 0.0
+        if z_alpha and presliding_alpha > 0.0:
+            joint_alpha = presliding(
+                x, out, z_alpha, alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, presliding_alpha,
+                damping_alpha,
+            )  # fmt: skip
+        else:
+            joint_alpha = sliding(alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, slip_speed)
+            if z_alpha:
+                out[z_alpha] = 0.0
+        if y_theta:
+            joint_theta += springpot(x, out, y_theta, theta_rate, p[21])
+        if y_alpha:
+            joint_alpha += springpot(x, out, y_alpha, alpha_rate, p[27])
 
         M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
+        f_theta = torque_per_volt * saturated(gap(u[0], dead_zone), saturation) - cable_stiffness * (theta - theta_rest)
+        b_hub, arm_rate = b_theta + back_emf + drag_theta * abs(theta_rate), theta_rate
+        play, stiffness, damping, inertia = p[29], p[30], p[31], p[32]
+        if arm and (play > 0.0 or stiffness > 0.0):  # two bodies: the hub first, then what the arm gets from it
+            inertia = inertia if inertia > 0.0 else 0.2 * J_theta
+            stiffness = stiffness if stiffness > 0.0 else CONTACT * inertia
+            turn, arm_rate = gap(theta - x[arm], play), x[arm + 1]
+            shaft = stiffness * turn + (damping * (theta_rate - arm_rate) if turn != 0.0 or play == 0.0 else 0.0)
+            out[1] = (f_theta - b_hub * theta_rate - joint_theta - shaft) / inertia
+            M11, f_theta, b_hub, joint_theta = M11 - inertia, shaft, 0.0, 0.0
+        f_theta -= (b_hub + C6 * sin2 * alpha_rate) * arm_rate  # (9)
+        f_theta += C3 * sin * alpha_rate * alpha_rate
+        f_theta -= joint_theta
+        f_alpha = gravity * C4 * sin + 0.5 * C6 * sin2 * arm_rate * arm_rate  # (10)
+        f_alpha -= (b_alpha + drag_alpha * abs(alpha_rate)) * alpha_rate
+        f_alpha -= joint_alpha
+
         det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
         out[0], out[2] = theta_rate, alpha_rate
-        out[1] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
+        out[arm + 1] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
         out[3] = (M11 * f_alpha - M12 * f_theta) / det
+        if arm:
+            out[arm] = arm_rate
+            if play == 0.0 and stiffness == 0.0:  # one body after all
+                out[1] = out[arm + 1]
 
+    # Named so that it can be pickled (see __getattr__) and its compiled code has its own file in Numba's cache.
+    rhs.__qualname__ = rhs.__name__ = "_with_".join((zero, *own))
     return rhs
 
 
-hanging = _right_hand_side(GRAVITY["hanging"])
+def __getattr__(name: str) -> RightHandSide:
+    """``hanging``, ``upright``, ``hanging_with_z_theta_with_z_alpha``: the right-hand sides, made when asked for."""
+    zero, *own = name.split("_with_")
+    if zero not in GRAVITY or tuple(own) != tuple(n for n in STATES if n in own):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _right_hand_side(zero, tuple(own))
 
-upright = _right_hand_side(GRAVITY["upright"])
 
-# Named after the module's attributes, so that they can be pickled and their compiled code has its own
-# file in Numba's cache.
-hanging.__qualname__ = hanging.__name__ = "hanging"
-
-upright.__qualname__ = upright.__name__ = "upright"
+def _grown(model: Model, on: frozenset[str]) -> Model:
+    """The model with the states that these parameters need."""
+    own = tuple(state for state, parameters in STATES.items() if not on.isdisjoint(parameters))
+    rhs = _right_hand_side(model.zero, own)
+    if rhs is model.rhs:
+        return model
+    order = {"y_theta": Complement("springpot_order_theta"), "y_alpha": Complement("springpot_order_alpha")}
+    states = {**dict(zip(model.states[:4], model.orders[:4], strict=True)), **{n: order.get(n, 1.0) for n in own}}
+    if "arm" in own:
+        states |= {"arm": "lambda", "D^lambda arm": "lambda"}
+    return replace(
+        model, rhs=rhs, states=tuple(states), orders=tuple(states.values()),
+        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")}, written=WRITTEN[model.zero],
+        follows={"arm": "theta", "D^lambda arm": "D^lambda theta"} if "arm" in own else {},
+    )  # fmt: skip
 
 
 def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
@@ -443,7 +570,7 @@ def _written(zero: str, rhs: RightHandSide) -> Written:
     )
 
 
-WRITTEN = {"hanging": _written("hanging", hanging), "upright": _written("upright", upright)}
+WRITTEN = {zero: _written(zero, _right_hand_side(zero, ())) for zero in GRAVITY}
 
 
 def _shape(model: Model) -> RigGeometry:
@@ -462,7 +589,8 @@ def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
     theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
     other = {"hanging": "upright", "upright": "hanging"}[model.zero]
     angles = {model.zero: 0.0, other: math.pi}
-    return {n: np.array([theta, 0.0, p["alpha_rest"] + angles[n], 0.0]) for n in ("hanging", "upright")}
+    rest = {n: {"theta": theta, "alpha": p["alpha_rest"] + angles[n], "arm": theta} for n in ("hanging", "upright")}
+    return {n: np.array([values.get(state, 0.0) for state in model.states]) for n, values in rest.items()}
 
 
 TERMS = (
@@ -508,7 +636,11 @@ def _columns(
 
 
 LINEAR_TERMS = LinearTerms(
-    TERMS, lumped=TERMS[:9], pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"), columns=_columns
+    TERMS,
+    lumped=TERMS[:9],
+    pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"),
+    gauge="C4",
+    columns=_columns,
 )
 
 MODEL = {"rotary-pendulum": rotary_pendulum}

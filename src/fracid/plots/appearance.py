@@ -261,14 +261,14 @@ def extent(x: FloatArray) -> tuple[float, float]:
 
 
 def angle_label(name: str, display_unit: str, zero: str) -> str:
-    """What stands at the axis of a signal: its letter, where zero is if it is the pendulum's angle, and its unit.
+    """What stands at the axis of a signal: its letter, where it is zero if that is a posture of the rig, and its unit.
 
     Examples
     --------
-    >>> angle_label("alpha", "°", "hanging"), angle_label("theta", "°", "hanging")
+    >>> angle_label("alpha", "°", "hanging"), angle_label("theta", "°", "")
     ('$\\\\alpha$, 0 = hanging [°]', '$\\\\theta$ [°]')
     """
-    where = f", 0 = {plain(zero)}" if name == "alpha" and zero else ""
+    where = f", 0 = {plain(zero)}" if zero else ""
     return f"{symbol(name)}{where} [{plain(display_unit)}]"
 
 
@@ -314,7 +314,7 @@ def cost_label(name: str) -> tuple[str, str]:
 
 def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     """Fit and RMSE in words, or why there are none."""
-    missing = np.count_nonzero(~np.isfinite(recording.residual(name)))
+    missing = np.count_nonzero(~np.isfinite(recording.fitted[name]))
     if missing:
         return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
     rmse, percent = recording.rmse[name], recording.fit_percent[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,6 +60,7 @@ def fitted_over_time(
     >>> [axes.get_title(loc="left") for axes in fitted_over_time(twin).axes][0]
     '$\\\\alpha$: fit 98.0 %, RMSE 0.287°'
     """
+    recording = recording if zero is None else replace(recording, zero=zero)
     outputs, time = tuple(recording.measured), recording.time
     steps = {n: appearance.encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
@@ -73,7 +75,7 @@ def fitted_over_time(
             panels[0], f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}", loc="left"
         )
         display_unit, _ = appearance.unit_of(recording, name)
-        panels[0].set_ylabel(appearance.angle_label(name, display_unit, recording.zero if zero is None else zero))
+        panels[0].set_ylabel(appearance.angle_label(name, display_unit, recording.zero_of(name)))
         strips[0].set_ylabel(f"residual\n[{display_unit}]")
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.plots import appearance
+from fracid.recording.measures import PENDULUM
 from fracid.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
         whole.set_ylabel(
             f"{appearance.symbol(name)}{raw} [{appearance.plain(unit)}]"
             if raw
-            else appearance.angle_label(name, unit, zero)
+            else appearance.angle_label(name, unit, zero if name == PENDULUM else "")
         )
     release = recording.report.release
     appearance.title(grid[0][0], "whole recording")

@@ -94,7 +94,7 @@ def residual_plots(
     appearance.label(
         over_fitted,
         "against the fitted value",
-        f"fitted {appearance.angle_label(output, display_unit, recording.zero)}",
+        f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}",
         label,
     )
     appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
@@ -172,7 +172,7 @@ def residual_diagnostics(
     appearance.label(
         panels["fitted"],
         "against the fitted value",
-        f"fitted {appearance.angle_label(output, display_unit, recording.zero)}",
+        f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}",
         label,
     )
     appearance.label(

@@ -9,6 +9,7 @@ file                     holds
 :mod:`.criterion`        from errors to the cost and its rows
 :mod:`.unknowns`         what is free, fixed, tied; priors
 :mod:`.experiment`       a recording as a problem uses it
+:mod:`.sensors`          channels that are late, scaled, offset or filtered
 :mod:`.past`             the memory that a start in motion brings along
 :mod:`.costs`            the costs: a new one is a row there
 :mod:`.checks`           what does not fit together is refused
@@ -27,11 +28,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fracid.problem.experiment import Experiment
     from fracid.problem.problem import Problem
+    from fracid.problem.sensors import Sensor
     from fracid.problem.unknowns import Free, Prior, Tied, Unknown
 
-__all__ = ["Experiment", "Free", "Prior", "Problem", "Tied", "Unknown"]
+__all__ = ["Experiment", "Free", "Prior", "Problem", "Sensor", "Tied", "Unknown"]
 
-_HOME = {"Experiment": "experiment", "Problem": "problem"} | dict.fromkeys(
+_HOME = {"Experiment": "experiment", "Problem": "problem", "Sensor": "sensors"} | dict.fromkeys(
     ("Free", "Prior", "Tied", "Unknown"), "unknowns"
 )
 

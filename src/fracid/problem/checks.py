@@ -14,8 +14,10 @@ from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
+from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
+from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 __all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
@@ -152,6 +154,7 @@ def _check_experiments(p: Parametrisation) -> None:
                 f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
                 f"{len(p.outputs)} outputs: {', '.join(p.outputs)}."
             )
+        _check_sensors(p, e)
         _check_past(p, e)
         _check_release(p, e)
         if not (math.isfinite(e.weight) and e.weight > 0):
@@ -166,6 +169,38 @@ def _check_experiments(p: Parametrisation) -> None:
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
 
 
+def _check_sensors(p: Parametrisation, e: Experiment) -> None:
+    """Sensors of outputs that are scored, no delay beyond the record, samples that count."""
+    for what, sensors, channels in (
+        ("output", e.sensors, p.outputs),
+        ("input", e.actuators, p.model.inputs),
+    ):
+        for name, sensor in sensors.items():
+            check_choice(f"{what} of {e.name} with a delay, gain, bias or lowpass", name, channels)
+            for delay in sensor.range("delay"):
+                if abs(delay) >= e.time[-1]:
+                    raise InputError(
+                        f"{e.name}: {name} has a delay of {delay:g} s, beyond the record of {e.time[-1]:g} s; expected "
+                        "a part of it, in seconds: delay = 0.005."
+                    )
+    for name, between in e.between.items():
+        check_choice(f"input of {e.name} with between", name, p.model.inputs)
+        check_choice(f"between of {name}", between, BETWEEN)
+    if e.samples < 3:
+        raise InputError(
+            f"{e.name}: {e.samples} of its {len(e.measured)} samples are left to score beside its mask, bridged gaps "
+            "and delays; expected 3 at least."
+        )
+    free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}
+    for name in p.per_recording:
+        quantity, _, channel = name.partition("_")
+        if quantity in QUANTITIES and name not in free and channel in (*p.outputs, *p.model.inputs):
+            raise InputError(
+                f"per_recording names {name!r}, but the {quantity} of {channel} is not free in {e.name}; type "
+                f"{quantity} = {{ start = ..., lower = ..., upper = ... }} there too."
+            )
+
+
 def _check_past(p: Parametrisation, e: Experiment) -> None:
     """A past is a motion from rest on, of which every state is known."""
     if e.past is None:
@@ -177,7 +212,17 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
         )
     if not np.all(np.isfinite(e.past)) or (e.past_inputs is not None and not np.all(np.isfinite(e.past_inputs))):
         raise InputError(f"{e.name}: a sample of its past is not a finite number; leave such samples out or fill them.")
-    observed = {p.model.outputs[o] for o in p.outputs}
+    if e.sensors:
+        raise InputError(
+            f"{e.name}: history is not possible beside a delay, gain, bias or lowpass of an output; leave one of them "
+            "out."
+        )
+    for name in p.outputs:
+        if name not in p.model.output_states:
+            raise InputError(
+                f"{e.name}: history needs states as outputs, and {name} is a function of them; leave it out."
+            )
+    observed = {p.model.output_states[o] for o in p.outputs}
     unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
     if unobserved:
         names = ", ".join(p.model.states[i] for i in sorted(unobserved))

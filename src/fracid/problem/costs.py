@@ -44,12 +44,16 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.safety.user_code import run_file
 
 __all__ = ["ABSOLUTE", "COSTS", "HUBERS", "SQUARE", "Cost", "Loss", "cost_from_name"]
+
+Scored = NDArray[np.bool_] | None
+"""Which samples count, shape (n_samples,); None for all."""
 
 HUBER = math.radians(1.0)
 """Where the Huber loss turns from quadratic to linear [rad]."""
@@ -145,7 +149,7 @@ class Cost:
     function: Callable[[FloatArray, FloatArray], float] | None = None
     """A user's own, in place of weight and loss: (time, residual of shape (n, n_outputs)) → cost."""
 
-    def value(self, time: FloatArray, residual: FloatArray) -> float:
+    def value(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> float:
         """Evaluate; infinite, never NaN, for a residual that is not finite.
 
         Parameters
@@ -154,6 +158,8 @@ class Cost:
             From the start of the recording [s].
         residual : array, shape (n_samples, n_outputs)
             Measured minus simulated [rad].
+        scored : array of bool, shape (n_samples,), optional
+            Which samples count; all if left out.
 
         Raises
         ------
@@ -163,10 +169,10 @@ class Cost:
         if not np.all(np.isfinite(residual)):
             return math.inf
         if self.loss is None or self.weight is None:
-            return self._own_value(time, residual)
+            return self._own_value(*((time, residual) if scored is None else (time[scored], residual[scored])))
         with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
             # no dot product: it would wake the threads of BLAS beside those of the optimiser
-            total = float(np.sum(self.weight(time)[:, None] * self.loss.rho(residual)))
+            total = float(np.sum(self.weights(time, scored)[:, None] * self.loss.rho(residual)))
         if not math.isfinite(total):
             return math.inf
         return math.sqrt(total / residual.shape[1]) if self.root else total
@@ -184,13 +190,22 @@ class Cost:
             raise InputError(f"The cost {self.name} gave {cost} for a finite residual; return a number, or inf.")
         return cost
 
-    def rows(self, time: FloatArray, residual: FloatArray) -> FloatArray | None:
+    def weights(self, time: FloatArray, scored: Scored = None) -> FloatArray:
+        """w of each sample, 0 of those that do not count, shape (n_samples,)."""
+        assert self.weight is not None
+        if scored is None:
+            return self.weight(time)
+        if self.weight is _equal:
+            return np.asarray(scored / np.count_nonzero(scored))
+        return np.asarray(scored * self.weight(time))
+
+    def rows(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> FloatArray | None:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
         if self.loss is None or self.weight is None:
             return None
         if self.loss == SQUARE:  # another process has a copy
-            return np.asarray((np.sqrt(self.weight(time))[:, None] * residual).ravel())
-        squares = self.weight(time)[:, None] * self.loss.smooth(residual)
+            return np.asarray((np.sqrt(self.weights(time, scored))[:, None] * residual).ravel())
+        squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
 
     def join(self, costs: list[float], samples: list[int]) -> float:

@@ -73,7 +73,7 @@ class Criterion:
     def __call__(self, x: FloatArray, errors: list[FloatArray]) -> Evaluation:
         """Cost and rows of the errors at x."""
         levels = self._costs_by_output(errors)
-        cost = self._joined([self.cost_function.value(e.time, r) for e, r in self._pairs(errors)])
+        cost = self._joined([self.cost_function.value(e.time, r, e.scored) for e, r in self._pairs(errors)])
         if levels is not None and math.isfinite(cost):
             cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
         rows = self._rows(x, errors, levels) if math.isfinite(cost) else None
@@ -92,13 +92,13 @@ class Criterion:
     def _joined(self, costs: list[float]) -> float:
         """Join the recordings' costs, each by its weight."""
         weights = [e.weight for e in self.experiments]
-        counts: list[Any] = [w * len(e.measured) for w, e in zip(weights, self.experiments, strict=True)]
+        counts: list[Any] = [w * e.samples for w, e in zip(weights, self.experiments, strict=True)]
         root = self.cost_function.root
         return self.cost_function.join([c if root else w * c for w, c in zip(weights, costs, strict=True)], counts)
 
     def shares(self) -> list[float]:
         """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
-        samples = [e.weight * len(e.measured) for e in self.experiments]
+        samples = [e.weight * e.samples for e in self.experiments]
         if self.cost_function.root:
             return [math.sqrt(n / sum(samples)) for n in samples]
         return [math.sqrt(e.weight) for e in self.experiments]
@@ -115,14 +115,14 @@ class Criterion:
 
     def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
         """By what the loss of each sample counts, of each recording, shape (n_samples, n_outputs)."""
-        weight, balance = self.cost_function.weight, self.balance(errors)
-        assert weight is not None
+        weights, balance = self.cost_function.weights, self.balance(errors)
         shares = zip(self.experiments, self.shares(), strict=True)
-        return [share**2 * weight(e.time)[:, None] * balance for e, share in shares]
+        return [share**2 * weights(e.time, e.scored)[:, None] * balance for e, share in shares]
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""
-        squares = sum(s**2 * np.mean(e**2, axis=0) for s, e in zip(self.shares(), errors, strict=True))
+        means = [np.sum(r**2, axis=0) / e.samples for e, r in self._pairs(errors)]
+        squares = sum(s**2 * mean for s, mean in zip(self.shares(), means, strict=True))
         whole = sum(s**2 for s in self.shares())
         return dict(zip(self.parametrisation.outputs, np.sqrt(squares / whole).tolist(), strict=True))
 
@@ -131,7 +131,7 @@ class Criterion:
         if self.weights == "equal":
             return None
         costs = [
-            self._joined([self.cost_function.value(e.time, r[:, [o]]) for e, r in self._pairs(errors)])
+            self._joined([self.cost_function.value(e.time, r[:, [o]], e.scored) for e, r in self._pairs(errors)])
             for o in range(len(self.parametrisation.outputs))
         ]
         return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
@@ -143,7 +143,9 @@ class Criterion:
         steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
         return np.array([
-            self._joined([self.cost_function.value(e.time, np.full((len(e.measured), 1), r)) for e in self.experiments])
+            self._joined([
+                self.cost_function.value(e.time, np.full((len(e.measured), 1), r), e.scored) for e in self.experiments
+            ])
             for r in rounding
         ])  # fmt: skip
 
@@ -151,7 +153,7 @@ class Criterion:
 
     def _rows(self, x: FloatArray, errors: list[FloatArray], levels: FloatArray | None) -> FloatArray | None:
         """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
-        recordings = [self.cost_function.rows(e.time, r) for e, r in self._pairs(errors)]
+        recordings = [self.cost_function.rows(e.time, r, e.scored) for e, r in self._pairs(errors)]
         rows = [share * r for share, r in zip(self.shares(), recordings, strict=True) if r is not None]
         if not rows:
             return None
@@ -178,7 +180,7 @@ class Criterion:
     @cached_property
     def prior_samples(self) -> float:
         """By what Σz² is divided: n for normal errors, 2n for Laplace's."""
-        n = sum(e.weight * e.measured.size for e in self.experiments)
+        n: float = sum(e.weight * e.samples * e.measured.shape[1] for e in self.experiments)
         return n if self.cost_function.loss is None else self.cost_function.loss.likelihood_factor * n
 
     def _prior_factor(self, x: FloatArray) -> float:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
+from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
+from fracid.signals.swing import common_period
+from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
 
-__all__ = ["Experiment"]
+__all__ = ["Experiment", "held_inputs"]
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,18 @@ class Experiment:
     """Outputs before the first sample, from rest on, up to one step before it [rad], shape (n_past, n_outputs)."""
     past_inputs: FloatArray | None = None
     """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
+    off: tuple[str, ...] = ()
+    """Switches that are off, such as ``amplifier``: the parameters that go by them do not act."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    """Output → its delay, gain, bias and low-pass, of those that have any."""
+    actuators: Mapping[str, Sensor] = field(default_factory=dict)
+    """Input → the same."""
+    between: Mapping[str, Between] = field(default_factory=dict)
+    """Input → what it does between its samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
+    mask: tuple[tuple[float, float], ...] = ()
+    """From when to when samples are not scored, both included, on the recording's own clock [s]."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -69,14 +84,15 @@ class Experiment:
     ) -> Experiment:
         """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
 
-        The `options` are what else a recording has: its `weight`, its `release_time`.  `before` is the recording of
-        what came before, for a start in motion (:meth:`Recording.split` gives both).
+        The `options` are what else a recording has: its `weight`, its `release_time`, its `sensors` and `actuators`,
+        `between`, where a voltage is held if nothing is said, and its `mask`, to which its bridged gaps are added.
+        `before` is the recording of what came before, for a start in motion (:meth:`Recording.split` gives both).
 
         Raises
         ------
         InputError
             If an output is not among its signals, a signal has a unit that the model's has not, it is not on a uniform
-            grid, or a state is unknown.
+            grid, a state is unknown, or a mask is outside of it.
 
         Examples
         --------
@@ -108,6 +124,8 @@ class Experiment:
                     "take both from one recording: before, after = recording.split(time)."
                 )
         measured, inputs = _columns(recording, model, outputs)
+        options["between"] = held_inputs(recording, model) | dict(options.get("between", {}))
+        options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         return cls(
             recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
             initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
@@ -118,9 +136,42 @@ class Experiment:
         """From 0 [s], shape (n_samples,)."""
         return np.arange(len(self.measured), dtype=np.float64) * self.step
 
+    @property
+    def most_moved(self) -> FloatArray:
+        """The output that moves most, shape (n_samples,)."""
+        return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
+
+    @property
+    def swings(self) -> float:
+        """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
+        return (len(self.time) - 1) / common_period(self.measured)
+
+    @cached_property
+    def scored(self) -> NDArray[np.bool_] | None:
+        """Which samples count, shape (n_samples,); None for all.
+
+        Not those of the mask, nor the first, up to the longest delay: they show what came before the start.
+        """
+        late = max((s.latest for s in self.sensors.values()), default=0.0)
+        if not self.mask and late == 0.0:
+            return None
+        slack = 1e-6 * self.step
+        counts = self.time >= late - slack
+        for first, last in self.mask:
+            counts &= ~((self.start + self.time >= first - slack) & (self.start + self.time <= last + slack))
+        return counts
+
+    @property
+    def samples(self) -> int:
+        """How many samples count."""
+        return len(self.measured) if self.scored is None else int(np.count_nonzero(self.scored))
+
     def until(self, horizon: float) -> Experiment:
-        """Keep the first `horizon` seconds."""
-        n = min(len(self.measured), max(3, round(horizon / self.step) + 1))
+        """Keep the first `horizon` seconds, those that are not scored beside them."""
+        n = max(3, round(horizon / self.step) + 1)
+        if self.scored is not None:
+            n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
+        n = min(len(self.measured), n)
         return replace(self, measured=self.measured[:n], inputs=self.inputs[:n])
 
     @property
@@ -134,6 +185,10 @@ class Experiment:
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
+        return self._first_values
+
+    @cached_property
+    def _first_values(self) -> tuple[FloatArray, FloatArray]:
         t = self._first_times
         parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
         return self.measured[0].astype(np.float64), parabola[1]
@@ -172,6 +227,29 @@ def _refuse_other_dimensions(recording: Recording, model: Model) -> None:
                 f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
                 f"{right}. Is it another column?"
             )
+
+
+def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:
+    """The inputs of which one takes it that they keep their value between samples: voltages, which converters make."""
+    return {n: "hold" for n in model.inputs if recording.units.get(n) == "V"}
+
+
+def _mask(recording: Recording, mask: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
+    """Check that each part of a mask has samples of the recording."""
+    begin, end = float(recording.time[0]), float(recording.time[-1])
+    for part in mask:
+        first, last = part if len(part) == 2 else (math.nan, math.nan)
+        if not first < last:
+            raise InputError(
+                f"{recording.name}: mask = {[list(p) for p in mask]} is not possible; expected pairs of a time and a "
+                f"later one [s], e.g. mask = [[{begin + (end - begin) / 4:.3g}, {begin + (end - begin) / 3:.3g}]]."
+            )
+        if not np.any((recording.time >= first) & (recording.time <= last)):
+            raise InputError(
+                f"{recording.name}: the mask from {first:g} to {last:g} s holds none of its samples, which go from "
+                f"{begin:.6g} to {end:.6g} s."
+            )
+        yield float(first), float(last)
 
 
 def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tuple[FloatArray, FloatArray]:

@@ -11,13 +11,15 @@ unknowns x, in this order, are
 ``initial_state`` is one of
 
 =============  ====================================================================================
-``estimate``   the scored outputs and their rates are free: the start may be in motion
+``estimate``   the scored outputs, their rates and what a joint has given are free: the start may be in motion
 ``rest``       the scored outputs are free, their rates are 0: a held plateau
 ``measured``   nothing is free: outputs as measured, rates from the slope of the first samples
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
-States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
+States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
+experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 """
 
@@ -36,6 +38,7 @@ from fracid.models import Model
 from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
+from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
 
 __all__ = ["Parametrisation", "RunValues"]
@@ -144,18 +147,45 @@ class Parametrisation:
             if parameter.experiment in (None, e.name):
                 vectors[vector][where] = value
         orders, parameters, initial, release = vectors
+        for state, nu in self.model.complements:
+            orders[state] = 1.0 - parameters[nu]
+        parameters[list(self._switched_off[e.name])] = 0.0
+        if e.sensors and self.initial_state in ("measured", "held"):
+            initial = self._initial_guess(e, parameters)
         if e.past is not None and self.initial_state == "measured":
             rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                initial[z] *= 1.0 if self.model.states[z] in e.initial else parameters[delta]
+        for name, other in self.model.follows.items():
+            if name not in e.initial:
+                initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
         return RunValues(orders, parameters, initial, float(release[0]))
+
+    def readings(self, x: FloatArray, e: Experiment, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+        """What the channels of one recording do at x, by name."""
+        return self._readings(self.unpack(x, e).parameters, sensors)
+
+    def _readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
+        values = dict(zip(self.model.parameter_names, parameters.tolist(), strict=True))
+        return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
 
     @cached_property
     def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:
         """For each recording what :meth:`unpack` starts from: every value at its own start."""
+        orders, parameters = self._model_starts
         return {
-            e.name: (*self._model_starts, self._initial_guess(e), np.array([start_of(e.release_time)]))
+            e.name: (orders, parameters, self._initial_guess(e, parameters), np.array([start_of(e.release_time)]))
             for e in self.experiments
         }
+
+    @cached_property
+    def _switched_off(self) -> dict[str, tuple[int, ...]]:
+        """For each recording the parameters that do not act in it."""
+        rows = enumerate(self.model.parameters)
+        switches = [(i, row.switch) for i, row in rows if row.switch]
+        return {e.name: tuple(i for i, switch in switches if switch in e.off) for e in self.experiments}
 
     @cached_property
     def _places(self) -> tuple[tuple[int, list[int]], ...]:
@@ -188,7 +218,8 @@ class Parametrisation:
     @property
     def _model_starts(self) -> tuple[FloatArray, FloatArray]:
         """Orders per state and parameters where the search starts."""
-        return self.model.state_orders(self.order_starts), self.model.parameter_vector(self.parameter_starts)
+        parameters = self.model.parameter_vector(self.parameter_starts)
+        return self.model.state_orders(self.order_starts, parameters), parameters
 
     @cached_property
     def ties(self) -> dict[str, str]:
@@ -218,12 +249,14 @@ class Parametrisation:
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
         if self.initial_state in ("measured", "held"):
             return []
-        guess = self._initial_guess(e).tolist()
-        units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
-        sizes = dict(zip(units, self.sizes(e).tolist(), strict=True))
+        guess = self._initial_guess(e, self._model_starts[1]).tolist()
+        states = self.model.output_states
+        units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
+        sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
+            reach |= {z: (1.0, self.model.parameter_names[delta]) for z, delta in self._deflections}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
@@ -232,14 +265,23 @@ class Parametrisation:
                 unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
         return unknowns
 
-    def _initial_guess(self, e: Experiment) -> FloatArray:
+    @cached_property
+    def _deflections(self) -> tuple[tuple[int, int], ...]:
+        """Of each presliding element its state, and the parameter that is its δ."""
+        states, names = self.model.states, self.model.parameter_names
+        return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
+
+    def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
         x0 = np.zeros(len(self.model.states))
+        readings = self._readings(parameters, e.sensors)
         for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
-            i = self.model.outputs[name]
-            x0[i] = value
+            if name not in self.model.output_states:
+                continue
+            i, sensor = self.model.output_states[name], readings.get(name, Reading())
+            x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
-                x0[self.rates[i]] = slope
+                x0[self.rates[i]] = slope / sensor.gain
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
@@ -249,7 +291,7 @@ class Parametrisation:
     @cached_property
     def rates(self) -> dict[int, int]:
         """For each scored output's state i the state j with D^q x_i = x_j."""
-        indices = [self.model.outputs[name] for name in self.outputs]
+        indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
 
     def sizes(self, e: Experiment) -> FloatArray:

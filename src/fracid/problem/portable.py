@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from fracid.errors import InputError
@@ -17,12 +17,14 @@ from fracid.problem.costs import COSTS
 from fracid.problem.problem import Problem
 from fracid.solver.memory import Memory, compressed, memory_from_name
 
-__all__ = ["Portable", "portable_memory"]
+__all__ = ["Portable"]
 
 
 @dataclass(frozen=True)
 class Portable:
     """A problem that pickle can send; its caches and its memo stay behind.
+
+    Its memory is the one of its name, which has six digits of the tolerance: the same numbers here and there.
 
     Examples
     --------
@@ -37,6 +39,11 @@ class Portable:
 
     problem: Problem
 
+    def __post_init__(self) -> None:
+        """Take the memory of the name here too."""
+        memory = _memory_from_name(self.problem.memory.name)
+        object.__setattr__(self, "problem", replace(self.problem, memory=memory))
+
     def __reduce__(self) -> tuple[Any, ...]:
         """By name, what is code; an InputError where the name would be another's."""
         cost = self.problem.cost_function
@@ -50,21 +57,12 @@ class Portable:
 
 
 def _carried(parts: Mapping[str, Any]) -> Portable:
-    objects = {"cost_function": COSTS[parts["cost_function"]], "memory": portable_memory(parts["memory"])}
+    objects = {"cost_function": COSTS[parts["cost_function"]], "memory": _memory_from_name(parts["memory"])}
     return Portable(Problem(**{**parts, **objects}))
 
 
-def portable_memory(name: str) -> Memory:
-    """Give the memory of that name, ``compressed(1e-10, lags=16)`` too.
-
-    A name has six digits of the tolerance: who wants the same numbers here and there takes the memory of the name here
-    too.
-
-    Examples
-    --------
-    >>> portable_memory("compressed(1e-08)").name
-    'compressed(1e-08)'
-    """
+def _memory_from_name(name: str) -> Memory:
+    """The memory of a name, ``compressed(1e-10, lags=16)`` too."""
     if match := re.fullmatch(r"compressed\(([^,]+)(?:, lags=(\d+))?\)", name):
         tolerance, lags = match.groups()
         return compressed(float(tolerance), **({"lags": int(lags)} if lags else {}))

@@ -34,11 +34,12 @@ from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.past import Past
+from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import InitialState, Unknown, Value, Weights, start_of
+from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
-from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Problem"]
 
@@ -83,16 +84,29 @@ class Problem:
     """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
-    memo: Memo | None = field(default=None, repr=False, compare=False)
+    memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
+        values = {p.name: p.value for p in self.model.parameters} | dict(self.parameters)
+        on = (n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0)
+        object.__setattr__(self, "model", self.model.equipped(on))
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
+        self._add_sensors()
         check_parametrisation(self.parametrisation)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
+
+    def _add_sensors(self) -> None:
+        """Give the model the parameters of the channels whose delay, gain, bias or low-pass is free."""
+        units = {**self.model.input_units, **{n: u for e in self.experiments for n, u in e.units.items()}}
+        units = {n: "rad" for n in self.outputs} | units
+        sensors = [table for e in self.experiments for table in (e.sensors, e.actuators)]
+        model, parameters = with_sensors(self.model, self.parameters, sensors, units)
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "parameters", parameters)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle: the fields; what was simulated before, and what is computed once, stay behind."""

@@ -17,6 +17,11 @@
 
 Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
 and ``scale``, its typical size.
+An input may hold its value between samples, or be a multisine: ``between = "hold"``, ``"line"`` or ``"band-limited"``
+(:mod:`fracid.solver.inputs`); a voltage is held if nothing is said.
+A channel may be late, scaled, offset or filtered: ``delay``, ``gain``, ``bias`` and ``lowpass`` in its table, each a
+number or a range (:mod:`fracid.problem.sensors`); free ones are parameters, ``delay_alpha``.  ``mask = [[12.0, 12.5]]``
+leaves samples out of the score.
 A recording may have its ``weight`` and its ``release_time``, a number or a table [s].  With ``weights = "noise"``
 in ``[fit]`` outputs count by their residual's level.  With ``history = "measured"``, there or in a recording, its
 samples before ``from`` enter the memory.  :mod:`fracid.problem.past` has the formulas.
@@ -37,11 +42,12 @@ import difflib
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -49,18 +55,26 @@ from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
-from fracid.problem.experiment import Experiment
+from fracid.problem.experiment import Experiment, held_inputs
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem
+from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
+from fracid.recording.channel import Channel
+from fracid.recording.loading import resampled
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import refuse_untrusted
+from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 
 __all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
+
+_T = TypeVar("_T")
+
+CHANNEL = tuple(field.name for field in fields(Channel))
 
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
@@ -137,6 +151,8 @@ class _Recording(_Table):
     weight: float = 1.0
     release_time: float | _Range = 0.0
     history: _History | None = None
+    mask: list[list[float]] = []
+    """From when to when samples are not scored, on the recording's own clock [s]."""
 
 
 class _Fit(_Table):
@@ -306,15 +322,21 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     orders = _orders(content.model.orders, model)
     pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in content.recording]
     _refuse_twins(content.recording)
-    pairs = [_load(r, model, path.parent, past) for r, past in zip(content.recording, pasts, strict=True)]
+    channels = [_channels(r, model) for r in content.recording]
+    pairs = [
+        _load(r, c, model, path.parent, past) for r, c, past in zip(content.recording, channels, pasts, strict=True)
+    ]
     recordings = tuple(recording for recording, _ in pairs)
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
-            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s)
+            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s),
+            sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
+            actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
+            mask=s.mask,
         )
-        for (r, before), s in zip(pairs, content.recording, strict=True)
-    ]
+        for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
+    ]  # fmt: skip
     uses = [r.use for r in content.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
@@ -322,7 +344,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     if preset == "paper":
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
         orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
-    parameters |= _freed_by_recording(fit.per_recording, parameters, model)
+    of_channels = {n for table in ({**e.sensors, **e.actuators} for e in experiments) for c, s in table.items()
+                   for n in s.free(c)}  # fmt: skip
+    parameters |= _freed_by_recording([n for n in fit.per_recording if n not in of_channels], parameters, model)
     problem = Problem(
         model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
@@ -368,9 +392,63 @@ def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model
     }
 
 
-def _load(spec: _Recording, model: Model, folder: Path, past: bool) -> tuple[Recording, Recording | None]:
-    """Load a recording and, if asked for, what came before; the keys that pydantic did not know are its signals."""
-    columns = dict(spec.model_extra or {})
+class _Channels(NamedTuple):
+    """The signals of a recording, the keys that pydantic did not know."""
+
+    columns: dict[str, Any]
+    """Where each is in the file, and in which unit."""
+    sensors: dict[str, Sensor]
+    """What stands between it and the model."""
+    between: dict[str, Between]
+    """What an input does between its samples."""
+
+
+def _channels(spec: _Recording, model: Model) -> _Channels:
+    """Part the tables of the signals."""
+    channels = _Channels(dict(spec.model_extra or {}), {}, {})
+    for name, table in channels.columns.items():
+        if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
+            known = (*CHANNEL, *QUANTITIES, *(["between"] if name in model.inputs else []))
+            for key in table.keys() - {*known}:
+                raise unknown_name(f"field of {name}", key, known)
+            channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
+            values = {key: _of_sensor(name, key, value) for key, value in table.items() if key in QUANTITIES}
+            if values:
+                channels.sensors[name] = _named(f"[[recording]] {spec.name or spec.file}: {name}", Sensor, **values)
+            if "between" in table:
+                if table["between"] not in BETWEEN:
+                    raise unknown_name(f"between of {name}", table["between"], BETWEEN)
+                channels.between[name] = table["between"]
+    return channels
+
+
+def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
+    """A number, or the range of a value to be found."""
+    found: Any = value
+    if isinstance(value, dict):
+        with suppress(ValidationError):
+            found = _value(f"{key} of {channel}", _Range.model_validate(value))
+    if isinstance(found, bool) or not isinstance(found, int | float | Free):
+        raise InputError(
+            f"{channel}: {key} = {value!r} is not possible; expected a number, or {{ start = ..., lower = ..., "
+            "upper = ... } to find it."
+        )
+    return found if isinstance(found, Free) else float(found)
+
+
+def _named(where: str, build: Callable[..., _T], **values: Any) -> _T:
+    """Build something from a table of the file; what cannot be is said with its place."""
+    try:
+        return build(**values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _load(
+    spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool
+) -> tuple[Recording, Recording | None]:
+    """Load a recording and, if asked for, what came before."""
+    columns = channels.columns
     signals = (*model.outputs, *model.inputs)
     for name in columns:
         if name not in signals:
@@ -390,9 +468,11 @@ def _load(spec: _Recording, model: Model, folder: Path, past: bool) -> tuple[Rec
     if isinstance(spec.start, float) and spec.stop is not None and spec.start >= spec.stop:
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     recording = load_recording(
-        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop,
-        resample=spec.resample, name=name, variable=spec.variable,
+        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
+        variable=spec.variable,
     )  # fmt: skip
+    held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
+    recording = resampled(replace(recording, held=recording.held | held), spec.resample)
     if not past:
         return recording, None
     after = recording.trim(spec.start)

@@ -49,7 +49,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
-from fracid.recording.measures import FAMILIAR_COUNTS
+from fracid.recording.measures import FAMILIAR_COUNTS, PENDULUM
 from fracid.signals.swing import swing_count, swing_period
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def signal_faults(
         if mask.sum() < 10 or not s.range > 0:
             continue
         x, t = (x, time) if mask.all() else (x[mask], time[mask])
-        pendulum = s.name == "alpha" or angles == 1
+        pendulum = s.name == PENDULUM or angles == 1
         findings += _unit(s, x, pendulum)
         findings += _jumps(s, t, x)
         findings += _repeated(s, t, x)

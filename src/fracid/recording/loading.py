@@ -26,7 +26,7 @@ from fracid.recording.readers.table import read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 
-__all__ = ["inspect_recording", "load_recording"]
+__all__ = ["inspect_recording", "load_recording", "resampled"]
 
 
 def load_recording(
@@ -80,6 +80,26 @@ def load_recording(
     array([0.175, 0.157, 0.122])
     """
     recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    return resampled(recording, resample)
+
+
+def resampled(recording: Recording, resample: bool | float | str | None) -> Recording:
+    """Bring a recording onto the grid that :func:`load_recording` was asked for.
+
+    Raises
+    ------
+    InputError
+        For another word than "needed".
+    DataError
+        If it is unfit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> jittering = Recording.of("twin", np.array([0, 0.11, 0.19, 0.3]), {"alpha": np.arange(4.0)})
+    >>> resampled(jittering, 0.1).time
+    array([0. , 0.1, 0.2, 0.3])
+    """
     demand_fitness(recording)
     if resample is None or resample is False or (resample == "needed" and recording.step is not None):
         return recording

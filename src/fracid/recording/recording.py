@@ -43,6 +43,8 @@ class Recording:
     report: Report
     held: frozenset[str] = field(default=frozenset())
     """Signals that keep their value between samples (commands), so are never interpolated linearly."""
+    bridged: tuple[tuple[float, float], ...] = ()
+    """From when to when :meth:`resample` bridged a gap [s]: no sample of it was measured."""
 
     @property
     def step(self) -> float | None:
@@ -164,7 +166,10 @@ class Recording:
             replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
             for s, r in zip(new.report.signals, self.report.signals, strict=True)
         )
-        return replace(new, report=replace(new.report, signals=reports))
+        slack = 1e-3 * h  # its two ends were measured
+        gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
+        bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
+        return replace(new, report=replace(new.report, signals=reports), bridged=(*self.bridged, *bridged))
 
     def _at(self, name: str, grid: FloatArray) -> FloatArray:
         x = self.signals[name]

@@ -38,7 +38,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
 from fracid.recording.faults import signal_faults
-from fracid.recording.measures import UNIFORM, Clock, SignalReport, measure_clock, measure_signal
+from fracid.recording.measures import PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time
 
@@ -216,9 +216,9 @@ def measure(
 
 
 def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:
-    """Return the pendulum: `alpha` if there is one, else the angle (else the signal) that moves most."""
-    if "alpha" in signals:
-        return signals["alpha"]
+    """Return the pendulum: `PENDULUM` if there is one, else the angle (else the signal) that moves most."""
+    if PENDULUM in signals:
+        return signals[PENDULUM]
     angles = [x for n, x in signals.items() if units[n] == "rad"] or list(signals.values())
     return max(angles, key=lambda x: float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else 0.0)
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.files import json_number
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
@@ -43,6 +42,8 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
+from fracid.safety.schema import as_json
+from fracid.schemas.regression import RegressionBlock
 from fracid.signals.resolution import resolution
 
 __all__ = ["Constant", "Regression", "regress", "start_of", "start_values"]
@@ -155,30 +156,8 @@ class Regression:
     def to_json(self) -> dict[str, Any]:
         """Everything but the rows, as plain JSON values, SI; null where something was not found or has no end."""
         intervals = self.search.interval95 if self.search else {}
-        return {
-            "orders": {
-                n: {"value": v, "interval95": [json_number(end) for end in intervals[n]] if n in intervals else None}
-                for n, v in self.orders.items()
-            },
-            "parameters": {
-                n: {"value": c.value, "unit": c.unit, "standard_error": c.standard_error, "interval95": c.interval95,
-                    "bias": c.bias, "verdict": c.verdict}
-                for n, c in self.parameters.items()
-            },
-            "combinations": dict(self.combinations),
-            "estimator": self.estimator,
-            "fit_percent": dict(self.fit_percent),
-            "noise_ratio": json_number(self.noise_ratio),
-            "condition_number": json_number(self.condition_number),
-            "samples": self.samples,
-            "cutoff": self.cutoff,
-            "cutoff_reason": self.cutoff_reason,
-            "window": self.window,
-            "noise": dict(self.noise),
-            "amplitude": self.amplitude,
-            "belief": self.belief,
-            "warnings": list(self.warnings),
-        }  # fmt: skip
+        orders = {n: {"value": v, "interval95": intervals.get(n)} for n, v in self.orders.items()}
+        return as_json(RegressionBlock, vars(self) | {"orders": orders, "belief": self.belief})
 
 
 def regress(
@@ -360,7 +339,7 @@ def _terms(
     if not looked:
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
     if not any(constants[n] for n in constants if n in (*linear.lumped, model.drive, *fixed_values)):
-        example = "C4" if "C4" in looked else next(n for n in every if n in looked)
+        example = linear.gauge if linear.gauge in looked else next(n for n in every if n in looked)
         raise InputError(
             "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
             f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
@@ -561,7 +540,7 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]
     free_response = all(s.drive is None for s in swings) and set(linear.lumped) <= set(free)
-    fixed_values = {"C4": model.parameter("C4").value} if free_response else {}
+    fixed_values = {linear.gauge: model.parameter(linear.gauge).value} if free_response else {}
     late = any(s.in_motion for s in swings)
     at = problem.order_starts  # what is tied too; it is not searched
     orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}

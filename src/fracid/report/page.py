@@ -330,7 +330,7 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
 
 
 def _whose(model: Any, order: str) -> str:
-    outputs = [letter(n) for n, i in model.outputs.items() if model.orders[i] == order]
+    outputs = [letter(n) for n, i in model.output_states.items() if model.orders[i] == order]
     return f"derivatives of {joined(outputs)}" if outputs else "states that have it"
 
 

@@ -112,14 +112,14 @@ class SavedRun(FitPictures):
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)
         fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
-        cost = np.inf if isinstance(run, Failure) else problem.cost_function.value(e.time, e.measured - fitted)
+        cost = problem.cost_function.value(e.time, e.measured - fitted, e.scored)
         entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
             {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
-                            self.problem.model.zero)  # fmt: skip
+                            self.problem.model.zero, self.problem.model.pendulum, e.scored)  # fmt: skip
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):

@@ -8,8 +8,9 @@ from pydantic import Field
 
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown
+from fracid.schemas.result import SpreadBlock
 
-__all__ = ["JointBlock", "ProfileBlock", "ProfilesBlock"]
+__all__ = ["BootstrapBlock", "JointBlock", "LikelihoodBlock", "ProfileBlock", "ProfilesBlock"]
 
 
 class ProfileBlock(Block):
@@ -68,3 +69,49 @@ class ProfilesBlock(Coherent):
         if joint and [len(joint.second)] * len(joint.first) != [len(row) for row in joint.rise]:
             return "its joint profile has lists of different lengths"
         return ""
+
+
+# --- what fracid profile writes beside them ----------------------------------------------------------
+
+
+class IntervalsBlock(Block):
+    """Unknown → method → its interval, and its effective samples."""
+
+    methods: dict[str, str]
+    unknowns: dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]
+
+
+class VerdictBlock(Block):
+    """What the data can tell of an unknown."""
+
+    kind: str = Field(alias="verdict")
+    sentence: str
+
+
+class DrawsOfOne(Block):
+    """One unknown, over all draws."""
+
+    standard_error: float
+    bias: float
+    interval95: Interval
+
+
+class BootstrapBlock(Block):
+    """Draws of the unknowns, without the draws."""
+
+    method: str
+    draws: int
+    failed: int
+    block: int
+    warning: str
+    unknowns: dict[str, DrawsOfOne]
+
+
+class LikelihoodBlock(ProfilesBlock):
+    """All that profiles.json has: of a report only the profiles are asked."""
+
+    intervals: IntervalsBlock
+    identifiability: dict[str, VerdictBlock]
+    bootstrap: BootstrapBlock | str
+    spread: SpreadBlock | None
+    seed: int

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Literal
 
 from pydantic import Field
-from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.safety.schema import Block, Infinite, Interval, Number, Unknown
 
@@ -22,7 +20,6 @@ __all__ = [
     "SpreadBlock",
     "StartBlock",
     "TreatmentBlock",
-    "json_schema",
 ]
 
 Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9})$")]
@@ -207,24 +204,3 @@ class ResultBlock(FitBlock):
     data_sha256: dict[str, str]
     versions: dict[str, str]
     timing: dict[str, float] = Field({})
-
-
-class WithoutTitles(GenerateJsonSchema):
-    """A field's title would only be its name again."""
-
-    def field_title_should_be_set(self, schema: object) -> bool:  # noqa: ARG002
-        """Never."""
-        return False
-
-
-def json_schema() -> str:
-    """The JSON Schema of result.json, as text.
-
-    Examples
-    --------
-    >>> json.loads(json_schema())["title"]
-    'result.json of fracid'
-    """
-    schema = ResultBlock.model_json_schema(schema_generator=WithoutTitles)
-    head = {"$schema": WithoutTitles.schema_dialect, "title": "result.json of fracid"}
-    return json.dumps(schema | head, indent=2, ensure_ascii=False) + "\n"

@@ -46,13 +46,14 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
 from fracid.files import from_json, json_number
-from fracid.optimise import Evaluation, nelder_mead
+from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.project import Project, load_project
@@ -412,8 +413,10 @@ def _fitted(
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the problem's start and from the structures below."""
     problem, watch = structure.problem, Watch()
-    name = "differential-evolution" if problem.cost_function.loss is None else "multistart"
-    result, _ = search(problem, name, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
+    if late_rungs(problem) and problem.cost_function.loss is not None and below:
+        return _climbed(structure, below, jobs)
+    optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
+    result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
     ends = [(result.best, f"from its own start, {result.outcome.value}")]
     for origin, values in below.items():
         x = structure.embed(values)
@@ -426,6 +429,22 @@ def _fitted(
     if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
     return best, how
+
+
+def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
+    """The lowest that a structure with rich friction comes to, from the optima below and by windows."""
+    problem, watch, ends = structure.problem, Watch(), []
+    for origin, values in below.items():
+        x = structure.embed(values)
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
+                     f"from the optimum of {origin}"))  # fmt: skip
+    names = late_rungs(problem).get(structure.top, ())
+    if names and not structure.fractional:
+        (origin, values), *_ = below.items()
+        start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
+        shared = on_windows(problem, start, names, jobs, watch)
+        ends.append((on_the_whole(problem, shared, jobs, watch).best, f"from {origin} by windows"))
+    return min(ends, key=lambda end: end[0].cost)
 
 
 def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
@@ -453,8 +472,8 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict
         return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(error)}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
-    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units)
-    itae = {n: COSTS["itae"].value(e.time, error[:, [o]]) for o, n in enumerate(problem.outputs)}
+    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
+    itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
     return as_json(ScoreBlock, Score(fit.rmse, fit.fit_percent, itae))
 
 

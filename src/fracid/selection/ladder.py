@@ -90,6 +90,11 @@ class Structure:
         return name_of(self.friction, self.fractional)
 
     @property
+    def top(self) -> str:
+        """The highest rung: ``Coulomb``."""
+        return self.friction.rpartition(" + ")[2]
+
+    @property
     def paper(self) -> bool:
         """Whether it is the paper's."""
         return (self.friction, self.fractional) == PAPER

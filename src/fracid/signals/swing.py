@@ -14,6 +14,7 @@ the period of one signal    :func:`swing_period`; of several together :func:`com
 how large it is over time   :func:`envelope`
 where the motion begins     :func:`release_time`, :func:`swing_start`
 where it comes to rest      :func:`tail`
+where it stays, or will     :func:`final_value`
 ==========================  =====================================================================
 """
 
@@ -31,6 +32,7 @@ from fracid.signals.resolution import resolution
 __all__ = [
     "common_period",
     "envelope",
+    "final_value",
     "half_swings",
     "release_time",
     "swing_count",
@@ -157,6 +159,31 @@ def tail(signal: FloatArray) -> tuple[float, float, bool]:
         motion,
         motion <= max(0.01 * float(np.ptp(x)), 3 * (resolution(x) or 0.0) * (1 + 1e-9)),
     )
+
+
+LATE_SWINGS = 2
+"""In its second half, of a signal that swings about its middle to the end."""
+
+
+def final_value(signal: FloatArray) -> float | None:
+    """Where a signal comes to rest, or the middle about which it swings to the end; else None.
+
+    What goes by more than a quarter of a turn, as an angle [rad], swings about nothing.
+
+    Examples
+    --------
+    >>> t = np.arange(4000) / 100
+    >>> round(final_value(0.3 + np.exp(-0.05 * t) * np.cos(2 * np.pi * t)), 2)
+    0.3
+    >>> final_value(t)
+    """
+    rest, _, at_rest = tail(signal)
+    if at_rest:
+        return rest
+    late = signal[len(signal) // 2 :]
+    middle = float(np.median(late))
+    swings = swing_count(late) >= LATE_SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2
+    return middle if swings else None
 
 
 def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numba as nb
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
@@ -55,6 +56,7 @@ def compile_rhs(rhs: Any) -> Any:
 def _compiled(function: Any) -> Any:
     own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
     checked = _largest_indices(function) is None
+    _teach_joints()
     try:
         return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
     except nb.core.errors.NumbaError as error:
@@ -63,6 +65,13 @@ def _compiled(function: Any) -> Any:
             "Use numbers, loops, indexing and NumPy or math functions only, and write into out[i]; "
             "rhs(t, x, u, p, out) gets float64 arrays."
         ) from None
+
+
+@cache
+def _teach_joints() -> None:
+    """Make the elements of :mod:`fracid.models.joints` known to Numba; plain Python they stay all the same."""
+    for element in joints.ELEMENTS:
+        nb.extending.register_jitable(error_model="numpy")(element)
 
 
 @once_for_equals
@@ -103,14 +112,18 @@ def _check_arity(function: Any) -> None:
                          "it must take (t, x, u, p, out).") from None  # fmt: skip
 
 
-def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray) -> None:
-    """Run the function once in Python, where a wrong index is an error and not a crash."""
+def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool = False) -> None:
+    """Run the function once in Python, where a wrong index is an error and not a crash.
+
+    One with `relaxing` states may write their rates behind the derivatives, where it sees that there is room.
+    """
     function = getattr(rhs, "py_func", rhs)
     _check_arity(function)
     out = np.full(len(x0), np.nan)
     sizes = f"x and out have {len(x0)} entries, u has {len(u)}, p has {len(p)}"
     reach = _largest_indices(function) or (0,) * 5
-    for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], map(len, (x0, u, p, x0)), strict=True):
+    sizes_there = len(x0), len(u), len(p), len(x0) * (1 + relaxing)
+    for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], sizes_there, strict=True):
         if needed > there:
             raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
                              f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip

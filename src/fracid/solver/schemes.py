@@ -20,9 +20,33 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
+``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of
+                   BDF2, :math:`\tfrac12 w_{l-1}` for that of the start: what dies in the equation dies in the scheme,
+                   at any step and every order up to 2
 =================  =========================================================================================
 
-The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
+**Inputs that jump.**  At a grid point where an input jumps, f has two values, f⁻ before and f⁺ after it, Δ = f⁺ − f⁻.
+The panels to the left end with f⁻, those to the right begin with f⁺, whose half hat weighs
+
+.. math::  A_j = \frac{1}{Γ(q)} \int_0^1 (j - s)^{q-1} (1 - s)\,ds
+
+at the lag j.  ``pi2`` takes x there with f⁻, enters f⁻ + Δ/3 into the history and Δ/6 with the next sample, which has
+the area 1/2 and the centre 1/3 of that hat, and adds what is wrong at the first lag, :math:`A_1 - b_1/3`.  At order 1
+that is what two runs joined at the jump are, of convergence order 2; below it a solution begins like t^q anew at each
+jump, and the convergence order is 1 + q.  ``gl`` needs f⁺ alone; the other methods take the mean of both inputs
+(:mod:`fracid.solver.inputs`).
+
+The first three are of convergence order 1, ``pi3`` of 3, the others of 2, where f(t, x) is smooth.
+
+**States that relax.**  The z of a presliding joint (:func:`fracid.models.joints.presliding`), of order 1, forgets
+within less than a step while the joint slides: :math:`\dot z = c - a z` with a·h up to any size, where the trapezoidal
+rule would ring.  For a state that the run calls `relaxing` the right-hand side writes a behind f, and the ``pi``
+methods take, with :math:`A = h\,\bar a`, :math:`\bar a = (a_0 + a_1)/2` and :math:`R = 1/(1 + A + A^2/2)`,
+
+.. math::  z_1 = R\,\big(z_0 + \tfrac h2 c_0 + \tfrac h2 (1 + A)\,ρ\,c_1\big), \qquad
+           ρ = \frac{\bar a}{a_1 (1 - R) + \bar a R},
+
+of second order for small A (R is that of Lobatto IIIC), and c₁/a₁, sliding friction, for large.
 
 **What is known before.**  `past` holds the states that are given: its last row is the state at the `start` of
 the run, the rows before it the samples of the history, one a step, the first of which is the x⁰ of the formulas.
@@ -43,9 +67,9 @@ from numba import types
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
 from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import gauss_jordan, start_together
+from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, start_together
 
-__all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
+__all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
 
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
@@ -53,6 +77,9 @@ COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
 and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
+
+PATIENCE = 4
+"""Times 12 iterations that ``bdf2`` takes at most."""
 
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
@@ -99,7 +126,7 @@ def _outside(x, bounds):
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_gl(rhs, run, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -138,7 +165,7 @@ def step_gl(rhs, run, raw, out):
 @when_called(_ENDED(RHS, RUN, _matrix))
 def step_gl_sequential(rhs, run, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -224,8 +251,31 @@ def _slow(x, last, f, history, newest, scale):
 
 # The arguments of Newton's method are not grouped: a NamedTuple of arrays has its references counted at each call of a
 # function that is not inlined, which costs ``pi2-implicit`` 14 % of a step.
+@inline
+def _relax(relaxing, x, f, start, h, history):
+    """Put z1 of the relaxing states into `history`, with c1 and a1 as f and x have them; see the module's docstring."""
+    for k in range(len(relaxing)):
+        i = relaxing[k]
+        z0, c0, a0, a1 = start[k, 0], start[k, 1], start[k, 2], f[len(x) + i]
+        c1, mean = f[i] + a1 * x[i], 0.5 * (a0 + a1)
+        A = mean * h
+        R = 1 / (1 + A + 0.5 * A * A)
+        if mean > 0:
+            c1 *= mean / (a1 * (1 - R) + mean * R)  # ρ c1
+        history[i] = R * (z0 + 0.5 * h * (c0 + (1 + A) * c1))
+
+
+@inline
+def _keep_relaxing(relaxing, x, f, start):
+    """Keep z0, c0 and a0 for the next step."""
+    for k in range(len(relaxing)):
+        i = relaxing[k]
+        a = f[len(x) + i]
+        start[k, 0], start[k, 1], start[k, 2] = x[i], f[i] + a * x[i], a
+
+
 @helper
-def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
+def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
     W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `reuse`; it is made anew where an iteration
@@ -235,7 +285,8 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
     states, moved_before = len(x), math.inf
     for _ in range(NEWTON):
         if not reuse:
-            _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial)
+            _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+        _relax(relaxing, x, f, start, h, history)
         for i in range(states):
             trial[i] = history[i] + newest[i] * f[i] - x[i]
         move = 0.0
@@ -254,45 +305,84 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial):
 
 
 @helper
-def _invert_jacobian(rhs, t, x, u, p, f, newest, W, trial):
+def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h):
     """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
     n = len(x)
+    _relax(relaxing, x, f, start, h, history)
+    for k in range(len(relaxing)):
+        start[k, 3] = history[relaxing[k]]
     for c in range(n):
         d, value = 1e-7 * (0.01 + abs(x[c])), x[c]
         x[c] = value + d
         rhs(t, x, u, p, trial)
+        _relax(relaxing, x, trial, start, h, history)
         x[c] = value
         for i in range(n):
             W[i, c] = (i == c) - newest[i] * (trial[i] - f[i]) / d
+        for k in range(len(relaxing)):
+            i = relaxing[k]
+            W[i, c] = (i == c) - (history[i] - start[k, 3]) / d
+    for c in range(n):
+        for i in range(n):
             W[i, n + c] = i == c
     gauss_jordan(W)
 
 
 @helper
-def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0):
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0, relaxing, start, h):
     """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
     if newton:
-        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial)
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h)
     if joins:
         _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
     return reuse
 
 
+@helper
+def _share_of_a_jump(orders):
+    """What a jump of f weighs in the step after it beside the third that was entered, in units of b_0."""
+    share = np.zeros(len(orders))
+    for i in range(len(orders)):
+        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
+    return share
+
+
+@helper
+def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
+    """Evaluate f just after a jump of the inputs, and say what enters the history; the predictor goes on from there."""
+    jumps = False
+    for c in range(len(u)):
+        jumps = jumps or u[c] != after[c]
+    for i in range(len(x)):
+        entered[i] = f[i] + jump[i] / 6
+        jump[i] = 0.0
+    if not jumps:
+        return
+    rhs(t, x, after, p, trial)
+    for i in range(len(x)):
+        jump[i] = trial[i] - f[i]
+        entered[i] += jump[i] / 3
+        before[i] = trial[i] - (f[i] - before[i])
+        f[i] = trial[i]
+
+
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _ = run
-    begin, x0, together, knots, parabolas = start_together(rhs, run, third)
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, PI3 if third else PI2)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
-    x, f, before, now = past[0].copy(), np.zeros(states), np.zeros(states), u[0].copy()
+    size = 2 * states if len(relaxing) else states
+    x, f, before, now = past[0].copy(), np.zeros(size), np.zeros(states), u[0].copy()
     last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
+    jumps, jump, entered, share = len(after) > 0, np.zeros(states), np.zeros(states), _share_of_a_jump(run.orders)
     W, trial, factors_valid = (
         np.zeros((states, 2 * states)),
-        np.zeros(states),
+        np.zeros(size),
         states < 0,
     )  # Newton's; False, but no literal
     mode = flush_denormals()
@@ -300,6 +390,10 @@ def step_pi2(rhs, run, third, out):
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
+    relax_start = np.zeros((len(relaxing), 4))  # z0, c0, a0, and room for Newton
+    _keep_relaxing(relaxing, x, f, relax_start)
+    for r in relaxing:
+        newest[r] = 0.0
     k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
     row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
@@ -316,12 +410,18 @@ def step_pi2(rhs, run, third, out):
         _read(u, n, now)
         for i in range(states):  # predict: f goes on in a straight line, or in a parabola
             history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            if jumps:
+                history_part[i] += newest[i] * share[i] * jump[i]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
+        if n >= first_free:
+            for r in range(len(relaxing)):
+                x[relaxing[r]] = relax_start[r, 0]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
+            _relax(relaxing, x, f, relax_start, h, history_part)
             for i in range(states):
                 last_x[i], x[i] = x[i], history_part[i] + newest[i] * f[i]
                 if not abs(x[i]) <= limit:
@@ -331,12 +431,103 @@ def step_pi2(rhs, run, third, out):
         if how != COMPLETED:
             break
         rhs(t, x, now, p, f)
+        _relax(relaxing, x, f, relax_start, h, history_part)
         newton = n >= first_free and (corrections == 0 or _slow(x, last_x, f, history_part, newest, scale))
         joins = n == m > together
         if newton or joins:
             factors_valid = _rare(
-                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0
-            )
+                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0,
+                relaxing, relax_start, h,
+            )  # fmt: skip
+        _keep_relaxing(relaxing, x, f, relax_start)
+        if jumps:
+            _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
+        for i in range(states):
+            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
+                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last - m, how
+
+
+# --- the fractional BDF2 ---------------------------------------------------------------------------
+
+
+@helper
+def _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing):
+    """Fill f with that of the first sample after a stiff start, known or solved for: at order 1, backward Euler."""
+    past, states, h = run.past, len(x), run.h
+    t, now = run.start - (len(past) - 2) * h, run.u[min(1, len(run.u) - 1)].copy()
+    base, weight = np.zeros(states), np.zeros(states)
+    for i in range(states):
+        x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
+    rhs(t, x, now, run.p, f)
+    if len(past) == 1:
+        _settle(rhs, t, x, now, run.p, f, base, weight, W, False, trial, none, nothing)
+
+
+@helper
+def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing):
+    """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
+    for _ in range(PATIENCE):
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing, 0.0)
+        if reuse:
+            break
+    return reuse
+
+
+@when_called(_ENDED(RHS, RUN, _matrix))
+def step_bdf2(rhs, run, out):
+    """``bdf2``: every step by Newton's method, from x going on in a straight line."""
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, BDF2)
+    m, states = len(past) - 1, len(slope)
+    t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
+    (window, sums, ahead), head = nothing_yet(kernels, end), 1
+    x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
+    history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
+    W, trial = np.zeros((states, 2 * states)), np.zeros(states)
+    none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
+    mode = flush_denormals()
+    for i in range(states):
+        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+    rhs(t0, x, now, p, f)
+    last, how, row = end, COMPLETED, 1  # the first row of out holds x(start)
+    if not _finite(f):
+        last, how, end = 0, NOT_FINITE, 0
+    elif together == 0:
+        _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing)
+    for i in range(states):
+        window[i, 0], x[i] = f[i], past[0, i]
+    k, factors_valid = min(0, together), states < 0  # 0 and False, but no literals: see step_pi2
+    for n in range(1, end + 1):
+        t, j = t0 + n * h, (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+            if together > 0:
+                k = _correct_block(n, knots, k, parabolas, ahead)
+        _read(u, n, now)
+        for i in range(states):  # predict: x goes on in a straight line, but not that of a jump
+            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            move = x[i] - before[i]
+            goes_on = abs(move) <= 2 * abs(last_move[i])
+            before[i], last_move[i] = x[i], move
+            x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
+        rhs(t, x, now, p, f)
+        if n >= first_free:
+            factors_valid = _settle(rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial,
+                                    none, nothing)  # fmt: skip
+        if n == m > together:
+            _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

@@ -17,7 +17,7 @@ By which method, :data:`fracid.solver.methods.METHODS` says, with the order of e
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,20 +32,22 @@ from fracid.solver.arguments import (
     InitialCondition,
     Options,
     check_bounds,
+    check_driven,
     check_history,
     check_initial_and_orders,
-    check_inputs,
     check_options,
+    check_relaxing,
     check_times,
     count_steps,
     named_states,
 )
 from fracid.solver.history import Kernels, forget_mode, stack
+from fracid.solver.inputs import Driven
 from fracid.solver.loop_arguments import Run
 from fracid.solver.memory import Memory
-from fracid.solver.methods import METHODS
+from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
-from fracid.solver.stiffness import fault_of
+from fracid.solver.stiffness import fault_of, grows_by_itself
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
@@ -72,7 +74,8 @@ def solve_fde(
     step: float,
     end: float,
     start: float = 0.0,
-    inputs: ArrayLike | None = None,
+    inputs: ArrayLike | Driven | None = None,
+    between: str = "line",
     parameters: ArrayLike = (),
     method: str = "pi2",
     memory: str | Memory = "compressed",
@@ -84,6 +87,7 @@ def solve_fde(
     times: ArrayLike | None = None,
     bounds: ArrayLike | None = None,
     limit: float = 1e100,
+    relaxing: Sequence[int] = (),
 ) -> Trajectory:
     """Solve D^q x = f(t, x, u, p), in the sense of Caputo (14).
 
@@ -101,7 +105,10 @@ def solve_fde(
     start : float
         The first time [s].
     inputs : array_like, shape (n + 1,) or (n + 1, n_inputs), optional
-        u on the grid start, start + h, …, end; with a `history`, from its first sample on.
+        u on the grid start, start + h, …, end; with a `history`, from its first sample on.  A
+        :class:`~fracid.solver.inputs.Driven` has it before and after each of these.
+    between : ``"line"``, ``"hold"`` or ``"band-limited"``
+        What the inputs do between the grid points: :mod:`fracid.solver.inputs`.
     parameters : array_like, shape (n_parameters,)
         Given to `rhs` as ``p``.
     method : key of :data:`fracid.solver.methods.METHODS`
@@ -123,6 +130,9 @@ def solve_fde(
         Lowest and highest value of each state (±inf for none); the run ends with the first sample outside.
     limit : float
         A state beyond ±limit ends the run as diverged.
+    relaxing : sequence of int
+        States of order 1 whose f is c − a x, however large a is, as of a presliding joint: there `out` is twice as
+        long, and `rhs` writes a of state i into ``out[n_states + i]`` (:mod:`fracid.solver.schemes`).
 
     Returns
     -------
@@ -154,9 +164,10 @@ def solve_fde(
     True
     """
     arguments = Arguments(
-        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters,
-        method=method, memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected,
-        history=history, every=every, times=times, bounds=bounds, limit=limit,
+        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, between=between,
+        parameters=parameters, method=method, memory=memory, tolerance=tolerance, corrections=corrections,
+        corrected=corrected, history=history, every=every, times=times, bounds=bounds, limit=limit,
+        relaxing=relaxing,
     )  # fmt: skip
     return _solve(rhs, arguments)
 
@@ -169,7 +180,7 @@ def simulate(
     step: float,
     end: float,
     parameters: Mapping[str, float] | None = None,
-    inputs: ArrayLike | None = None,
+    inputs: ArrayLike | Driven | None = None,
     bounds: Mapping[str, tuple[float, float]] | ArrayLike | None = None,
     **options: Any,
 ) -> Trajectory:
@@ -205,15 +216,16 @@ def simulate(
     """
     if not hasattr(model, "parameter_vector"):
         raise InputError(f"model = {model!r}: expected a model, for example fracid.rotary_pendulum('srv02-rotpen').")
-    values = model.parameter_vector(parameters)
+    model = model.with_parameters(**(parameters or {}))
+    values = model.parameter_vector()
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
     arguments = Arguments(
-        orders=model.state_orders(orders) if isinstance(orders, Mapping) else orders,
-        initial=named_states(model, initial, 0.0) if isinstance(initial, Mapping) else initial,
+        orders=model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
+        initial=named_states(model, model.with_followers(initial), 0.0) if isinstance(initial, Mapping) else initial,
         step=step, end=end, inputs=inputs, parameters=values,
         bounds=named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
-        **options,
+        relaxing=model.relaxing_states, **options,
     )  # fmt: skip
     return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
 
@@ -234,20 +246,24 @@ def _solve(
     states, n_inputs = size or (None, None)
     x0, slope, q = check_initial_and_orders(arguments.initial, arguments.orders, states)
     past, inputs = check_history(arguments.history, x0), arguments.inputs
-    exact = arguments.history is not None or (inputs is not None and len(np.atleast_1d(inputs)) > 1)
+    samples = inputs.before if isinstance(inputs, Driven) else inputs
+    exact = arguments.history is not None or (samples is not None and len(np.atleast_1d(samples)) > 1)
     h, steps = count_steps(arguments.step, arguments.start, arguments.end, exact)
-    u = check_inputs(inputs, len(past) + steps, n_inputs)
+    u, after = check_driven(inputs, arguments.between, len(past) + steps, n_inputs)
     p = vector("parameters", arguments.parameters)
     bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
     options = check_options(arguments, bounds)
-    probe(rhs, x0, u[0], p)
+    relaxing = check_relaxing(arguments.relaxing, q)
+    probe(rhs, x0, u[0], p, bool(relaxing))
     if METHODS[options.method].raw and np.any(x0 != 0):
         warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
                       "the result does not converge. Type method='pi2' for the Caputo solution.",
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
-    equation = Equation(compile_rhs(rhs), q, u, p, time_scale)
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
     trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
+    if trajectory.completed and grows_by_itself(trajectory):
+        trajectory = replace(trajectory, outcome=Outcome.UNSTABLE)
     if times is None:
         return trajectory
     within = times[times <= trajectory.time[-1] + 1e-9 * h]
@@ -259,10 +275,11 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
     past, states, method = initial.known, len(initial.values), METHODS[options.method]
     out = _room(steps, options.every, states)
     out[0] = initial.values
+    inputs, after = _at_jumps(equation, method)
     run = Run(
         orders=equation.orders,
         gain=equation.gain(step),
-        u=equation.inputs,
+        u=inputs,
         p=equation.parameters,
         past=past,
         slope=np.zeros(states) if initial.slope is None else initial.slope,
@@ -275,6 +292,8 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         kernels=_kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
+        relaxing=np.array(equation.relaxing, dtype=np.int64),
+        after=after,
     )
     try:
         last, how = method.run(equation.rhs, run, out)
@@ -288,6 +307,26 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         initial.time + np.arange(count, dtype=np.float64) * (step * options.every), out[:count], _OUTCOMES[how], step,
         options.method, options.memory.name, equation.orders, initial.time - step * (len(past) - 1),
     )  # fmt: skip
+
+
+ALIKE = 8
+"""Up to so many steps are solved together as if f were smooth: there jumps are taken by their mean."""
+
+
+def _at_jumps(equation: Equation, method: Method) -> tuple[FloatArray, FloatArray]:
+    """The inputs as a method takes them: just before each grid point, and just after it where they jump."""
+    before, after = equation.inputs, equation.after
+    if after is None:
+        return before, np.empty((0, before.shape[1]))
+    if method.at_a_jump == "after":
+        return after, np.empty((0, before.shape[1]))
+    mean = (before + after) / 2
+    if method.at_a_jump == "mean":
+        return mean, np.empty((0, before.shape[1]))
+    if np.any(equation.orders != 1):
+        before, after = before.copy(), after.copy()
+        before[1:ALIKE] = after[1:ALIKE] = mean[1:ALIKE]
+    return before, after
 
 
 def _room(steps: int, every: int, states: int) -> FloatArray:

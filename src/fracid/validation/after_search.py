@@ -32,9 +32,8 @@ from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import fault_of
+from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import with_unit
-from fracid.validation.before_search import largest_output
 from fracid.validation.sensor_faults import misread
 
 __all__ = ["after", "failed", "noisy_start"]
@@ -129,7 +128,7 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
         run = problem.simulate(x, e)
         if not run.completed:
             orders, values, _ = problem.unpack(x, e)
-            gain = run.step**orders * time_scale(problem.model, values) ** (1 - orders)
+            gain = step_gain(run.step, orders, time_scale(problem.model, values))
             u = e.inputs if problem.substeps == 1 else e.inputs[:1]
             fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, values)
             findings += [] if fault is None else [replace(fault, where=e.name)]
@@ -181,8 +180,8 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
     """Orders that are not known well, where the records have few swings."""
     if isinstance(uncertainty, Failure):
         return
-    longest = max(problem.experiments, key=lambda e: swing_count(largest_output(e)))
-    y = largest_output(longest)
+    longest = max(problem.experiments, key=lambda e: swing_count(e.most_moved))
+    y = longest.most_moved
     swings, period, begins = swing_count(y), swing_period(y), swing_start(y)
     late = float(np.std(y[-(len(y) // 4 + 1) :]))
     moving = late > max(STILL_MOVING * float(np.std(y[begins:])), 3 * noise_level(y))

@@ -56,7 +56,7 @@ from fracid.findings import Finding
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.costs import COSTS, cost_from_name
-from fracid.problem.portable import Portable, portable_memory
+from fracid.problem.portable import Portable
 from fracid.safety.schema import Block, as_json
 from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, StatisticsBlock, StudyBlock
 from fracid.selection.bic import STRONG
@@ -493,7 +493,7 @@ def planned(
     '0.0572958° of noise, 4096 counts, repetition 2'
     """
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
-    problem = replace(problem, memory=portable_memory(problem.memory.name))  # its name has six digits: the same for all
+    problem = Portable(problem).problem  # the same numbers wherever a repetition runs
     cells = _cells(levels, resolutions)
     at_least("seeds", seeds, 1)
     if optimiser != "multistart":
@@ -556,7 +556,9 @@ def repetition(
         replace(e, measured=encoder(e.measured, level, resolution, noise)) for e in twin.problem.experiments
     )  # fmt: skip
     problem, true = replace(twin.problem, experiments=read), np.array(truth)
-    result, _ = search(problem, how["optimiser"], luck, starts=how["starts"], options=dict(how["options"]))
+    result, _ = search(
+        problem, optimiser_from_name(how["optimiser"]), luck, starts=how["starts"], options=dict(how["options"])
+    )
     best, at_truth = result.best, problem.cost(true)
     begun = {"evaluations": result.evaluations, "cost_of_truth": at_truth}
     if not math.isfinite(best.cost):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-from fracid.files import json_number
+from fracid.safety.schema import as_json
+from fracid.schemas.residuals import AnalysisBlock
 
 __all__ = [
     "ENOUGH",
@@ -216,10 +217,4 @@ class ResidualAnalysis:
         >>> nothing.to_json()["whiteness"]["p_value"] is None, nothing.sentences
         (True, {'whiteness': 'none'})
         """
-        return dict(_plain(asdict(self)))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {n: _plain(v) for n, v in value.items()}
-    return json_number(value) if isinstance(value, float) else value
+        return as_json(AnalysisBlock, self)

@@ -50,6 +50,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian, rows_and_scores
 from fracid.findings import Finding
+from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
@@ -146,7 +147,7 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
-        says, mend = _size(problem, best), _mend(best)
+        says, mend = _size(problem, best), _mend(problem, best)
         if _moves(best):
             yield Finding(best.code, best.signal, best.half_intervals, MOVES, "half intervals",
                 f"{says}: freed, that would move {best.moves} by {best.shift:+.2g}, {best.half_intervals:.2g} times "
@@ -298,13 +299,14 @@ def _size(problem: Problem, m: Misreading) -> str:
     return f"its zero may drift by {far}" if m.code == "drifts" else f"it may have {far} of play"
 
 
-def _mend(m: Misreading) -> str:
+def _mend(problem: Problem, m: Misreading) -> str:
+    angle, far = problem.model.angles.get(m.signal, Angle()), 3 * abs(m.size)
+    rest = angle.rest or "the model's rest"
     return {
-        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or "
-        "shift its column.",
+        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or let it "
+        f"be found, delay = {{ start = 0.0, lower = {-far:.1g}, upper = {far:.1g} }} in its table.",
         "scaled": "Look at counts_per_turn and scale in its table.",
-        "off-zero": 'Type zero = "rest" in its table, or free alpha_rest.' if m.signal == "alpha" else
-        "Look at zero in its table, or free the model's rest.",
+        "off-zero": ("Look at zero", 'Type zero = "rest"')[angle.of_zero] + f" in its table, or free {rest}.",
         "drifts": "Does its sensor warm up, or slip? Take a shorter part with from and to.",
         "play": "Is a hub, a gear or a belt loose? Tighten it, or measure at the joint.",
     }[m.code]  # fmt: skip

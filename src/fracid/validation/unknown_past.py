@@ -413,7 +413,7 @@ def _turning_point(e: Experiment) -> int | None:
     """The first sample after the release at which the output that moves most turns back; None if that is late."""
     from scipy.signal import find_peaks
 
-    x = e.measured[:, np.argmax(np.ptp(e.measured, axis=0))]
+    x = e.most_moved
     start = e.release_time.upper if isinstance(e.release_time, Free) else e.release_time
     first = max(0, math.ceil(start / e.step))
     peaks = [find_peaks(sign * x[first:], prominence=TURNS * np.ptp(x))[0] for sign in (1, -1)]

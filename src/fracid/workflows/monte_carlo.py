@@ -18,6 +18,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
 from fracid.estimation.search import search
+from fracid.optimise import optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.project import Project, load_project
 from fracid.runs.environment import versions
@@ -198,7 +199,7 @@ def _of_project(path: Path, jobs: int, trust: bool) -> _Truth:
     """Fit a project, without what comes after the search."""
     project = load_project(path, trust=trust)
     rng = np.random.default_rng(project.seed)
-    result, _ = search(project.problem, project.optimiser, rng, jobs=jobs, starts=project.starts)
+    result, _ = search(project.problem, optimiser_from_name(project.optimiser), rng, jobs=jobs, starts=project.starts)
     if result.interrupted:
         raise KeyboardInterrupt
     if not isfinite(result.best.cost):

@@ -15,13 +15,14 @@ from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import Profiles, profile
 from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.files import json_number
 from fracid.identification import identify
 from fracid.problem import Problem
 from fracid.problem.project import load_project
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import as_json
+from fracid.schemas.profiles import LikelihoodBlock
 from fracid.tasks.job import one_blas_thread
 from fracid.workflows.records import json_document, write_files
 
@@ -104,13 +105,13 @@ def run_profiles(
         )
         verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
-        record = likelihood.to_json() | {
+        record = as_json(LikelihoodBlock, likelihood.to_json() | {
             "intervals": _intervals(likelihood, precision, resampling),
-            "identifiability": {n: {"verdict": v.kind, "sentence": v.sentence} for n, v in verdicts.items()},
+            "identifiability": verdicts,
             "bootstrap": str(resampling) if isinstance(resampling, Failure) else resampling.to_json(),
             "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
             "seed": seed,
-        }
+        })  # fmt: skip
     folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
     return FinishedProfiles(likelihood, resampling, verdicts, folder, _written(likelihood, record, folder), record)
 
@@ -134,7 +135,7 @@ def _intervals(
     for i, name in enumerate(rows):
         if not isinstance(uncertainties, Failure):
             rows[name] |= {method: uncertainties.interval(profiles.x, i, method) for method in ("sandwich", "white")}
-            rows[name]["effective_samples"] = json_number(uncertainties.effective_samples[i])
+            rows[name]["effective_samples"] = uncertainties.effective_samples[i]
         if not isinstance(replicates, Failure) and rows[name]["sandwich"] is not None:
             rows[name]["bootstrap"] = replicates.interval(i)
         if name in profiles.profiles:

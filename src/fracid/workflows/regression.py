@@ -13,8 +13,10 @@ from fracid.problem import Free, Problem
 from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
-from fracid.regression.rows import swing_of
+from fracid.regression.rows import swing_of, terms_of
 from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.schema import as_json
+from fracid.schemas.regression import RegressionResultBlock, RegressionsBlock
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files
@@ -66,13 +68,15 @@ class FinishedRegression:
     @property
     def result(self) -> dict[str, Any]:
         """The content of regression.json: one regression as it is, several by name."""
-        head = {"notes": list(self.notes), "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
+        head = {"notes": self.notes, "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
         records = {
             name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
             for name, f in self.regressions.items()
         }
-        (first, *others) = records.values()
-        return {**head, "recordings": records} if others else {**first, **head}
+        if len(records) > 1:
+            return as_json(RegressionsBlock, head | {"recordings": records})
+        (record,) = records.values()
+        return as_json(RegressionResultBlock, head | record)
 
 
 def run_regression(
@@ -206,21 +210,22 @@ def _as_said(
 
 
 def _with_gauge(request: _Asked) -> _Asked:
-    """Where all is looked for, C4 is taken as it is: a common factor of all constants changes no motion."""
+    """Where all is looked for, one is taken as it is: a common factor of all constants changes no motion."""
     terms = request.terms or LUMPED
-    volts = any("voltage" in r.signals for r in request.recordings) and "torque_per_volt" not in terms
+    volts = any("voltage" in r.signals for r in request.recordings) and request.model.drive not in terms
     torque = any("torque" in r.signals for r in request.recordings)
     constants = [
         n for n in LUMPED if n not in terms and n in request.model.parameter_names and request.model.parameter(n).value
     ]
     if request.known or volts or torque or constants:
         return replace(request, terms=terms)
-    C4 = request.model.parameter("C4")
+    gauge = request.model.parameter(terms_of(request.model).gauge)
+    owner = "project" if request.problem else "rig"
     note = (
-        f"C4 = {C4.value:.4g} {C4.unit} is taken from the {'project' if request.problem else 'rig'}: one constant must "
-        "be known, for the motion tells only their ratios. Weigh and measure yours, and type --known C4=VALUE."
+        f"{gauge.name} = {gauge.value:.4g} {gauge.unit} is taken from the {owner}: one constant must be known, for the "
+        f"motion tells only their ratios. Weigh and measure yours, and type --known {gauge.name}=VALUE."
     )
-    return replace(request, terms=terms, known={"C4": C4.value}, notes=(*request.notes, note))
+    return replace(request, terms=terms, known={gauge.name: gauge.value}, notes=(*request.notes, note))
 
 
 # ------------------------------------------------------------------ the regression

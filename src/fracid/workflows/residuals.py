@@ -10,7 +10,9 @@ from typing import Any
 from fracid.errors import unknown_name
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.schema import as_json
 from fracid.safety.text import file_stems
+from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
@@ -104,7 +106,7 @@ def run_residuals(
 
 def _record(run: SavedRun, analyses: Analyses) -> dict[str, Any]:
     recordings = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in analyses.items()}
-    return {"notes": list(run.notes), "recordings": recordings}
+    return as_json(ResidualsBlock, {"notes": run.notes, "recordings": recordings})
 
 
 def _written(run: SavedRun, analyses: Analyses, folder: Path) -> tuple[Path, ...]:

@@ -1,0 +1,167 @@
+"""Is the sign of an angle wrong?  Two swings of each recording, fitted as given and with one angle turned round.
+
+A wrong sign leaves most of the motion over, whatever the constants are; the right one leaves little, even after a
+search of a few steps.  What is asked of so short a fit is which of the two it is, no value.  Undriven, one of two
+angles turned round is the same as the other turned round.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure
+from fracid.findings import Finding
+from fracid.optimise import least_squares, minimise
+from fracid.problem import Experiment, Problem
+from fracid.problem.costs import COSTS
+from fracid.signals.swing import swing_period, swing_start
+
+__all__ = ["Reversal", "reversals", "wrong_sign"]
+
+SWINGS = 2
+"""That are fitted to compare signs."""
+
+SAMPLES = 60
+"""Of each of them that are fitted."""
+
+SIGNS = 8
+"""Recordings whose signs are asked for."""
+
+BAD = 0.35
+"""Part of the motion that two fitted swings leave over, beyond which other signs are tried."""
+
+BETTER = 0.5
+"""A sign that leaves less than this part of what the given one does is named."""
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """A recording whose two swings are explained with another sign, and not as given."""
+
+    recording: str
+    angles: tuple[str, ...]
+    """Of which either, turned round, explains them."""
+    given: float
+    """Part of the motion that is left over as given."""
+    turned: float
+    """That is left over with the best of them turned round."""
+
+
+def reversals(problem: Problem, jobs: int) -> list[Reversal]:
+    """Turn each angle round, in each recording by itself, for each has signs of its own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.6}, step=4e-3, end=3.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]] * [1.0, -1.0], np.zeros((1, 1)))
+    >>> [r.angles for r in reversals(Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}), 1)]
+    [('theta', 'alpha')]
+    """
+    alone = [replace(problem, experiments=(e,)) for e in _most_moved(problem)]
+    return [r for r in (_reversal(one, jobs) for one in alone) if r is not None]
+
+
+def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
+    """One finding for all recordings with the same angle turned round, with the numbers of the clearest.
+
+    Examples
+    --------
+    >>> [f.where for f in wrong_sign([Reversal("a", ("theta",), 0.9, 0.1), Reversal("b", ("theta",), 0.8, 0.1)])]
+    ['a, b: theta']
+    """
+    for angles in dict.fromkeys(r.angles for r in reversals):
+        alike = [r for r in reversals if r.angles == angles]
+        clearest = max(alike, key=lambda r: r.given / r.turned)
+        given, turned = 100 * clearest.given, 100 * clearest.turned
+        names = ", ".join(r.recording for r in alike)
+        yield Finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, "% of the motion left over",
+            f"two swings, fitted, leave {given:.0f} % of the motion over, and {turned:.0f} % with the sign "
+            f"of {' or '.join(angles)} turned round: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
+
+
+def _most_moved(problem: Problem) -> list[Experiment]:
+    """Not more than so many recordings, in their order: those in which the angle that moves less moves most."""
+
+    def least(e: Experiment) -> float:
+        return float(np.min(np.ptp(e.measured, axis=0)))
+
+    selection = sorted(problem.experiments, key=least, reverse=True)[:SIGNS]
+    return [e for e in problem.experiments if any(e is other for other in selection)]
+
+
+def _reversal(problem: Problem, jobs: int) -> Reversal | None:
+    """Of the one recording; None where it fits as it is, or turned round no better."""
+    early = _two_swings(problem)
+    angles = [] if early is None else _signed(early)
+    if early is None or not angles or (given := _left_over(early, jobs)) < BAD:
+        return None
+    turned = {o: _left_over(_turned(early, o), jobs) for o in angles}
+    best = min(turned.values())
+    if not best < min(BAD, BETTER * given):
+        return None
+    same = len(angles) == 2 and not np.any(early.experiments[0].inputs)  # undriven, one turned is the other turned
+    either = tuple(o for o in angles if same or turned[o] < 1.5 * best)
+    return Reversal(problem.experiments[0].name, either, given, best)
+
+
+def _two_swings(problem: Problem) -> Problem | None:
+    """Of the recording, every so many samples, by its rmse; None if nothing swings."""
+    e = problem.experiments[0]
+    moving = [y for y in e.measured.T if np.ptp(y) > 0]
+    period, begins = min(((swing_period(y), swing_start(y)) for y in moving), default=(math.inf, 0))
+    if not math.isfinite(period) or e.past is not None:
+        return None
+    every = max(1, round(period / SAMPLES))
+    n = min(len(e.measured), begins + round((SWINGS + 0.25) * period))
+    inputs = e.inputs if len(e.inputs) == 1 else np.ascontiguousarray(e.inputs[:n:every])
+    short = replace(e, step=every * e.step, measured=np.ascontiguousarray(e.measured[:n:every]), inputs=inputs)
+    return replace(problem, experiments=(short,), cost_function=COSTS["rmse"], weights="equal", memo=None,
+                   substeps=max(1, round(SAMPLES * every / period)), method="pi2")  # fmt: skip
+
+
+def _signed(problem: Problem) -> list[str]:
+    """The angles whose sign matters: turned round all together, the equations are the same."""
+    e = problem.experiments[0]
+    travel = np.ptp(e.measured, axis=0)
+    moves = [o for o, far in zip(problem.outputs, travel, strict=True) if far > 1e-2 * travel.max()]
+    return moves if len(moves) > 1 or np.any(e.inputs) else []
+
+
+def _turned(problem: Problem, output: str) -> Problem:
+    """The same with the sign of one output, and of what is known of its start, turned round."""
+    e, i = problem.experiments[0], problem.model.output_states.get(output)
+    own = set() if i is None else {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
+    sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
+    initial = {n: -v if n in own else v for n, v in e.initial.items()}
+    return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))
+
+
+def _left_over(problem: Problem, jobs: int) -> float:
+    """The part of the motion that a short search leaves over; the start's where that is little already."""
+    x = problem.start
+    if problem.names and not _part(problem, x) < BAD:
+        result = minimise(problem.evaluate, least_squares(problem.space, None, tolerance=1e-2, budget=6), jobs=jobs)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        x = result.best.point
+    return _part(problem, x)
+
+
+def _part(problem: Problem, x: FloatArray) -> float:
+    """The part of the motion that x leaves over, rms over the outputs that move; infinite if its run fails."""
+    e = problem.experiments[0]
+    fitted = problem.fitted(x, e)
+    if isinstance(fitted, Failure):
+        return math.inf
+    spread = np.std(e.measured, axis=0)
+    moves = spread > 1e-2 * spread.max()
+    parts = np.sqrt(np.mean((e.measured - fitted) ** 2, axis=0))[moves] / spread[moves]
+    return float(np.sqrt(np.mean(parts**2)))

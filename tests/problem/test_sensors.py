@@ -1,0 +1,267 @@
+"""Channels that are late, scaled, offset or filtered, and samples that are not scored."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fracid
+from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
+from fracid.problem.costs import COSTS
+from fracid.problem.portable import Portable
+from fracid.solver.inputs import low_passed
+
+STEP, SAMPLES = 5e-3, 1201
+T = STEP * np.arange(SAMPLES)
+NOISE = 2e-4
+
+
+def rhs(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1] + u[0]
+
+
+PENDULUM = fracid.Model(
+    "pendulum", rhs, ("alpha", "rate"), ("mu", "mu"), {"alpha": 0}, ("drive",),
+    (fracid.Parameter("stiffness", "1/s^2", 36.0, "g / l"), fracid.Parameter("damping", "1/s", 0.4, "friction")),
+    "hanging", "a test",
+)  # fmt: skip
+
+
+def swing(times, initial=(0.8, 0.0)):
+    """α of the pendulum by an independent integrator, at rest before 0."""
+    run = solve_ivp(lambda t, x: [x[1], -36 * np.sin(x[0]) - 0.4 * x[1]], (0, T[-1] + 1), initial, "DOP853",
+                    rtol=1e-11, atol=1e-12, dense_output=True)  # fmt: skip
+    return np.where(times < 0, initial[0], run.sol(np.maximum(times, 0))[0])
+
+
+def filtered(times, lowpass):
+    """The same after a low-pass, by the same integrator."""
+    run = solve_ivp(
+        lambda t, x: [x[1], -36 * np.sin(x[0]) - 0.4 * x[1], (x[0] - x[2]) / lowpass], (0, T[-1] + 1), (0.8, 0.0, 0.8),
+        "DOP853", rtol=1e-11, atol=1e-12, dense_output=True,
+    )  # fmt: skip
+    return np.where(times < 0, 0.8, run.sol(np.maximum(times, 0))[2])
+
+
+def problem(measured, sensor=None, *, order=1.0, **more):
+    sensors = {} if sensor is None else {"alpha": sensor}
+    e = Experiment("twin", STEP, measured[:, None], np.zeros((1, 1)), initial={"alpha": 0.8}, sensors=sensors, **more)
+    return Problem(PENDULUM, (e,), {"mu": order}, {"damping": Free(0.3, 0.0, 2.0)}, initial_state="held", substeps=4)
+
+
+def noisy(measured, seed=1):
+    return measured + NOISE * np.random.default_rng(seed).standard_normal(len(measured))
+
+
+@pytest.mark.parametrize(
+    ("truth", "sensor"),
+    [
+        ({"delay": 0.0033}, Sensor(delay=Free(0.0, -0.02, 0.02))),
+        ({"delay": -0.0121}, Sensor(delay=Free(0.0, -0.02, 0.02))),
+        ({"delay": 0.0007, "gain": 1.07, "bias": -0.01},
+         Sensor(delay=Free(0.0, -0.02, 0.02), gain=Free(1.0, 0.5, 2.0), bias=Free(0.0, -0.1, 0.1))),
+        ({"lowpass": 0.06}, Sensor(lowpass=Free(0.02, 0.0, 0.3))),
+    ],
+    ids=["late", "early", "late, scaled and offset", "filtered"],
+)  # fmt: skip
+def test_what_the_channel_of_a_twin_does_is_found_within_its_interval(truth, sensor):
+    times = T - truth.get("delay", 0.0)
+    y = filtered(times, truth["lowpass"]) if "lowpass" in truth else swing(times)
+    measured = noisy(truth.get("gain", 1.0) * y + truth.get("bias", 0.0))
+    fit = fracid.identify(problem(measured, sensor, order=Free(0.97, 0.8, 1.1)))
+    truths = {f"{name}_alpha": value for name, value in truth.items()} | {"damping": 0.4}
+    for name, value in truths.items():
+        low, high = fit.parameters[name].interval95
+        slack = 0.5 * (high - low)  # an interval misses one time in twenty, and four are asked for
+        assert low - slack < value < high + slack, name
+    assert abs(fit.orders["mu"].value - 1) < 2e-4
+    if "delay" in truth:
+        assert fit.parameters["delay_alpha"].unit == "s"
+        assert abs(fit.parameters["delay_alpha"].value - truth["delay"]) < 0.05 * STEP
+    assert fit.recordings["twin"].rmse["alpha"] == pytest.approx(NOISE, rel=0.05)
+
+
+def test_a_delay_that_nobody_looks_for_moves_the_order():
+    late = noisy(swing(T - 5e-3))
+    blind = fracid.identify(problem(late, order=Free(0.97, 0.8, 1.1)))
+    fixed = fracid.identify(problem(late, Sensor(delay=5e-3), order=Free(0.97, 0.8, 1.1)))
+    assert abs(blind.orders["mu"].value - 1) > 6e-4 > 2e-4 > abs(fixed.orders["mu"].value - 1)
+
+
+def test_a_delay_is_exact_to_a_small_part_of_a_sample():
+    for delay in (1e-7, 0.0013, 0.005, -0.0049, 0.3, -0.3):
+        p = replace(problem(swing(T), Sensor(delay=delay)), parameters={"damping": 0.4})
+        e = p.experiments[0]
+        error = p.fitted(p.start, e)[:, 0] - swing(T - delay)
+        assert abs(error).max() < 6e-5  # the run's own; the angle moves so far in 1.3 10⁻⁵ s
+
+
+def test_a_channel_that_does_nothing_changes_no_bit():
+    measured = noisy(swing(T))
+    plain, same = problem(measured), problem(measured, Sensor())
+    assert np.array_equal(plain.residuals(plain.start), same.residuals(same.start))
+
+
+def test_a_low_pass_of_lines_is_exact():
+    y, lowpass, h = np.array([1.0, 3.0, 2.0, 2.0]), 0.7, 0.5
+    fine = solve_ivp(lambda t, z: (np.interp(t, h * np.arange(4), y) - z) / lowpass, (0, 1.5), [1.0], max_step=1e-2,
+                     t_eval=h * np.arange(4), rtol=1e-10, atol=1e-12)  # fmt: skip
+    assert low_passed(y, h, lowpass) == pytest.approx(fine.y[0], abs=1e-7)
+    assert low_passed(y, h, 0.0) is y
+    assert low_passed(y, h, 1e-12) == pytest.approx(y)
+
+
+def test_recordings_share_a_delay_or_have_their_own():
+    delays, sensor = (0.002, 0.009), Sensor(delay=Free(0.0, -0.02, 0.02))
+    records = tuple(
+        Experiment(f"r{i}", STEP, noisy(swing(T - d), i)[:, None], np.zeros((1, 1)), initial={"alpha": 0.8},
+                   sensors={"alpha": sensor}) for i, d in enumerate(delays)
+    )  # fmt: skip
+    own = Problem(PENDULUM, records, {"mu": 1.0}, {"damping": 0.4}, ("delay_alpha",), initial_state="held", substeps=4)
+    assert own.names == ("delay_alpha [r0]", "delay_alpha [r1]")
+    fit = fracid.identify(own)
+    for r, d in zip(records, delays, strict=True):
+        assert fit.recordings[r.name].parameters["delay_alpha"].value == pytest.approx(d, abs=0.05 * STEP)
+    shared = replace(own, per_recording=())
+    assert shared.names == ("delay_alpha",)
+    assert own.with_shared(fit.x, records[:1]).names == ("delay_alpha [r0]",)
+    assert shared.with_shared(np.array([0.004]), records[:1]).names == ()
+    other = replace(records[1], sensors={"alpha": Sensor(delay=Free(0, -1e-3, 1e-3))})
+    with pytest.raises(InputError, match=r"delay_alpha has two ranges.*per_recording = \[.delay_alpha.\]"):
+        replace(shared, parameters={}, model=PENDULUM, experiments=(records[0], other))
+    with pytest.raises(InputError, match="the delay of alpha is not free in r1"):
+        replace(own, experiments=(records[0], replace(records[1], sensors={})))
+
+
+def test_a_start_as_measured_is_freed_of_the_sensor():
+    sensor = Sensor(gain=Free(1.0, 0.5, 3.0), bias=0.1)
+    p = problem(2 * swing(T) + 0.1, sensor)
+    e = replace(p.experiments[0], initial={})
+    p = replace(p, experiments=(e,))
+    assert p.unpack(np.array([0.4, 2.0]), e)[2] == pytest.approx([0.8, 0.0])
+
+
+def test_samples_behind_a_mask_do_not_count():
+    measured = noisy(swing(T))
+    spoilt = measured.copy()
+    spoilt[200:400] += 1.0
+    mask = ((T[200], T[300]), (T[250], T[399]))  # they may overlap
+    clean, masked = problem(measured, mask=mask), problem(spoilt, mask=mask)
+    assert clean.cost(clean.start) == masked.cost(masked.start)
+    assert masked.experiments[0].samples == SAMPLES - 200
+    outside = np.r_[measured[:200], measured[400:]]
+    fitted = masked.fitted(masked.start, masked.experiments[0])[:, 0]
+    simulated = np.r_[fitted[:200], fitted[400:]]
+    assert masked.cost(masked.start) == pytest.approx(np.sqrt(np.mean((outside - simulated) ** 2)))
+    fit = fracid.identify(masked)
+    recording = fit.recordings["twin"]
+    assert (recording.samples, recording.rmse["alpha"]) == (SAMPLES - 200, pytest.approx(NOISE, rel=0.1))
+    assert np.flatnonzero(np.isnan(recording.residual("alpha"))).tolist() == list(range(200, 400))
+    low, high = fit.parameters["damping"].interval95
+    assert low - 1e-4 < 0.4 < high + 1e-4
+    assert fit.cost == pytest.approx(NOISE, rel=0.1)
+
+
+@pytest.mark.parametrize("cost", ["rmse", "itae", "huber", "ise"])
+def test_every_cost_counts_what_is_scored_alone(cost):
+    p = problem(noisy(swing(T)), mask=((0.0, T[600]),))
+    p = replace(p, cost_function=COSTS[cost])
+    e, r = p.experiments[0], p.errors(p.start)[0]
+    assert np.all(r[:601] == 0)
+    rows = p.residuals(p.start)
+    value = p.cost(p.start)
+    assert np.sum(rows**2) == pytest.approx(value**2 if p.cost_function.root else value, rel=1e-2)
+    after = p.cost_function.value(e.time[601:], r[601:])
+    assert value == pytest.approx(after, rel=1e-2)
+
+
+def test_a_bridged_gap_is_never_scored():
+    keep = np.r_[0:300, 340:SAMPLES]
+    recording = Recording.of("twin", T[keep], {"alpha": swing(T)[keep]}).resample(STEP)
+    e = Experiment.of(recording, PENDULUM, ["alpha"])
+    assert np.flatnonzero(~e.scored).tolist() == list(range(300, 340))
+    later = Experiment.of(recording.trim(1.0), PENDULUM, ["alpha"])  # on the recording's own clock
+    assert np.flatnonzero(~later.scored).tolist() == list(range(100, 140))
+    assert Experiment.of(Recording.of("twin", T, {"alpha": swing(T)}), PENDULUM, ["alpha"]).scored is None
+
+
+def test_a_horizon_is_counted_in_samples_that_are_scored():
+    e = problem(swing(T), Sensor(delay=0.05), mask=((0.0, 1.0),)).experiments[0]
+    assert e.until(0.5).samples == 101
+
+
+def test_a_problem_with_sensors_travels():
+    p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.zeros((1, 1)),
+                sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
+    assert pickle.loads(pickle.dumps(Portable(p))).problem.names == p.names
+
+
+# --- inputs ----------------------------------------------------------------------------------------------
+
+
+def driven(u, late=0.0, step=0.02):
+    """The pendulum driven by held values by an independent integrator, each `late` after its sample."""
+
+    def f(t, x, v):
+        return [x[1], -36 * np.sin(x[0]) - 0.4 * x[1] + v]
+
+    x, states = np.array([0.3, 0.0]), []
+    for before, now in zip([u[0], *u[:-1]], u, strict=True):
+        states.append(x)
+        for value, span in ((before, late), (now, step - late)):
+            if span > 0:
+                x = solve_ivp(f, (0, span), x, "DOP853", args=(value,), rtol=1e-10, atol=1e-11).y[:, -1]
+    return np.array(states)[:, 0] + NOISE * np.random.default_rng(4).standard_normal(len(u))
+
+
+U = 3 * np.sin(0.3 * np.arange(500)) + np.random.default_rng(5).standard_normal(500)
+
+
+def of_driven(alpha, between, actuator=None, **more):
+    e = Experiment("twin", 0.02, alpha[:, None], U[:, None], initial={"alpha": 0.3}, between={"drive": between},
+                   actuators={} if actuator is None else {"drive": actuator})  # fmt: skip
+    free = {"stiffness": Free(35.0, 20.0, 50.0), "damping": Free(0.3, 0.0, 2.0)}
+    return Problem(PENDULUM, (e,), {"mu": Free(0.98, 0.8, 1.2)}, free, initial_state="held", substeps=8, **more)
+
+
+def test_held_values_give_the_order_of_a_perfect_model_where_lines_do_not():
+    alpha = driven(U)
+    held, lines = (fracid.identify(of_driven(alpha, between)) for between in ("hold", "line"))
+    low, high = held.orders["mu"].interval95
+    assert low < 1 < high
+    assert high - low < 1e-3
+    assert held.recordings["twin"].rmse["alpha"] == pytest.approx(NOISE, rel=0.1)
+    assert abs(lines.orders["mu"].value - 1) > 20 * abs(held.orders["mu"].value - 1)
+    assert lines.recordings["twin"].rmse["alpha"] > 5 * NOISE
+
+
+def test_the_delay_and_the_gain_of_an_input_are_found():
+    alpha = driven(2 * U + 0.5, late=0.0067)
+    far = Sensor(delay=Free(0.0, -0.02, 0.02), gain=Free(1.5, 0.5, 4.0), bias=Free(0.0, -2.0, 2.0))
+    fit = fracid.identify(of_driven(alpha, "hold", far))
+    for name, truth in {"delay_drive": 0.0067, "gain_drive": 2.0, "bias_drive": 0.5}.items():
+        low, high = fit.parameters[name].interval95
+        assert low < truth < high, name
+    assert abs(fit.parameters["delay_drive"].value - 0.0067) < 0.05 * 0.02
+
+
+def test_a_voltage_is_held_if_nothing_is_said():
+    time = 0.1 * np.arange(20)
+    signals = {"theta": 0 * time, "alpha": 0 * time, "voltage": np.sin(time)}
+    rig = fracid.rotary_pendulum()
+    volts = Recording.of("twin", time, signals, {"voltage": "V"})
+    assert Experiment.of(volts, rig, ["alpha"]).between == {"voltage": "hold"}
+    assert Experiment.of(volts, rig, ["alpha"], between={"voltage": "line"}).between == {"voltage": "line"}
+    assert Experiment.of(Recording.of("twin", time, signals, {"voltage": "1"}), rig, ["alpha"]).between == {}
+    with pytest.raises(InputError, match="unknown between of drive 'held'"):
+        of_driven(U, "held")
+
+
+def test_what_moves_an_input_is_in_the_key_of_the_memo():
+    alpha, fixed = U.copy(), Sensor(delay=1e-3)
+    problems = [of_driven(alpha, b, a) for b in ("hold", "line") for a in (None, fixed, replace(fixed, gain=2.0))]
+    keys = {p.simulator._key(p.start, p.experiments[0]) for p in problems}
+    assert len(keys) == len(problems)
