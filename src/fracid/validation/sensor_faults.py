@@ -301,8 +301,8 @@ def _size(problem: Problem, m: Misreading) -> str:
 def _mend(m: Misreading) -> str:
     far = 3 * abs(m.size)
     return {
-        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or let it be "
-        f"found, delay = {{ start = 0.0, lower = {-far:.1g}, upper = {far:.1g} }} in its table.",
+        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or find it, "
+        f"delay = {{ start = 0.0, lower = {-far:.1g}, upper = {far:.1g} }} in its table.",
         "scaled": "Look at counts_per_turn and scale in its table.",
         "off-zero": 'Type zero = "rest" in its table, or free alpha_rest.' if m.signal == "alpha" else
         "Look at zero in its table, or free the model's rest.",
