@@ -145,7 +145,7 @@ def _tables(tables: Recursion, case: Case, gl: bool, program: str) -> str:
                 "int",
                 "forgets[FRACID_STATES]",
                 tables.forgets,
-                "of a state that relaxes, where its rate is in f; 0 else",
+                "where in f the rate of a state that relaxes is; else 0",
             ),
             ("double", "newest[FRACID_STATES]", gain * tables.newest, "gain w_0"),
             ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
