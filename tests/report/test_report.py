@@ -440,9 +440,8 @@ def test_the_equations_as_printed_are_those_that_are_solved(zero, sign, elements
             printed[-1] += line
         else:
             printed.append(line)
-    symbols = {"theta": "θ", "D^lambda theta": "ωθ", "alpha": "α", "D^mu alpha": "ωα", "arm": "θa",
-               "D^lambda arm": "ωa"} | {f"{n}_{j}": f"{n}{s}" for n in "zy" for j, s in (("theta", "θ"), ("alpha", "α"))}  # fmt: skip
-    names = [symbols[n] for n in model.states]
+    greek = {"theta": "θ", "D^lambda theta": "ωθ", "alpha": "α", "D^mu alpha": "ωα", "arm": "θa", "D^lambda arm": "ωa"}
+    names = [greek.get(n, n.replace("_theta", "θ").replace("_alpha", "α")) for n in model.states]
     solved = {"um", "τa"} & {equation.split("=")[0] for equation in printed}
     assert len(printed) == len(names) + len(solved)
     for x in rng.uniform(-1, 1, (5, len(names))):

@@ -285,6 +285,7 @@ def rotary_pendulum(
         written=_written(zero, ()),
         drawing=Drawing(_shape, as_found=("C1",)),
         postures=_postures,
+        smooth=_smooth,
         linear_terms=LINEAR_TERMS,
         grown=_grown,
     ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
@@ -509,6 +510,13 @@ def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
     angles = {model.zero: 0.0, other: math.pi}
     rest = {n: {"theta": theta, "alpha": p["alpha_rest"] + angles[n], "arm": theta} for n in ("hanging", "upright")}
     return {n: np.array([values.get(state, 0.0) for state in model.states]) for n, values in rest.items()}
+
+
+def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
+    """Joints that slide, but for those whose presliding makes a spring of dry friction; gear and motor in contact."""
+    slides = [joint for joint in ("theta", "alpha") if not ("z_" + joint in model.states and p["presliding_" + joint])]
+    corners = ["play_theta", "dead_zone", *(f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction"))]
+    return {**p, **dict.fromkeys(corners, 0.0)}
 
 
 TERMS = (
