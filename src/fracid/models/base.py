@@ -233,7 +233,7 @@ class Model:
     postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
     smooth: Callable[[Model, Mapping[str, float]], Mapping[str, float]] | None = None
-    """(model, parameters) → those of linear models, without what has a corner; None where that is dry friction alone."""
+    """(model, parameters) → those of linear models, without what has a corner; None where only dry friction has one."""
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
     relaxing: Mapping[str, str] = field(default_factory=dict)
