@@ -69,6 +69,30 @@ VARIANTS = {
 }
 
 
+LUGRE = {f"{name}_{joint}": value for joint, part in (("theta", 1.0), ("alpha", 1e-2)) for name, value in {
+    "coulomb": 1e-2 * part, "stiction": 5e-3 * part, "presliding": 5e-3, "presliding_damping": 1e-2 * part,
+}.items()}  # fmt: skip
+TWO_BODIES = {"play_theta": 5e-3, "arm_stiffness": 300.0, "arm_damping": 0.05, "hub_inertia": 1e-3, **LUGRE}
+
+ELEMENTS = {
+    "Stribeck": problem_of(coulomb_theta=5e-3, stiction_theta=5e-3, stiction_alpha=1e-5),
+    "Dahl": problem_of((1.0, 1.0), coulomb_theta=1e-2, presliding_theta=5e-3),
+    "LuGre in both joints": problem_of((1.0, 1.0), **LUGRE),
+    "LuGre, fractional orders": problem_of((0.9, 0.95), **LUGRE),
+    "LuGre, pi2-implicit": problem_of((1.0, 1.0), method="pi2-implicit", drive=True, **LUGRE),
+    "LuGre, pi3": problem_of((1.0, 1.0), method="pi3", **LUGRE),
+    "LuGre, gl": problem_of((1.0, 1.0), method="gl", **LUGRE | {"presliding_theta": 0.1, "presliding_alpha": 0.1}),
+    "no friction that could give": problem_of((1.0, 1.0), coulomb_theta=0.0, presliding_theta=5e-3),
+    "springpots": problem_of((1.0, 1.0), springpot_theta=5e-3, springpot_alpha=1e-4, springpot_order_alpha=0.2),
+    "springpot and Dahl": problem_of((1.0, 1.0), springpot_theta=5e-3, coulomb_alpha=1e-4, presliding_alpha=5e-3),
+    "play": problem_of((1.0, 1.0), play_theta=5e-3),
+    "elastic arm": problem_of((0.95, 0.9), drive=True, arm_stiffness=50.0, arm_damping=0.01),
+    "two bodies, LuGre": problem_of((1.0, 1.0), **TWO_BODIES),
+    "a motor as it is": problem_of(drive=True, back_emf=0.01, dead_zone=0.3, saturation=2.0),
+}
+VARIANTS |= ELEMENTS
+
+
 def tables_and_case(problem):
     return Recursion.of(problem, problem.start), Case.of(problem, problem.start, problem.experiments[0])
 
@@ -144,7 +168,7 @@ def in_c(folder, problem):
     inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(np.float64)
     given = np.concatenate([case.past[-1], inputs.ravel()]).tobytes()
     done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
-    return np.frombuffer(done.stdout).reshape(-1, 4), done.returncode
+    return np.frombuffer(done.stdout).reshape(-1, len(problem.model.states)), done.returncode
 
 
 STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controller does not know

@@ -10,10 +10,10 @@ from scipy.io import loadmat
 import fracid
 from fracid.errors import InputError
 from fracid.export.recursion import Case
-from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, oustaloup
+from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, oustaloup
 from fracid.models import Parameter
 from fracid.plots import linear_response
-from test_export import fitted, problem_of  # noqa: F401 (a fixture)
+from test_export import LUGRE, fitted, problem_of  # noqa: F401 (a fixture)
 
 VISCOUS = {"b_theta": 1e-3, "b_alpha": 2e-4}
 
@@ -26,6 +26,11 @@ CASES = {
     "another unit of time": problem_of(steps=2000, time_scale=0.1, **VISCOUS),
     "dry friction, cable and offsets": problem_of(steps=2000),
     "counted from upright": problem_of(zero="upright", steps=1000, **VISCOUS),
+    "springpots": problem_of(
+        (1.0, 1.0), steps=1000, springpot_theta=5e-3, springpot_alpha=1e-4, springpot_order_alpha=0.2
+    ),
+    "an elastic arm": problem_of((1.0, 1.0), steps=1000, arm_stiffness=50.0, arm_damping=0.01, **VISCOUS),
+    "presliding": problem_of((1.0, 1.0), steps=1000, **VISCOUS, **LUGRE),
 }
 
 
@@ -118,6 +123,31 @@ def test_at_integer_orders_a_pendulum_on_an_endlessly_heavy_arm_swings_as_a_simp
     assert swing.frequency == pytest.approx(omega, rel=1e-6)
     assert swing.damping == pytest.approx(zeta, rel=1e-5)
     assert fall.pole.real == pytest.approx(omega * (np.sqrt(1 + zeta**2) - zeta), rel=1e-6)
+
+
+def test_presliding_is_a_spring_with_a_dashpot_where_the_joint_sticks_and_dry_friction_nothing():
+    """D² θ (0) of a rig without a pendulum: −σ₀ z − (b + σ₁) v, σ₀ = (f + s)/δ; without presliding −b v."""
+    f, s, delta, sigma1, b, J = 1e-2, 5e-3, 5e-3, 0.02, 1e-3, 0.01
+    own = {"J_theta": J, "C3": 0.0, "b_theta": b, "coulomb_theta": f, "stiction_theta": s, "play_theta": 0.0}
+    for presliding in (0.0, delta):
+        damping = sigma1 if presliding else 0.0
+        system = integer_model(
+            problem_of((1.0, 1.0), **own, presliding_theta=presliding, presliding_damping_theta=damping)
+        )
+        row, words = system.linear["hanging"].F[1], " ".join(linear_sentences(system))
+        assert ("of a joint that sticks, right within 0.005 rad" in words) is bool(presliding)
+        assert ("without dry friction" in words) is not bool(presliding)
+        assert row[1] == pytest.approx(-(b + damping) / J)
+        assert row[4:] == pytest.approx([-(f + s) / delta / J] if presliding else [])
+
+
+@pytest.mark.parametrize("element", [{"play_theta": 5e-3, "arm_stiffness": 50.0}, {"dead_zone": 0.3}])
+def test_gear_and_motor_are_in_contact_in_linear_models_and_that_is_said(element):
+    own = {n: 0.0 for n in element if n != "arm_stiffness"}
+    with_it, without = (integer_model(problem_of((1.0, 1.0), **VISCOUS, **element | e)) for e in ({}, own))
+    assert f"without {next(iter(own))}, which has no linear part there" in " ".join(linear_sentences(with_it))
+    np.testing.assert_allclose(with_it.linear["hanging"].F, without.linear["hanging"].F, rtol=1e-9)
+    np.testing.assert_allclose(with_it.linear["hanging"].G, without.linear["hanging"].G, rtol=1e-9)
 
 
 def test_both_zeros_of_alpha_have_the_same_poles():

@@ -265,3 +265,13 @@ def test_what_moves_an_input_is_in_the_key_of_the_memo():
     problems = [of_driven(alpha, b, a) for b in ("hold", "line") for a in (None, fixed, replace(fixed, gain=2.0))]
     keys = {p.simulator._key(p.start, p.experiments[0]) for p in problems}
     assert len(keys) == len(problems)
+
+
+def test_a_twin_of_a_driven_recording_is_what_the_problem_simulates():
+    rig, n = fracid.rotary_pendulum(), 200
+    volts = np.random.default_rng(6).standard_normal((n, 1))
+    for between in ("hold", "line", "band-limited"):
+        e = Experiment("twin", 0.01, np.zeros((n, 2)), volts, between={"voltage": between})
+        p = Problem(rig, (e,), {"lambda": 0.95, "mu": 0.9}, initial_state="held", substeps=2)
+        run = fracid.Twin.of_problem(p, p.start, e).simulate()
+        assert run.states[:, [0, 2]] == pytest.approx(p.fitted(p.start, e), abs=1e-12)

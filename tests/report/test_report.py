@@ -369,7 +369,7 @@ class Reader:
         words, parts = [], [p for p in parts if p.tag != "mspace"]
         while parts:
             word = self.word(parts)
-            if words and words[-1] not in "+-=(" and word not in "+-=)":
+            if words and words[-1] not in "+-=(," and word[:1] not in "+-=),":
                 words.append("*")
             words.append(word)
         return words
@@ -382,11 +382,14 @@ class Reader:
         if part.tag == "mn":
             return text.replace("−", "-")
         if part.tag == "mi":
-            return f"{text}({self.word(parts)})" if text in ("sin", "cos", "tanh") else text
+            return f"{text}({self.word(parts)})" if text in ("sin", "cos", "tanh", "max", "min") else text
+        if part.tag == "mtext":
+            return "1"
         if part.tag == "msub":
             return "".join(child.text for child in part)
         if part.tag == "mfrac":
-            return "(1/2)"
+            over, under = (self.word([child]) for child in part)
+            return f"({over}/{under})"
         if part.tag == "msup":
             base, exponent = part
             if base.text == "D":
@@ -395,6 +398,8 @@ class Reader:
                 return f"sin({self.word(parts)})**2"
             return f"({self.word([base])})**({self.word([exponent])})"
         inner = [child for child in part if child.tag != "mspace"]
+        if inner and inner[0].text == "=":
+            return "".join(self.row(inner))
         if inner and inner[0].text == "|":
             return f"abs({self.word([inner[1]])})"
         if any(child.text == "/" for child in inner):
@@ -402,33 +407,52 @@ class Reader:
         return f"({''.join(self.row(inner)).strip()})"
 
 
+ELEMENTS = {
+    "without a state of their own": [],
+    "Dahl": ["presliding_theta"],
+    "LuGre in both joints": ["presliding_theta", "presliding_alpha"],
+    "springpots": ["springpot_theta", "springpot_alpha"],
+    "an elastic arm with play": ["play_theta"],
+    "all": ["presliding_theta", "presliding_alpha", "springpot_theta", "springpot_alpha", "arm_stiffness"],
+}
+
+
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_equations_as_printed_are_those_that_are_solved(zero, sign):
-    """Read back from the page and solved for the accelerations, they give the model's right-hand side."""
+@pytest.mark.parametrize("elements", ELEMENTS)
+def test_the_equations_as_printed_are_those_that_are_solved(zero, sign, elements):
+    """Read back from the page, each holds for the model's right-hand side."""
     rng = np.random.default_rng(5)
-    model = fracid.rotary_pendulum(zero=zero)
+    model = fracid.rotary_pendulum(zero=zero).equipped(ELEMENTS[elements])
     friction = ("b_theta", "b_alpha", "drag_theta", "drag_alpha", "theta_rest", "alpha_rest", "torque_per_volt")
     values = {p.name: p.value or 0.01 * rng.uniform(1, 9) for p in model.parameters}
     values |= {n: sign * round(0.01 * rng.uniform(1, 9), 4) for n in friction}
+    values |= {"J_theta": 0.1, "saturation": 0.5}
+    values |= dict.fromkeys(("stiction_theta", "arm_stiffness", "hub_inertia"), 0.0) if elements == "Dahl" else {}
+    values |= dict.fromkeys(("arm_stiffness", "hub_inertia"), 0.0) if "play" in elements else {}
     values = {n: float(f"{v:.5g}") for n, v in values.items()}  # as printed
     constants = {n: {"value": v, "free": False} for n, v in values.items()}
     constants["drag_alpha"] |= {"value": 1.001 * values["drag_alpha"], "bound": values["drag_alpha"]}  # what it means
     result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
-    lines = Reader(equations(model, result, driven=True)["With the numbers found"]).lines
     printed = []
-    for line in (line.replace("D_ωθ", "A").replace("D_ωα", "B") for line in lines[2:]):
+    for line in Reader(equations(model, result, driven=True)["With the numbers found"]).lines:
         if line[0] in "=+-":  # goes on
             printed[-1] += line
         else:
             printed.append(line)
-    assert len(printed) == 2
-    for x in rng.uniform(-1, 1, (5, 4)):
-        u, out = rng.uniform(-1, 1, 1), np.empty(4)
+    greek = {"theta": "θ", "D^lambda theta": "ωθ", "alpha": "α", "D^mu alpha": "ωα", "arm": "θa", "D^lambda arm": "ωa"}
+    names = [greek.get(n, n.replace("_theta", "θ").replace("_alpha", "α")) for n in model.states]
+    solved = {"um", "τa"} & {equation.split("=")[0] for equation in printed}
+    assert len(printed) == len(names) + len(solved)
+    for x in rng.uniform(-1, 1, (5, len(names))):
+        u, out = rng.uniform(-1, 1, 1), np.empty(len(names))
         model.rhs(0.0, x, u, model.parameter_vector(values), out)
-        at = {"θ": x[0], "ωθ": x[1], "α": x[2], "ωα": x[3], "u": u[0], "A": out[1], "B": out[3],
-              "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "abs": abs}  # fmt: skip
+        at = {**dict(zip(names, x, strict=True)), **{f"D_{n}": v for n, v in zip(names, out, strict=True)}, "u": u[0],
+              "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "abs": abs, "max": max, "min": min, "e": math.e,
+              "π": math.pi}  # fmt: skip
         for left, right in (equation.split("=") for equation in printed):
+            if left in solved:
+                at[left] = eval(right, at)
             assert eval(left, at) == pytest.approx(eval(right, at), rel=1e-9, abs=1e-12)
 
 

@@ -108,12 +108,20 @@ def test_a_multisine_is_followed_between_its_samples():
             middle = (driven.after[:-1] + driven.before[1:]) / 2
             places = -late + spacing * np.arange(count)
             primitive = sum(-np.cos(2 * np.pi * f * places + f) / (2 * np.pi * f) for f in (0.013, 0.11, 0.31))
-            inner = slice(round(40 / spacing), round(360 / spacing))
+            inner = slice(round(40 / spacing), round(360 / spacing))  # these repeat themselves after 1000 samples
             errors[between] = abs(middle - np.diff(primitive) / spacing)[inner].max()
         assert errors["band-limited"] < 2e-4
         assert errors["line"] > 100 * errors["band-limited"]
         ends = between_samples(sines(t), "band-limited", 0.0, 1.0, 400)
         assert abs(ends.after - sines(t)).max() < 0.7  # turned about its ends, it does not ring
+
+
+def test_a_multisine_of_several_periods_is_exact_up_to_its_ends():
+    t = np.arange(400.0)
+    sines = sum(np.sin(2 * np.pi * f * t + f) for f in (0.02, 0.11, 0.31))  # a period of 100 samples
+    driven = between_samples(sines, "band-limited", 0.0, 1.0, 400)
+    primitive = sum(-np.cos(2 * np.pi * f * t + f) / (2 * np.pi * f) for f in (0.02, 0.11, 0.31))
+    assert abs((driven.after[:-1] + driven.before[1:]) / 2 - np.diff(primitive)).max() < 2e-4
 
 
 def test_a_filtered_input_is_what_an_integrator_makes_of_it():

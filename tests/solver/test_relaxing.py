@@ -49,6 +49,18 @@ def test_a_rate_of_zero_is_the_trapezoidal_rule():
     np.testing.assert_allclose(run(0.01, 0.0), rule, atol=1e-13)
 
 
+def test_it_moves_from_the_first_step_on_where_the_first_steps_are_solved_together():
+    """Beside a state of order 1/2, for whose start that is done."""
+
+    def rhs(t, x, u, p, out):
+        out[0], out[1] = 1.0 - x[0], 1.0
+        if len(out) > 2:
+            out[2], out[3] = 0.0, 0.0
+
+    x = solve_fde(rhs, [0.5, 1.0], np.zeros(2), step=0.01, end=1.0, relaxing=(1,)).states
+    np.testing.assert_allclose(x[:, 1], np.arange(101) * 0.01, atol=1e-12)
+
+
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "pi3"])
 @pytest.mark.parametrize(("s", "sigma1"), [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)], ids=["Dahl", "Stribeck", "LuGre"])
 def test_presliding_friction_agrees_with_an_implicit_integrator_of_scipys(method, s, sigma1):

@@ -10,6 +10,7 @@ they last, that is no difference.
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 from string import Template
 
@@ -26,13 +27,14 @@ __all__ = ["c_model"]
 STATE_PI = """\
     double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
     double base[FRACID_STATES], ramp[FRACID_STATES], gone[FRACID_STATES], scale[FRACID_STATES];
+    double rate[FRACID_STATES];                          /* with which those that relax forget */
     double factors[FRACID_STATES * FRACID_STATES];       /* Newton's */
     int pivot[FRACID_STATES], keep;
 """
 
 STATE_START = """\
     int corrected, piece;                                /* the start: steps that are solved together */
-    double begun[FRACID_TOGETHER + 1][FRACID_STATES], f_begun[FRACID_TOGETHER + 1][FRACID_STATES];
+    double begun[FRACID_TOGETHER + 1][FRACID_STATES], f_begun[FRACID_TOGETHER + 1][FRACID_DERIVATIVES];
     double u[FRACID_TOGETHER + 1][FRACID_INPUTS];
     double c[FRACID_CORRECTIONS][FRACID_STATES], parabola[FRACID_STATES][3];
 """
@@ -85,7 +87,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     """
     if tables.model.written is None or "c" not in tables.model.written.code:
         raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as C.")
-    scheme, exported, model = tables.scheme, tables.exported, tables.model
+    scheme, exported, model, program = tables.scheme, tables.exported, tables.model, tables.model.written.code["c"]
     third, gl = scheme.family == "pi3", scheme.family == "gl"
     state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
     sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
@@ -93,13 +95,14 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
         "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
         "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
+        "derivatives": len(model.states) + len(model.relaxing),
         "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
         "order_values": tables.order_values,
         "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
         "inputs_when": "u at the end of the step" + ", for the next" * gl,
         "sizes": _sizes(tables), "more_state": state,
         "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes),
-        "tables": _tables(tables, case, gl), "rhs": tables.model.written.code["c"],
+        "tables": _tables(tables, case, gl, program), "rhs": program,
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
         "sweeps": 0 if exported.newton else 1, "always": int(third),
@@ -114,11 +117,11 @@ def _template(name: str) -> Template:
     return Template((files("fracid.export") / name).read_text(encoding="utf-8"))
 
 
-def _tables(tables: Recursion, case: Case, gl: bool) -> str:
+def _tables(tables: Recursion, case: Case, gl: bool, program: str) -> str:
     """The constants of the model, then those of memory and start."""
     lines = [f"static const double {p.name} = {value!r};  /* [{p.unit}] {_comment(p.description)} */"
              for p, value in zip(tables.model.parameters, case.parameters.tolist(), strict=True)
-             if p.name != "time_scale"]  # fmt: skip
+             if re.search(rf"\b{p.name}\b", program)]  # fmt: skip
     kernels, row = tables.kernels, np.array(tables.row)
     gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
     R, L, M = len(kernels), tables.lags, tables.modes
@@ -137,9 +140,14 @@ def _tables(tables: Recursion, case: Case, gl: bool) -> str:
         ("double", f"start_ratio[{R}][{M}]", wide("start_ratio"), "what the first sample counts there"),
     ]
     if not gl:
-        newest = gain * np.array([kernels[r].weights[0] for r in tables.row])
         arrays += [
-            ("double", "newest[FRACID_STATES]", newest, "gain w_0"),
+            (
+                "int",
+                "forgets[FRACID_STATES]",
+                tables.forgets,
+                "where in f the rate of a state that relaxes is; else 0",
+            ),
+            ("double", "newest[FRACID_STATES]", gain * tables.newest, "gain w_0"),
             ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
             ("double", f"start_shift[{R}]", [k.start_shift for k in kernels], "where the first panel's centre is"),
         ]

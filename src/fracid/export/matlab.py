@@ -132,11 +132,12 @@ def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
     per_state = ["weights", "start", "decay", "amplitude", "start_ratio"]
     if not gl:
         entries += [
-            ("newest", _literal([[k.weights[0]] for k in tables.kernels]), "of the newest sample"),
+            ("newest", _literal(tables.newest[:, None]), "of the newest sample; 0 of states with a step of their own"),
+            ("relaxing", _literal(np.array([tables.model.relaxing_states]) + 1), "those states"),
             ("ramp", _literal([[k.ramp] for k in tables.kernels]), "a linear part of the weights"),
             ("start_shift", _literal([[k.start_shift] for k in tables.kernels]), "where the first panel's centre is"),
         ]
-        per_state += ["newest", "ramp", "start_shift"]
+        per_state += ["ramp", "start_shift"]
     lines = ["function k = tables()", "% Memory and start in units of the step, as fracid steps with them."]
     for name, value, why in entries:
         lines += [f"  % {why}", f"  k.{name} = {value};"]

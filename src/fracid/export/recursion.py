@@ -126,9 +126,22 @@ class Recursion:
 
     @property
     def order_values(self) -> str:
-        """Each order once, in words: ``lambda = 0.9, mu = 0.95``."""
+        """Each order that has a name once, in words: ``lambda = 0.9, 1 - springpot_order_theta = 0.4``."""
         by_name = dict(zip(self.model.orders, self.orders.tolist(), strict=True))
-        return ", ".join(f"{name} = {q!r}" for name, q in by_name.items())
+        return ", ".join(f"{name} = {q!r}" for name, q in by_name.items() if not isinstance(name, float))
+
+    @property
+    def newest(self) -> FloatArray:
+        """w_0 of each state; 0 of those that relax, whose step is another, shape (n_states,)."""
+        weights = np.array([self.kernels[r].weights[0] for r in self.row])
+        weights[list(self.model.relaxing_states)] = 0.0
+        return weights
+
+    @property
+    def forgets(self) -> tuple[int, ...]:
+        """Of each state that relaxes, where behind the derivatives its rate stands; 0 of the others."""
+        n, relaxing = len(self.row), self.model.relaxing_states
+        return tuple(n + relaxing.index(i) if i in relaxing else 0 for i in range(n))
 
     @property
     def lags(self) -> int:

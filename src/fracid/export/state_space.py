@@ -23,7 +23,8 @@ Linearised about a posture, :math:`f ≈ F (x - x_e) + G u`:
 .. math::  \dot z = (P + B F C)\,z + B G\,u, \qquad x - x_e = C z,
 
 and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G u`, whose poles, zeros of the determinant, are
-found from the filter's by the secant method.  Dry friction has no linear part in motion: it is left out.
+found from the filter's by the secant method.  Dry friction has no linear part in motion: it is left out, and so are
+the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring σ₀ and a dashpot σ₁.
 
 References
 ----------
@@ -54,6 +55,7 @@ from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.schemes import _keep_relaxing, _relax
 from fracid.solver.solve import integrate, time_scale
 from fracid.units import with_unit
 
@@ -369,7 +371,11 @@ class IntegerModel:
 
     def f(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
         """The right-hand side."""
-        out = np.empty(len(self.orders))
+        return self._f_and_rates(x, u, parameters)[: len(x)]
+
+    def _f_and_rates(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
+        """The same, and behind it the rates of states that relax."""
+        out = np.zeros(len(x) * (1 + bool(self.model.relaxing)))
         p = self.parameters if parameters is None else parameters
         getattr(self.model.rhs, "py_func", self.model.rhs)(0.0, x, u, p, out)
         return out
@@ -397,19 +403,24 @@ class IntegerModel:
         old, new, newest = h * mean - end, end, self.C @ (end[:, None] * self.B)
         states = np.full((steps + 1, len(x0)), np.nan)
         states[0], z, driven = x0, np.zeros(len(ph)), self.B.argmax(axis=1)
-        f = self.f(x0, u[0])
+        relaxing = np.array(self.model.relaxing_states, dtype=np.int64)
+        newest[relaxing], start = 0.0, np.zeros((len(relaxing), 4))
+        f = self._f_and_rates(x0, u[0])
+        _keep_relaxing.py_func(relaxing, x0, f, start)
         for n in range(1, steps + 1):
             z = propagator * z + old * f[driven]
             history, x = x0 + self.C @ z, states[n - 1]
             for _ in range(SWEEPS):
-                f = self.f(x, u[min(n, len(u) - 1)])
-                last, x = x, history + newest @ f
+                f = self._f_and_rates(x, u[min(n, len(u) - 1)])
+                _relax.py_func(relaxing, x, f, start, h, history)
+                last, x = x, history + newest @ f[: len(x)]
                 if np.abs(x - last).max() < 1e-10:
                     break
             else:
                 return states, False
             z = z + new * f[driven]
             states[n] = x
+            _keep_relaxing.py_func(relaxing, x, f, start)
         return states, True
 
     def linearised(self, name: str, about: FloatArray, parameters: FloatArray) -> LinearModel:
@@ -560,11 +571,28 @@ def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     for posture, linear in system.linear.items():
         yield from (f"About {posture} it {mode}." for mode in linear.modes)
     if system.model.postures is not None:
-        p = _by_name(system.model, system.parameters)
-        if any(p[name] != kind.off for name, kind in system.model.friction.items() if kind.dry):
-            yield "The linear models are of the rig in motion: without dry friction, which has no linear part there."
-        if p.get(system.model.drive) == 0:
-            yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
+        yield from linear_sentences(system)
+
+
+def linear_sentences(system: IntegerModel) -> Iterator[str]:
+    """What the linear models about a posture leave out."""
+    model, p = system.model, _by_name(system.model, system.parameters)
+    smooth, dry = _smooth(model, p), [name for name, kind in model.friction.items() if kind.dry]
+    without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
+    without += [n for n in p if p[n] != smooth[n] and n not in dry]
+    if without:
+        have = "has" if len(without) == 1 else "have"
+        yield (
+            f"The linear models are of the rig in motion: without {' and '.join(without)}, which {have} no linear "
+            "part there."
+        )
+    for delta in (name for name in model.relaxing.values() if p[name] > 0):
+        yield (
+            f"Where {delta} is not 0 the linear models are of a joint that sticks, right within {p[delta]:.3g} "
+            f"{model.parameter(delta).unit}: dry friction is a spring there."
+        )
+    if p.get(model.drive) == 0:
+        yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
 
 
 def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
@@ -603,10 +631,17 @@ def _moving(model: Model, parameters: FloatArray) -> FloatArray:
     """In motion about a posture: without dry friction; the input is the torque where a voltage does nothing."""
     if model.postures is None:
         return parameters
-    p = _by_name(model, parameters) | {name: kind.off for name, kind in model.friction.items() if kind.dry}
+    p = _smooth(model, _by_name(model, parameters))
     if model.drive:
         p[model.drive] = p[model.drive] or 1.0
     return np.array(list(p.values()))
+
+
+def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
+    """Without what has a corner where the linear models are made."""
+    if model.smooth is not None:
+        return dict(model.smooth(model, p))
+    return {**p, **{name: kind.off for name, kind in model.friction.items() if kind.dry}}
 
 
 def _control() -> Any:

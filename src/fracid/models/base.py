@@ -237,6 +237,8 @@ class Model:
     """None for one that cannot be drawn."""
     postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
+    smooth: Callable[[Model, Mapping[str, float]], Mapping[str, float]] | None = None
+    """(model, parameters) → those of linear models, without what has a corner; None where only dry friction has one."""
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
     relaxing: Mapping[str, str] = field(default_factory=dict)

@@ -63,11 +63,10 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from string import Template
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +88,8 @@ from fracid.models.friction import (
     VISCOUS,
 )
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
-from fracid.models.joints import Complement, gap, presliding, saturated, sliding, springpot
+from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
+from fracid.models.pendulum_written import code, equations
 from fracid.models.rigs import RIGS
 
 __all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
@@ -283,9 +283,10 @@ def rotary_pendulum(
         input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         drive="torque_per_volt",
         seen_in={"lambda": "theta"},
-        written=WRITTEN[zero],
+        written=_written(zero, ()),
         drawing=Drawing(_shape, as_found=("C1",)),
         postures=_postures,
+        smooth=_smooth,
         linear_terms=LINEAR_TERMS,
         grown=_grown,
     ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
@@ -361,9 +362,6 @@ STATES = {
     "arm": ("arm_stiffness", "play_theta"),
 }
 """States beyond the four, and the parameters that need them: of presliding, of springpots, and the arm's own angle."""
-
-CONTACT = (2.0 * math.pi * 60.0) ** 2
-"""ω² of a contact whose stiffness nobody gives [1/s²]."""
 
 
 @cache
@@ -449,6 +447,12 @@ def __getattr__(name: str) -> RightHandSide:
     return _right_hand_side(zero, tuple(own))
 
 
+@cache
+def _written(zero: str, own: tuple[str, ...]) -> Written:
+    """The same for people and other languages."""
+    return Written(_right_hand_side(zero, own), equations, code(zero, own))
+
+
 def _grown(model: Model, on: frozenset[str]) -> Model:
     """The model with the states that these parameters need."""
     own = tuple(state for state, parameters in STATES.items() if not on.isdisjoint(parameters))
@@ -461,7 +465,7 @@ def _grown(model: Model, on: frozenset[str]) -> Model:
         states |= {"arm": "lambda", "D^lambda arm": "lambda"}
     return replace(
         model, rhs=rhs, states=tuple(states), orders=tuple(states.values()),
-        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")}, written=WRITTEN[model.zero],
+        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")}, written=_written(model.zero, own),
         follows={"arm": "theta", "D^lambda arm": "D^lambda theta"} if "arm" in own else {},
     )  # fmt: skip
 
@@ -491,88 +495,6 @@ def _number(name: str, value: float) -> float:
 # --- for reports, figures and exports -----------------------------------------------------------------
 
 
-def _equations(c: Any, model: Model, orders: Mapping[str, Any], driven: bool) -> Iterator[tuple[Any, ...]]:
-    """Left side of each equation and the rows of its right side, by a :class:`fracid.report.equations.Writer`."""
-    λ, μ = (c.order(n, orders[n]) for n in ("lambda", "mu"))
-    θ, α, ω_θ, ω_α = c.i("θ"), c.i("α"), c.sub("ω", "θ"), c.sub("ω", "α")
-    a = c.bracket(c.row(α, c.o("−"), c("alpha_rest"))) if c.there("alpha_rest") else α
-    from_rest = c.bracket(c.row(θ, c.o("−"), c("theta_rest"))) if c.there("theta_rest") else θ
-    sin, cos, sin2 = c.f("sin", a), c.f("cos", a), c.f("sin", c.row(c.n("2"), a))
-    M11 = c.bracket(c.row(c("J_theta"), c.o("+"), c("C6"), c.power(c.i("sin"), c.n("2")), a))
-    M12 = c.row(c("C3"), cos)
-
-    f_θ = [
-        *(c.term("+", "torque_per_volt", c.i("u")) if driven else []),
-        *c.term("−", "b_theta", ω_θ),
-        *c.term("−", "C6", sin2, ω_α, ω_θ),
-        *c.term("+", "C3", sin, c.squared(ω_α)),
-        *c.term("−", "coulomb_theta", c.tanh(ω_θ, c("slip_speed"))),
-        *c.term("−", "drag_theta", ω_θ, c.size(ω_θ)),
-        *c.term("−", "cable_stiffness", from_rest),
-    ]
-    f_α = [
-        *c.term("+" if model.zero == "upright" else "−", "C4", sin),
-        *c.term("+", "C6", sin2, c.squared(ω_θ), half=True),
-        *c.term("−", "b_alpha", ω_α),
-        *c.term("−", "coulomb_alpha", c.tanh(ω_α, c("slip_speed"))),
-        *c.term("−", "drag_alpha", ω_α, c.size(ω_α)),
-    ]
-    yield c.D(λ, θ), ω_θ
-    yield c.D(μ, α), ω_α
-    yield c.row(M11, c.D(λ, ω_θ), c.o("+"), M12, c.D(μ, ω_α)), *c.sum(f_θ)
-    yield c.row(M12, c.D(λ, ω_θ), c.o("+"), c("C1"), c.D(μ, ω_α)), *c.sum(f_α)
-
-
-MATLAB_CODE = """\
-function f = rhs(x, u, p)
-% Right-hand side of the rotary pendulum, alpha = 0 is $zero: D^lambda theta = x(2), D^mu alpha = x(4).
-  theta_rate = x(2);  alpha = x(3) - p.alpha_rest;  alpha_rate = x(4);
-  s = sin(alpha);  c = cos(alpha);  s2 = 2 * s * c;
-  f_theta = p.torque_per_volt * u(1) - p.cable_stiffness * (x(1) - p.theta_rest) ...
-    - (p.b_theta + p.drag_theta * abs(theta_rate) + p.C6 * s2 * alpha_rate) * theta_rate ...
-    + p.C3 * s * alpha_rate ^ 2 - p.coulomb_theta * tanh(theta_rate / p.slip_speed);                      % (9)
-  f_alpha = $gravity p.C4 * s + 0.5 * p.C6 * s2 * theta_rate ^ 2 ...
-    - (p.b_alpha + p.drag_alpha * abs(alpha_rate)) * alpha_rate ...
-    - p.coulomb_alpha * tanh(alpha_rate / p.slip_speed);                                                  % (10)
-  M11 = p.J_theta + p.C6 * s ^ 2;  M12 = p.C3 * c;                                                        % (8)
-  d = max(M11 * p.C1 - M12 ^ 2, 0);  % det(M)
-  f = [theta_rate; (p.C1 * f_theta - M12 * f_alpha) / d; alpha_rate; (M11 * f_alpha - M12 * f_theta) / d]; % (1)
-end
-"""
-
-C_CODE = """\
-/* Right-hand side of the rotary pendulum, alpha = 0 is $zero. */
-static void right_hand_side(const double x[], const double u[], double f[])
-{
-    const double theta_rate = x[1], alpha = x[2] - alpha_rest, alpha_rate = x[3];
-    const double s = sin(alpha), c = cos(alpha), s2 = 2 * s * c;
-    double f_theta = torque_per_volt * u[0] - cable_stiffness * (x[0] - theta_rest)
-        - (b_theta + drag_theta * fabs(theta_rate) + C6 * s2 * alpha_rate) * theta_rate
-        + C3 * s * alpha_rate * alpha_rate;                                          /* (9) */
-    double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * theta_rate * theta_rate
-        - (b_alpha + drag_alpha * fabs(alpha_rate)) * alpha_rate;                     /* (10) */
-    if (coulomb_theta != 0) f_theta -= coulomb_theta * tanh(theta_rate / slip_speed);
-    if (coulomb_alpha != 0) f_alpha -= coulomb_alpha * tanh(alpha_rate / slip_speed);
-    const double M11 = J_theta + C6 * s * s, M12 = C3 * c;                            /* (8) */
-    const double det = fmax(M11 * C1 - M12 * M12, 0);
-    f[0] = theta_rate;
-    f[1] = (C1 * f_theta - M12 * f_alpha) / det;                                      /* (1) */
-    f[2] = alpha_rate;
-    f[3] = (M11 * f_alpha - M12 * f_theta) / det;
-}
-"""
-
-
-def _written(zero: str, rhs: RightHandSide) -> Written:
-    own = {"zero": zero, "gravity": "+-"[GRAVITY[zero] < 0]}
-    return Written(
-        rhs, _equations, {"matlab": Template(MATLAB_CODE).substitute(own), "c": Template(C_CODE).substitute(own)}
-    )
-
-
-WRITTEN = {zero: _written(zero, _right_hand_side(zero, ())) for zero in GRAVITY}
-
-
 def _shape(model: Model) -> RigGeometry:
     """What the constants say of lengths; :mod:`fracid.models.geometry` derives it."""
     C1, C3, C4 = (model.parameter(name).value for name in ("C1", "C3", "C4"))
@@ -591,6 +513,13 @@ def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
     angles = {model.zero: 0.0, other: math.pi}
     rest = {n: {"theta": theta, "alpha": p["alpha_rest"] + angles[n], "arm": theta} for n in ("hanging", "upright")}
     return {n: np.array([values.get(state, 0.0) for state in model.states]) for n, values in rest.items()}
+
+
+def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
+    """Joints that slide, but for those whose presliding makes a spring of dry friction; gear and motor in contact."""
+    slides = [joint for joint in ("theta", "alpha") if not ("z_" + joint in model.states and p["presliding_" + joint])]
+    corners = ["play_theta", "dead_zone", *(f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction"))]
+    return {**p, **dict.fromkeys(corners, 0.0)}
 
 
 TERMS = (

@@ -93,7 +93,7 @@ def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, .
     for i, (state, order) in enumerate(zip(model.states, model.orders, strict=True), 1):
         f = _row(Markup("<msub>{}{}</msub>").format(_i("f"), _n(str(i))), _bracket(arguments))
         value = digits(orders[order] if isinstance(order, str) else {"value": order})
-        yield _D(_number(value), Markup("<mtext>{}</mtext>").format(state)), f
+        yield _D(_number(value), _text(state)), f
 
 
 # --- MathML --------------------------------------------------------------------------------------
@@ -155,8 +155,16 @@ def _size(inner: Markup) -> Markup:
     return _row(_o("|"), inner, _o("|"))
 
 
+def _ratio(over: Markup, under: Markup) -> Markup:
+    return _row(Markup("<mfrac>{}{}</mfrac>").format(over, under), Markup('<mspace width="0.17em"></mspace>'))
+
+
 def _half() -> Markup:
-    return _row(Markup("<mfrac><mn>1</mn><mn>2</mn></mfrac>"), Markup('<mspace width="0.17em"></mspace>'))
+    return _ratio(_n("1"), _n("2"))
+
+
+def _text(words: str) -> Markup:
+    return Markup("<mtext>{}</mtext>").format(words)
 
 
 def _f(name: str, argument: Markup) -> Markup:
@@ -225,9 +233,11 @@ class Writer:
     n = staticmethod(_n)
     o = staticmethod(_o)
     power = staticmethod(_power)
+    ratio = staticmethod(_ratio)
     row = staticmethod(_row)
     size = staticmethod(_size)
     squared = staticmethod(_squared)
     sub = staticmethod(_sub)
     sum = staticmethod(_sum)
     tanh = staticmethod(_tanh)
+    text = staticmethod(_text)

@@ -73,6 +73,9 @@ CHANGE = 2e-3
 FLOOR = 0.03
 """Below this part of the largest amplitude the swing has died."""
 
+LEAST_SCORED = 0.5
+"""A window of which a smaller part counts is left out."""
+
 COUNTS = 5.0
 """Below so many steps of its encoder an output stands still, and tells of no order."""
 
@@ -276,6 +279,8 @@ def amplitude_test(
             notes.append(str(spans))
             continue
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
+            if e.scored is not None and np.mean(e.scored[slice(*span)]) < LEAST_SCORED:
+                continue
             window = _window(fitted, at, e, span, errors, jobs)
             if isinstance(window, Failure):
                 notes.append(str(window))

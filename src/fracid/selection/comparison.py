@@ -61,7 +61,7 @@ from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
-from fracid.selection.ladder import Ladder, Structure, ladder
+from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
@@ -209,6 +209,7 @@ def compare(
     validation: Sequence[Experiment] = (),
     leave_one_out: bool = False,
     keep: Collection[str] = (),
+    rungs: Collection[str] = BUILT_IN,
     amplitude: bool = False,
     seed: int | None = None,
     starts: int | None = None,
@@ -229,6 +230,8 @@ def compare(
         Whether each recording, fitted or not, is held out once while all others are fitted.
     keep : collection of str
         Parameters of friction that stay as the problem has them.
+    rungs : collection of str
+        Which rungs of the ladder are climbed (:data:`fracid.models.friction.RUNGS`).
     amplitude : bool
         Whether the orders of the paper's structure and of the best fractional one are tested for a drift with
         amplitude (:mod:`fracid.selection.amplitude`).
@@ -261,7 +264,7 @@ def compare(
     >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
     'Orders make no difference, an integer-order model predicts as well'
     """
-    origin = _origin(problem, validation, tuple(sorted(keep)), executor)
+    origin = _origin(problem, validation, (tuple(sorted(keep)), tuple(rungs)), executor)
     base, others = origin.load()
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
@@ -299,7 +302,8 @@ class _InMemory:
 
     problem: Problem
     validation: tuple[Experiment, ...]
-    keep: tuple[str, ...]
+    only: tuple[tuple[str, ...], tuple[str, ...]]
+    """Parameters to keep, rungs to climb."""
     folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
@@ -313,7 +317,8 @@ class _OfFile:
     path: str
     preset: str | None
     sha256: str
-    keep: tuple[str, ...]
+    only: tuple[tuple[str, ...], tuple[str, ...]]
+    """Parameters to keep, rungs to climb."""
     trust: bool
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
@@ -324,19 +329,22 @@ class _OfFile:
 
 
 def _origin(
-    problem: Problem | Project, validation: Sequence[Experiment], keep: tuple[str, ...], executor: str
+    problem: Problem | Project,
+    validation: Sequence[Experiment],
+    only: tuple[tuple[str, ...], tuple[str, ...]],
+    executor: str,
 ) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
-        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, keep, bool(problem.own_code))
+        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, only, bool(problem.own_code))
     if isinstance(problem, Project):
-        return _InMemory(problem.problem, (*problem.validation, *validation), keep)
+        return _InMemory(problem.problem, (*problem.validation, *validation), only)
     if executor != "threads":
         raise InputError(
             f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
             f'executor = "threads" in place of {executor!r}.'
         )
-    return _InMemory(problem, tuple(validation), keep)
+    return _InMemory(problem, tuple(validation), only)
 
 
 @dataclass(frozen=True)
@@ -361,7 +369,8 @@ def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
     every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
-    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=origin.keep, others=others))
+    keep, rungs = origin.only
+    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=keep, rungs=rungs, others=others))
 
 
 _fold_of_file = lru_cache(maxsize=32)(_made)

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -35,6 +36,10 @@ BETWEEN: tuple[Between, ...] = get_args(Between)
 
 FINER, REACH = 8, 32
 """Points to a sample at which a band-limited input is reconstructed, and how many samples to each side count."""
+
+
+REPEATS = 1e-4
+"""An input that differs by less than this part of itself a period later repeats itself."""
 
 
 class Driven(NamedTuple):
@@ -99,7 +104,10 @@ def _held(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray
 
 def _curved(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """The line nearest to a band-limited input over each step, by Gauss's rule of four points."""
-    curve, (nodes, weights) = _reconstructed(u), np.polynomial.legendre.leggauss(4)
+    curve, (nodes, weights) = (
+        _reconstructed(np.ascontiguousarray(u, dtype=np.float64).tobytes()),
+        np.polynomial.legendre.leggauss(4),
+    )
     middles = places[:-1] + spacing / 2
     values = [curve(np.clip(middles + spacing / 2 * s, 0.0, len(u) - 1.0)) for s in nodes]
     mean = sum(w / 2 * v for w, v in zip(weights, values, strict=True))
@@ -107,20 +115,33 @@ def _curved(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArr
     return np.asarray(mean - tilt), np.asarray(mean + tilt)
 
 
-def _reconstructed(u: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """The band-limited function through the samples: a windowed sinc to a finer grid, and a spline there.
-
-    Beyond its ends the input is continued by turning it about them, so that value and slope go on.
-    """
+@lru_cache(maxsize=8)  # a search for its delay asks at every point
+def _reconstructed(samples: bytes) -> Callable[[FloatArray], FloatArray]:
+    """The band-limited function through the samples: a windowed sinc to a finer grid, and a spline there."""
     from scipy.interpolate import CubicSpline
     from scipy.signal import firwin, upfirdn
 
+    u = np.frombuffer(samples)
     reach = min(REACH, len(u) - 1)
-    padded = np.pad(u, reach, mode="reflect", reflect_type="odd")
+    padded = _continued(u, reach)
     taps = FINER * firwin(2 * FINER * reach + 1, 1 / FINER, window=("kaiser", 8.0))
     fine = upfirdn(taps, padded, up=FINER)[2 * FINER * reach :][: FINER * (len(u) - 1) + 1]
     spline: Callable[[FloatArray], FloatArray] = CubicSpline(np.arange(len(fine)) / FINER, fine)
     return spline
+
+
+def _continued(u: FloatArray, reach: int) -> FloatArray:
+    """An input with what comes before and after it: its period where it repeats itself, as a multisine does.
+
+    Else it is turned about its ends, so that value and slope go on; within a few samples of them it is less exact.
+    """
+    same = REPEATS * np.linalg.norm(u[:reach])
+    for period in reach + np.flatnonzero(abs(u[reach : len(u) - reach] - u[0]) <= same) if same > 0 else ():
+        if np.linalg.norm(u[period : period + reach] - u[:reach]) <= same:
+            if np.linalg.norm(u[period:] - u[:-period]) <= REPEATS * np.linalg.norm(u):
+                return np.concatenate([u[period - reach : period], u, u[len(u) - period :][:reach]])
+            break
+    return np.pad(u, reach, mode="reflect", reflect_type="odd")
 
 
 # --- a low-pass of first order ---------------------------------------------------------------------

@@ -415,9 +415,8 @@ def step_pi2(rhs, run, third, out):
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
-        if n >= first_free:
-            for r in range(len(relaxing)):
-                x[relaxing[r]] = relax_start[r, 0]
+        for r in range(len(relaxing) if n >= first_free else 0):
+            x[relaxing[r]] = relax_start[r, 0]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
