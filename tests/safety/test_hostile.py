@@ -277,7 +277,7 @@ SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters
 @pytest.mark.parametrize(
     ("changed", "says"),
     [
-        ({"initial": np.ma.masked_array([1.0], [True])}, "some values are masked"),
+        ({"initial": np.ma.masked_array([1.0], [True])}, "initial: 1 of 1 values are masked"),
         ({"inputs": np.ones((101, 1), complex)}, "expected numbers"),
         ({"inputs": np.ones((1, 101))}, "Turn it round: inputs.T."),
         ({"inputs": np.full((101, 1), np.nan)}, "every value must be a finite number"),

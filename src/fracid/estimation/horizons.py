@@ -173,8 +173,8 @@ def horizons(problem: Problem) -> Iterator[float]:
 def _first_horizon(e: Experiment) -> float:
     """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings.
 
-    As long as is needed, too, for every release to lie in its first half."""
+    As long as is needed, too, for every release and every delay to lie in its first half."""
     swings = round(e.swings)
     of = e.release_time
-    release = max(map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
-    return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * release + e.step) * (release > 0))
+    late = max(e.longest_delay, *map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
+    return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * late + e.step) * (late > 0))

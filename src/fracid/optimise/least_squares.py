@@ -102,7 +102,7 @@ def least_squares(
             if not np.array_equal(x_good, x):
                 residuals(x)
             R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x))), unit))
-            if not np.any(np.abs(R[:, 1:]) > SMALLEST):
+            if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])
 
@@ -156,7 +156,7 @@ def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
 
 
 class _Flat(Exception):
-    """No unknown changes anything."""
+    """No unknown changes the rows, or there is nothing left of them."""
 
 
 class _StartFails(Exception):

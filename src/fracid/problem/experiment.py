@@ -146,6 +146,12 @@ class Experiment:
         """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
         return (len(self.time) - 1) / common_period(self.measured)
 
+    @property
+    def longest_delay(self) -> float:
+        """By how much any of its channels may be late, or early [s]."""
+        sensors = (*self.sensors.values(), *self.actuators.values())
+        return max((max(s.latest, s.earliest) for s in sensors), default=0.0)
+
     @cached_property
     def scored(self) -> NDArray[np.bool_] | None:
         """Which samples count, shape (n_samples,); None for all.
@@ -216,9 +222,9 @@ def _numbers(name: str, values: Any) -> FloatArray:
 
 
 def _refuse_other_dimensions(recording: Recording, model: Model) -> None:
-    """An angle is in radians, or a pure number; an input in the model's unit, or in none, which reads as radians."""
-    units = {n: ("rad", "1") for n in model.angles} | {n: (u, "rad", "1") for n, u in model.input_units.items()}
-    for name, possible in units.items():
+    """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which."""
+    inputs = {n: (u, "1") for n, u in model.input_units.items() if n not in recording.assumed}
+    for name, possible in ({n: ("rad", "1") for n in model.angles} | inputs).items():
         unit = recording.units.get(name, possible[0])
         if unit not in possible:
             what = "an angle" if name in model.angles else f"a quantity in {possible[0]}"
