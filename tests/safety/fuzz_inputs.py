@@ -460,7 +460,9 @@ EDGES = (
 WHOLE = ("0", "1", "2", "3", "7", "100", "4096", "65536", "1000000", "2147483648", "1000000000000", "9" * 18)
 CONSTANTS = (
     "C1", "C3", "C4", "C6", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "drag_alpha", "cable_stiffness",
-    "theta_rest", "alpha_rest", "J_theta",
+    "theta_rest", "alpha_rest", "J_theta", "stiction_theta", "stribeck_speed_theta", "presliding_theta",
+    "presliding_alpha", "presliding_damping_alpha", "springpot_alpha", "springpot_order_alpha", "play_theta",
+    "arm_stiffness", "hub_inertia", "back_emf", "dead_zone",
 )  # fmt: skip
 
 
@@ -498,6 +500,17 @@ def _search(rng: random.Random) -> bytes:
         kind = rng.random()
         return free(centre, width) if kind < 0.7 else f'"{tie}"' if kind < 0.8 and tie else number(centre)
 
+    def sensor() -> list[str]:
+        """What may stand between a channel and the model."""
+        usual = {
+            "delay": ("0.01", "0.009"),
+            "gain": ("1.0", "0.5"),
+            "bias": ("0.0", "0.1"),
+            "lowpass": ("0.02", "0.01"),
+        }
+        some = rng.sample([*usual], rng.choice((1, 1, 2)))
+        return [f"{name} = {value(*usual[name])}" for name in some] if rng.random() < 0.2 else []
+
     lines = ["[model]", *maybe(0.5, 'rig = "srv02-rotpen"'), *maybe(0.2, 'zero = "upright"')]
     lines += [*maybe(0.2, f'actuation = "{rng.choice(("torque", "voltage"))}"'), "[model.parameters]"]
     for name in rng.sample(CONSTANTS, rng.choice((0, 0, 1, 2, 3))):
@@ -513,9 +526,19 @@ def _search(rng: random.Random) -> bytes:
             more += maybe(0.2, "sign = -1") + maybe(0.2, "unwrap = true")
             counts = f'unit = "counts", counts_per_turn = {whole("4096")}'
             fields = ", ".join(
-                [f'column = "{signal}"', *more, *maybe(0.3, rng.choice(('unit = "deg"', 'unit = "rad"', counts)))]
+                [
+                    f'column = "{signal}"',
+                    *more,
+                    *sensor(),
+                    *maybe(0.3, rng.choice(('unit = "deg"', 'unit = "rad"', counts))),
+                ]
             )
             lines.append(f"{signal} = {{ {fields} }}")
+        if rng.random() < 0.3:
+            kind = rng.choice(("hold", "line", "band-limited"))
+            table = ['column = "u"', *maybe(0.5, 'unit = "V"'), *sensor(), *maybe(0.5, f'between = "{kind}"')]
+            lines.append(f"voltage = {{ {', '.join(table)} }}")
+        lines += maybe(0.15, f"mask = [[{number('0.0', '0.5')}, {number('1.0', '2.0')}]]")
         lines += maybe(0.3, f"from = {number('0.2', '1.0')}", *maybe(0.3, 'history = "measured"'))
         lines += maybe(0.2, f"to = {number('1.5', '2.0')}")
         lines += maybe(0.2, f"weight = {number('2.0', '0.5')}") + maybe(0.2, f"initial = {{ alpha = {number('0.8')} }}")
@@ -527,7 +550,7 @@ def _search(rng: random.Random) -> bytes:
         ("cost", ("rmse", "ise", "huber", "iae", "itse", "itae")),
         ("weights", ("equal", "noise")),
         ("initial_state", ("rest", "held") if release else ("estimate", "rest", "measured", "held")),
-        ("method", ("pi2", "gl", "gl-sequential", "gl-paper")),
+        ("method", ("pi2", "gl", "gl-sequential", "gl-paper", "bdf2", "pi2-implicit")),
         ("memory", ("full", "compressed", "short(100)", "short(1000000000000)")),
         ("optimiser", ("multistart", "least-squares", "differential-evolution", "cma", "nelder-mead", "genetic")),
     ):
