@@ -17,7 +17,8 @@ unknowns x, in this order, are
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
-What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``, and all of it where
+the joint slides already.
 States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
 experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
@@ -42,6 +43,9 @@ from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
 
 __all__ = ["Parametrisation", "RunValues"]
+
+SOON = 10
+"""A joint that goes further than its δ in so many samples slides from the start: what it had given is forgotten."""
 
 TURNS = 100.0
 """No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
@@ -256,7 +260,7 @@ class Parametrisation:
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
-            reach |= {z: (1.0, self.model.parameter_names[delta]) for z, delta in self._deflections}
+            reach |= {z: (1.0, self.model.parameter_names[i]) for z, i in self._deflections if guess[z] == 0.0}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
@@ -271,6 +275,15 @@ class Parametrisation:
         states, names = self.model.states, self.model.parameter_names
         return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
 
+    def _slides(self, e: Experiment, x0: FloatArray, delta: int) -> float:
+        """±1, by its direction, where a joint goes further than its δ in the first few samples; else 0."""
+        row = self.model.parameters[delta]
+        kind = self.model.friction.get(row.name)
+        rate = self.rates.get(self.model.output_states.get(kind.joint if kind else "", -1))
+        reach = self.parameter_starts.get(row.name, row.value)
+        v = 0.0 if rate is None else float(x0[rate])
+        return math.copysign(1.0, v) if abs(v) * SOON * e.step > reach else 0.0
+
     def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
         x0 = np.zeros(len(self.model.states))
@@ -282,6 +295,9 @@ class Parametrisation:
             x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
                 x0[self.rates[i]] = slope / sensor.gain
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                x0[z] = self._slides(e, x0, delta)
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
