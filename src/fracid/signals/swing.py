@@ -2,9 +2,9 @@
 
 A swing goes from side to side about where the signal comes to rest, or about the median of its motion where it does
 not.  The *half-swings* are the samples at which it is first a tenth of its largest deviation beyond on the other side:
-neither noise nor an encoder's step makes one.  The *period* is the median time between those of a side.  It holds
-where the peak of a spectrum does not: with a plateau before the release, with a cable that drags the rest away, and with
-noise, which dominates the spectrum of a speed.
+neither noise nor an encoder's step makes one.  The *period* is the median time between those of a side.  It
+holds where the peak of a spectrum does not: with a plateau before the release, with a cable that drags the rest away,
+and with noise, which dominates the spectrum of a speed.
 
 ==========================  =====================================================================
 to know                     call
