@@ -260,13 +260,14 @@ class Parametrisation:
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
-            reach |= {z: (1.0, self.model.parameter_names[i]) for z, i in self._deflections if guess[z] == 0.0}
+            reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
             if state not in e.initial:
                 around = Free(guess[i], guess[i] - width, guess[i] + width)
-                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
+                part = state in self.model.relaxing
+                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around, part))
         return unknowns
 
     @cached_property
