@@ -17,8 +17,9 @@ unknowns x, in this order, are
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
-What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``, and all of it where
-the joint slides already.
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.  Where the joint
+slides already nothing is free: z is where what it gains and what it forgets are in balance, sliding friction's part of
+the breakaway torque.
 States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
 experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
@@ -41,6 +42,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
 from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
+from fracid.solver.right_hand_side import compile_rhs
 
 __all__ = ["Parametrisation", "RunValues"]
 
@@ -161,7 +163,10 @@ class Parametrisation:
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
         if self.initial_state == "estimate":
             for z, delta in self._deflections:
-                initial[z] *= 1.0 if self.model.states[z] in e.initial else parameters[delta]
+                if self.model.states[z] in e.initial:
+                    continue
+                slides = self._fixed[e.name][2][z] != 0.0
+                initial[z] = self._balance(z, initial, parameters) if slides else initial[z] * parameters[delta]
         for name, other in self.model.follows.items():
             if name not in e.initial:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
@@ -284,6 +289,14 @@ class Parametrisation:
         reach = self.parameter_starts.get(row.name, row.value)
         v = 0.0 if rate is None else float(x0[rate])
         return math.copysign(1.0, v) if abs(v) * SOON * e.step > reach else 0.0
+
+    def _balance(self, z: int, x0: FloatArray, parameters: FloatArray) -> float:
+        """The deflection of a joint that slides as fast as at the start: of ż = v − rate·z, v over the rate."""
+        x, out = x0.copy(), np.zeros(2 * len(x0))
+        x[z] = 0.0
+        compile_rhs(self.model.rhs)(0.0, x, np.zeros(max(1, len(self.model.inputs))), parameters, out)
+        v, rate = out[z], out[len(x0) + z]
+        return float(v / rate) if rate > 0.0 else 0.0
 
     def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
