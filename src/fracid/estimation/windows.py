@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -31,6 +32,9 @@ SWINGS = 3
 
 WINDOWS = 12
 """Of all recordings together; of a long one they lie apart."""
+
+LEAST = 0.25
+"""Of a window's samples so many count: beside masks, bridged gaps and delays little may be left."""
 
 
 def in_windows(problem: Problem) -> Problem:
@@ -55,19 +59,23 @@ def in_windows(problem: Problem) -> Problem:
 
 
 def _windows(e: Experiment, most: int) -> list[Experiment]:
-    """Windows of a recording, evenly spread; the recording itself where it is no longer than one."""
-    samples = len(e.measured)
-    length = min(samples, round(SWINGS * samples / max(e.swings, SWINGS)))
+    """Windows of a recording, evenly spread; the recording itself where it is no longer than one, or none counts.
+
+    Every delay lies in the first half of a window."""
+    samples, late = len(e.measured), e.longest_delay
+    length = round(SWINGS * samples / max(e.swings, SWINGS))
+    length = min(samples, max(length, math.ceil(2 * late / e.step) + 2 if late > 0 else 0))
     count = min(most, samples // length)
     firsts = np.linspace(0, samples - length, count).astype(int) if count > 1 else [0]
     bare = replace(e, past=None, past_inputs=None, release_time=0.0, initial={})
-    return [
+    windows = [
         replace(
             bare, name=f"{e.name}, window {k + 1}", measured=e.measured[a : a + length],
             inputs=e.inputs if len(e.inputs) == 1 else e.inputs[a : a + length], start=e.start + a * e.step,
         )
         for k, a in enumerate(map(int, firsts))
     ]  # fmt: skip
+    return [w for w in windows if w.samples >= LEAST * length] or [bare]
 
 
 def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:
