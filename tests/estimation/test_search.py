@@ -26,6 +26,8 @@ from fracid.optimise import (
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.safety.schema import as_json
+from fracid.schemas.result import StartBlock
 from fracid.tasks.journal import Journal
 from twins import release
 
@@ -211,6 +213,13 @@ def test_a_waterfall_shows_every_start_once_by_its_final_cost():
     assert drawn == {"given": [[3, 0.2]], "Sobol": [[2, 0.1]], "Sobol, left in another's minimum": [[1, 0.1]]}
     assert axes.get_title() == "2 of 4 starts at the lowest cost; 1 left for their cost"
     assert axes.get_ylabel() == "final RMSE [rad]"
+
+
+def test_what_a_climb_came_to_is_drawn_and_written_as_a_start():
+    climb = [start("given", 0.3), start("the simpler structure", 0.2), start("windows", 0.1)]
+    drawn = [n for line in waterfall(climb).axes[0].get_lines() if not (n := line.get_label()).startswith("_")]
+    assert drawn == [s.origin for s in climb]
+    assert [as_json(StartBlock, vars(s) | {"point": {}, "end": {}})["origin"] for s in climb] == drawn
 
 
 def test_a_waterfall_of_which_nothing_arrived_is_still_a_figure():

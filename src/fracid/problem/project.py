@@ -151,6 +151,8 @@ class _Recording(_Table):
     weight: float = 1.0
     release_time: float | _Range = 0.0
     history: _History | None = None
+    amplifier: Literal["on", "off"] | None = None
+    """Whether the motor brakes by its back-EMF; off where nothing is said."""
     mask: list[list[float]] = []
     """From when to when samples are not scored, on the recording's own clock [s]."""
 
@@ -333,7 +335,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
             r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
-            mask=s.mask,
+            mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
         )
         for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
     ]  # fmt: skip
@@ -477,6 +479,15 @@ def _load(
         return recording, None
     after = recording.trim(spec.start)
     return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
+
+
+def _switched_off(recording: str, amplifier: str | None, model: Model) -> tuple[str, ...]:
+    """The switches of a model that are off in a recording: the amplifier's, where it does not say that it is on."""
+    switches = tuple(dict.fromkeys(p.switch for p in model.parameters if p.switch))
+    if amplifier is not None and "amplifier" not in switches:
+        raise InputError(f"{recording}: amplifier = {amplifier!r}, but no parameter of the model {model.name} goes by "
+                         "an amplifier: leave it out.")  # fmt: skip
+    return tuple(name for name in switches if name != "amplifier" or amplifier != "on")
 
 
 def _name(spec: _Recording) -> str:

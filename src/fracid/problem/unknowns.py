@@ -123,6 +123,14 @@ class Unknown:
     experiment: str | None
     """The recording that it belongs to; None where all share it."""
     range: Free
+    complete: bool = False
+    """Whether nothing but the range is possible: a presliding joint's part of what it gives."""
+
+    @property
+    def prior(self) -> Prior | None:
+        """What intervals take for known beforehand: its prior, or a complete range as the normal of its variance."""
+        middle, width = (self.range.lower + self.range.upper) / 2, self.range.upper - self.range.lower
+        return self.range.prior or (Prior(middle, width / math.sqrt(12)) if self.complete else None)
 
 
 def start_of(value: Value) -> float:

@@ -247,7 +247,7 @@ def _profiles(material: Material) -> dict[str, Any] | None:
 
 def _context(material: Material) -> dict[str, Any]:
     result, project = material.result, material.project
-    lines = verdict(material)
+    lines, off = verdict(material), _off(material)
     return {
         "title": f"{project.problem.model.name}: {_names(list(result['recordings']))}",
         "open_at_most": OPEN,
@@ -261,7 +261,8 @@ def _context(material: Material) -> dict[str, Any]:
         "own_model": project.problem.model.written is None,
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
-        "fixed": [row for row in _parameters(material) if not row["free"]],
+        "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
+        "off": sorted(off, key=project.problem.model.parameter_names.index),
         "per_recording": list(_per_recording(material)),
         "residuals": [_residual(material, a) for outputs in material.analyses.values() for a in outputs.values()],
         "shown": material.shown,
@@ -329,6 +330,14 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
         yield {"name": name, "says": says.get(name, ""), **e}
 
 
+def _off(material: Material) -> set[str]:
+    """Constants that are given as 0, and those that mean nothing without one of them: in no equation."""
+    model, result = material.project.problem.model, material.result["parameters"]
+    kinds = model.friction
+    given = {n: e["value"] for n, e in result.items() if n in model.parameter_names and not e["free"]}
+    return {n for n, value in given.items() if value == (kinds[n].off if n in kinds else 0.0) or value == 0.0}
+
+
 def _whose(model: Any, order: str) -> str:
     outputs = [letter(n) for n, i in model.output_states.items() if model.orders[i] == order]
     return f"derivatives of {joined(outputs)}" if outputs else "states that have it"
@@ -339,12 +348,14 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
         for block, suffix in (("parameters", ""), ("initial_state", " at the start")):
             for name, e in r[block].items():
                 if e["free"]:
-                    yield {"name": f"{_state(name)}{suffix}", "says": recording, **e}
+                    named = _state(name) if block == "initial_state" else letter(name)
+                    yield {"name": f"{named}{suffix}", "says": recording, **e}
 
 
 def _state(name: str) -> str:
-    """``D^lambda theta`` as D^λ θ."""
-    return " ".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in name.split())
+    """``D^lambda theta`` as D^λ θ, ``z_theta`` as z_θ."""
+    return " ".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
+                    for word in name.split())  # fmt: skip
 
 
 def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
