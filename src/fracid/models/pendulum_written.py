@@ -140,7 +140,7 @@ def _shaft(c: Any, J_h: Any, θ: Any, θ_a: Any, ω_θ: Any, ω_a: Any) -> Itera
         turn = c.row(turn, c.o("−"), _within(c, "play_theta", turn))
     own = c.row(c.squared(c.bracket(c.row(c.n("120"), c.i("π"), c.text("/s")))), J_h)
     yield c.o("+"), c.row(c("arm_stiffness") if c.there("arm_stiffness") else own, c.bracket(turn))
-    when = [c.text(" in contact")] if c.there("play_theta") else []
+    when = [c.text("\N{NO-BREAK SPACE}in contact")] if c.there("play_theta") else []
     yield from c.term("+", "arm_damping", c.bracket(c.row(ω_θ, c.o("−"), ω_a)), *when)
 
 
