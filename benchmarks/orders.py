@@ -8,6 +8,7 @@ largest over the states at the last time at which a solution is known, unless a 
 binary logarithm of the last two errors' ratio.  A method that is added to ``METHODS`` has its rows by itself.
 """
 
+import math
 import re
 import sys
 import warnings
@@ -25,6 +26,7 @@ from fracid import Trajectory, sensitivities, solve_fde  # noqa: E402
 from fracid.solver.methods import METHODS  # noqa: E402
 from fracid.solver.operators import mittag_leffler  # noqa: E402
 from fracid.solver.solve import PaperSchemeWarning  # noqa: E402
+from fracid.solver.weights import zeta  # noqa: E402
 from oracles import derivatives as recursions  # noqa: E402
 from oracles.problems import (  # noqa: E402
     LINEAR,
@@ -222,6 +224,26 @@ def stiff_table() -> str:
     return table(["start", "order q", "L", "h = 1/64", "1/128", "1/256", "measured order"], rows)
 
 
+def stiff_above_table() -> str:
+    """What is left of a fast decay after 15 s, above order 1."""
+
+    def decay(t, x, u, p, out):  # noqa: ARG001
+        out[0] = -p[0] * x[0]
+
+    rows = []
+    for order in (1.01, 1.05, 1.2, 1.5, 1.8):
+        limit = math.gamma(order + 2) / (4 * (2 ** (order + 2) - 1) * zeta.py_func(-order - 1))
+        for rate in (1e3, 3e4, 1e6):
+            runs = [solve_fde(decay, order, [1.0], step=1e-2, end=20.0, parameters=[rate], method=method)
+                    for method in ("pi2-implicit", "bdf2")]  # fmt: skip
+            late = runs[1].time >= 15
+            exact = np.abs(mittag_leffler(order, -rate * runs[1].time[late] ** order)).max()
+            left = [np.abs(run.states[late, 0]).max() if len(run.time) == len(late) else math.inf for run in runs]
+            rows.append([f"{order:g}", f"{rate:.0e}", f"{rate * 1e-2**order:.3g}", f"{limit:.3g}",
+                         *shown([*left, exact])])  # fmt: skip
+    return table(["order", "L", "$h^q L$", "limit of `pi2`", "`pi2-implicit`", "`bdf2`", "exact"], rows, 0)
+
+
 def stiff_methods_table() -> str:
     """Which methods survive stiffness."""
     problems = (t15(0.8, 1e4), robinson((0.7, 0.8, 0.9)))
@@ -401,6 +423,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "jumps": jump_table,
     "not-lipschitz": limits_table,
     "stiff-methods": stiff_methods_table,
+    "stiff-above": stiff_above_table,
     "stiff": stiff_table,
     "continued": continued_table,
     "between": between_table,

@@ -222,6 +222,23 @@ def test_a_simulation_that_runs_away_exits_3_and_writes_nothing(capsys, tmp_path
     assert not any(tmp_path.iterdir())
 
 
+def test_a_step_that_is_too_long_above_order_one_is_refused_with_the_method_that_helps(capsys, tmp_path):
+    stiff = ("simulate", "qube-servo2", "--order", "mu=1.05", "--set", "b_alpha=1", "--end", 10, "--step", "10ms")
+    code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv")
+    assert (code, out) == (3, "")
+    assert 'Type method = "bdf2", or a step of' in err
+    assert not any(tmp_path.iterdir())
+    code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv", "--method", "bdf2")
+    assert (code, err) == (0, "")
+    assert "bdf2, memory" in out
+
+
+def test_a_step_that_spoils_a_completed_simulation_is_said(capsys, tmp_path):
+    code, _, err = run(capsys, "simulate", "qube-servo2", "--end", 2, "--step", "40ms", "--to", tmp_path / "twin.csv")
+    assert code == 0
+    assert "20 are too few" in " ".join(err.split())
+
+
 def test_the_papers_scheme_is_warned_of(capsys, tmp_path):
     code, _, err = run(
         capsys, "simulate", "srv02-rotpen", "--method", "gl-paper", "--end", 1, "--to", tmp_path / "twin.csv"

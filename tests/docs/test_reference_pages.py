@@ -26,6 +26,7 @@ from fracid.recording import UNITS, Channel
 from fracid.recording.clock import SECONDS
 from fracid.runs.folder import LATER
 from fracid.schemas.files import json_schema
+from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -97,6 +98,10 @@ def test_the_page_of_the_project_file_has_every_field_of_a_signal():
 
 def test_the_page_of_the_project_file_has_everything_that_a_channel_may_do():
     assert listed("What the channel does") == {f.name: written(f.default) for f in fields(Sensor)}
+
+
+def test_the_page_of_the_project_file_has_every_way_between_samples():
+    assert {row[0].strip('`"') for row in ROWS["Between the samples of an input"][1:]} == set(BETWEEN)
 
 
 def test_the_page_of_the_project_file_has_every_parameter_of_the_pendulum():

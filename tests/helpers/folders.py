@@ -25,7 +25,7 @@ file = "driven.csv"
 to = 1.5
 theta = { column = "theta", unit = "rad" }
 alpha = { column = "alpha", unit = "rad" }
-voltage = { column = "voltage", unit = "V" }
+voltage = { column = "voltage", unit = "V", between = "line" }
 initial = { theta = 0.0, alpha = 0.0 }
 use = "validate"
 [fit]

@@ -9,9 +9,11 @@ from scipy.integrate import solve_ivp
 
 import fracid
 from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
+from fracid.estimation.horizons import horizons
+from fracid.estimation.windows import in_windows
 from fracid.problem.costs import COSTS
 from fracid.problem.portable import Portable
-from fracid.problem.sensors import low_passed
+from fracid.solver.inputs import low_passed
 
 STEP, SAMPLES = 5e-3, 1201
 T = STEP * np.arange(SAMPLES)
@@ -194,6 +196,96 @@ def test_a_horizon_is_counted_in_samples_that_are_scored():
 
 
 def test_a_problem_with_sensors_travels():
-    p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.zeros((1, 1)),
-                sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
-    assert pickle.loads(pickle.dumps(Portable(p))).problem.names == p.names
+    p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.ones((9, 1)),
+                sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}, actuators={"voltage": Sensor(lowpass=0.01)},
+                between={"voltage": "hold"}, mask=((0.0, 0.01),)),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
+    x = p.start + 1e-3
+    for back in (pickle.loads(pickle.dumps(Portable(p))).problem, pickle.loads(pickle.dumps(p))):
+        assert (back.names, back.cost(x)) == (p.names, p.cost(x))
+
+
+@pytest.mark.parametrize(("sensor", "mask"), [(Sensor(delay=-2.5), ()), (Sensor(delay=2.5), ()), (None, ((0.0, 3.0),))])
+def test_delays_longer_than_a_swing_and_masks_longer_than_a_window_leave_pieces_to_begin_with(sensor, mask):
+    p = problem(swing(T), sensor, mask=mask)
+    assert all(part.samples >= 100 for h in horizons(p) for part in p.until(h).experiments)
+    pieces = in_windows(p).experiments
+    assert pieces
+    assert all(4 * part.samples >= len(part.measured) for part in pieces)
+
+
+# --- inputs ----------------------------------------------------------------------------------------------
+
+
+def driven(u, late=0.0, step=0.02):
+    """The pendulum driven by held values by an independent integrator, each `late` after its sample."""
+
+    def f(t, x, v):
+        return [x[1], -36 * np.sin(x[0]) - 0.4 * x[1] + v]
+
+    x, states = np.array([0.3, 0.0]), []
+    for before, now in zip([u[0], *u[:-1]], u, strict=True):
+        states.append(x)
+        for value, span in ((before, late), (now, step - late)):
+            if span > 0:
+                x = solve_ivp(f, (0, span), x, "DOP853", args=(value,), rtol=1e-10, atol=1e-11).y[:, -1]
+    return np.array(states)[:, 0] + NOISE * np.random.default_rng(4).standard_normal(len(u))
+
+
+U = 3 * np.sin(0.3 * np.arange(500)) + np.random.default_rng(5).standard_normal(500)
+
+
+def of_driven(alpha, between, actuator=None, **more):
+    e = Experiment("twin", 0.02, alpha[:, None], U[:, None], initial={"alpha": 0.3}, between={"drive": between},
+                   actuators={} if actuator is None else {"drive": actuator})  # fmt: skip
+    free = {"stiffness": Free(35.0, 20.0, 50.0), "damping": Free(0.3, 0.0, 2.0)}
+    return Problem(PENDULUM, (e,), {"mu": Free(0.98, 0.8, 1.2)}, free, initial_state="held", substeps=8, **more)
+
+
+def test_held_values_give_the_order_of_a_perfect_model_where_lines_do_not():
+    alpha = driven(U)
+    held, lines = (fracid.identify(of_driven(alpha, between)) for between in ("hold", "line"))
+    low, high = held.orders["mu"].interval95
+    assert low < 1 < high
+    assert high - low < 1e-3
+    assert held.recordings["twin"].rmse["alpha"] == pytest.approx(NOISE, rel=0.1)
+    assert abs(lines.orders["mu"].value - 1) > 20 * abs(held.orders["mu"].value - 1)
+    assert lines.recordings["twin"].rmse["alpha"] > 5 * NOISE
+
+
+def test_the_delay_and_the_gain_of_an_input_are_found():
+    alpha = driven(2 * U + 0.5, late=0.0067)
+    far = Sensor(delay=Free(0.0, -0.02, 0.02), gain=Free(1.5, 0.5, 4.0), bias=Free(0.0, -2.0, 2.0))
+    fit = fracid.identify(of_driven(alpha, "hold", far))
+    for name, truth in {"delay_drive": 0.0067, "gain_drive": 2.0, "bias_drive": 0.5}.items():
+        low, high = fit.parameters[name].interval95
+        assert low < truth < high, name
+    assert abs(fit.parameters["delay_drive"].value - 0.0067) < 0.05 * 0.02
+
+
+def test_a_voltage_is_held_if_nothing_is_said():
+    time = 0.1 * np.arange(20)
+    signals = {"theta": 0 * time, "alpha": 0 * time, "voltage": np.sin(time)}
+    rig = fracid.rotary_pendulum()
+    volts = Recording.of("twin", time, signals, {"voltage": "V"})
+    assert Experiment.of(volts, rig, ["alpha"]).between == {"voltage": "hold"}
+    assert Experiment.of(volts, rig, ["alpha"], between={"voltage": "line"}).between == {"voltage": "line"}
+    assert Experiment.of(Recording.of("twin", time, signals, {"voltage": "1"}), rig, ["alpha"]).between == {}
+    with pytest.raises(InputError, match="unknown between of drive 'held'"):
+        of_driven(U, "held")
+
+
+def test_what_moves_an_input_is_in_the_key_of_the_memo():
+    alpha, fixed = U.copy(), Sensor(delay=1e-3)
+    problems = [of_driven(alpha, b, a) for b in ("hold", "line") for a in (None, fixed, replace(fixed, gain=2.0))]
+    keys = {p.simulator._key(p.start, p.experiments[0]) for p in problems}
+    assert len(keys) == len(problems)
+
+
+def test_a_twin_of_a_driven_recording_is_what_the_problem_simulates():
+    rig, n = fracid.rotary_pendulum(), 200
+    volts = np.random.default_rng(6).standard_normal((n, 1))
+    for between in ("hold", "line", "band-limited"):
+        e = Experiment("twin", 0.01, np.zeros((n, 2)), volts, between={"voltage": between})
+        p = Problem(rig, (e,), {"lambda": 0.95, "mu": 0.9}, initial_state="held", substeps=2)
+        run = fracid.Twin.of_problem(p, p.start, e).simulate()
+        assert run.states[:, [0, 2]] == pytest.approx(p.fitted(p.start, e), abs=1e-12)

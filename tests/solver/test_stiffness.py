@@ -1,10 +1,12 @@
 """Why a run ended, and whether its step is short enough: each fault is made on purpose, and said with its number."""
 
+import mpmath
 import numpy as np
 import pytest
 
 import fracid
 from fracid.solver.methods import METHODS
+from fracid.solver.operators import mittag_leffler
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 
@@ -56,6 +58,96 @@ def test_with_the_step_that_it_asks_for_it_follows(method):
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit"])
 def test_a_scheme_that_follows_stiff_systems_is_not_blamed(method):
     assert run(decay, 0.8, [0.0], [1e5], method=method).fault is None
+
+
+def limit_of_pi2(q):
+    """h^q a at which x_n of D^q x = −a x begins to change its sign for ever, with mpmath's ζ."""
+    return float(mpmath.gamma(q + 2) / (4 * (2 ** (q + 2) - 1) * mpmath.zeta(-q - 1)))
+
+
+@pytest.mark.few(30)
+@pytest.mark.parametrize("method", ["pi2", "pi2-implicit"])
+@pytest.mark.parametrize("q", [1.01, 1.05, 1.2, 1.5, 1.8, 1.95])
+@pytest.mark.parametrize("part", [0.5, 0.9, 0.97, 1.03, 1.1, 2.0, 10.0, 1e3])
+def test_above_order_one_the_verdict_on_a_step_is_what_the_run_does(method, q, part):
+    stiff = part * limit_of_pi2(q)
+    ended = run(decay, q, [0.0], [stiff / 1e-2**q], end=40.0, method=method)
+    last, middle = (float(np.abs(ended.states[k] - 1.0).max()) for k in (-1, len(ended.time) // 2))
+    if part < 1:
+        assert ended.completed
+        assert ended.fault is None or ended.fault.code == "coarse-steps"
+        assert last < 0.2
+    else:
+        assert last > 2 * min(middle, 1e50)
+        assert ended.fault.code == "stiff"
+        assert ended.fault.number == pytest.approx(stiff, rel=1e-3)
+        assert ended.fault.limit == pytest.approx(limit_of_pi2(q), rel=0.06)
+        assert 'method = "bdf2"' in ended.fault.sentence
+        assert not ended.completed or last < 1e8
+
+
+@pytest.mark.parametrize("q", [1.05, 1.5])
+def test_above_order_one_the_step_and_the_method_that_are_asked_for_help(q):
+    stiff = {"rhs": decay, "orders": q, "initial": [0.0], "parameters": [3e4]}
+    found = run(**stiff).fault
+    shorter = float(found.sentence.split("a step of ")[1].split(" s")[0])
+    for better in (run(**stiff, step=shorter, end=5000 * shorter), run(**stiff, method="bdf2")):
+        assert better.completed
+        assert better.fault is None or better.fault.code == "coarse-steps"
+        assert abs(better.states[-1, 0] - 1.0) < 1e-3
+
+
+@pytest.mark.parametrize("mu", [0.9, 1.05])
+@pytest.mark.parametrize("b_alpha", [0.2, 0.5, 10.0])
+def test_a_run_whose_sweeps_ran_away_is_no_blow_up_of_the_solution(mu, b_alpha):
+    rig = {"orders": {"lambda": 1.0, "mu": mu}, "initial": {"alpha": 0.17}, "step": 1e-2, "end": 2.0}
+    model = fracid.rotary_pendulum("qube-servo2", b_alpha=b_alpha)
+    ended = fracid.simulate(model, **rig)
+    assert not ended.completed
+    assert ended.fault.code == "stiff"
+    assert 'method = "bdf2"' in ended.fault.sentence
+    solved = fracid.simulate(model, **rig, method="bdf2")
+    assert solved.completed
+    assert solved.fault is None
+
+
+def test_a_run_that_its_step_made_grow_is_not_called_completed():
+    ended = run(decay, 1.05, [0.0], [3e4], end=5.0)
+    assert np.abs(ended.states).max() > 1e10
+    assert ended.outcome.name == "UNSTABLE"
+    assert not ended.completed
+
+
+@pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "bdf2"])
+def test_a_solution_that_grows_above_order_one_is_not_blamed_on_the_step(method):
+    ended = run(growth, 1.3, [1.0], [3.0], end=200.0, method=method)
+    assert ended.fault.code == "runs-away"
+
+
+@pytest.mark.parametrize("rate", [1e2, 1e5])
+def test_the_limit_holds_for_a_system_of_mixed_orders(rate):
+    """x' = v, D^1.2 v = −9 x − rate v: what is stiff is of order 1.2."""
+    ended = run(swing, (1.0, 1.2), [1.0, 0.0], [9.0, rate])
+    unstable = rate * 1e-2**1.2 > limit_of_pi2(1.2)
+    assert (ended.fault is not None and ended.fault.code == "stiff") == unstable
+    assert (not ended.completed) == unstable
+    assert run(swing, (1.0, 1.2), [1.0, 0.0], [9.0, rate], method="bdf2").fault is None
+
+
+@pytest.mark.parametrize("method", ["gl", "gl-sequential"])
+@pytest.mark.parametrize("q", [0.001, 0.01, 0.05, 0.09, 0.15])
+@pytest.mark.parametrize("size", [0.5, 0.9, 0.97])
+def test_an_explicit_scheme_of_low_order_says_how_many_samples_it_loses(method, q, size):
+    ended = run(decay, q, [0.0], [size / 1e-2**q], method=method)
+    exact = 1 - mittag_leffler(q, -size / 1e-2**q * ended.time**q)
+    wrong = np.flatnonzero(np.abs(ended.states[:, 0] - exact) > 0.01)[-1]
+    if q < 0.1:
+        assert ended.fault.code == "low-order"
+        assert ended.fault.number == pytest.approx(wrong, rel=0.15, abs=1.5)
+        assert 'method = "pi2"' in ended.fault.sentence
+    else:
+        assert ended.fault is None
+    assert run(decay, q, [0.0], [size / 1e-2**q]).fault is None
 
 
 @pytest.mark.parametrize("method", ["pi2", "gl", "pi3"])

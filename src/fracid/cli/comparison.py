@@ -33,6 +33,7 @@ COMPARE_EXAMPLE = (
     "fracid compare rig.toml --leave-one-out --jobs 8  [dim](each recording held out once)[/dim]",
     "fracid compare rig.toml --amplitude  [dim](do the orders drift as the swing dies?)[/dim]",
     "fracid compare rig.toml --keep cable_stiffness  [dim](stays as the file has it)[/dim]",
+    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim](no others; --rung all: play, springpots too)[/dim]",
     "fracid compare rig.toml --json | jq .verdict",
 )
 
@@ -53,6 +54,10 @@ def compare(
         list[str] | None,
         typer.Option(metavar="NAME", help="A friction that stays as the file has it; may be given again."),
     ] = None,
+    rungs: Annotated[
+        list[str] | None,
+        typer.Option("--rung", metavar="NAME", help="A rung of the ladder to climb, or all; may be given again."),
+    ] = None,
     preset: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=key_of("presets")),
@@ -69,7 +74,7 @@ def compare(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Compare viscous, Coulomb, drag and cable friction, each with orders 1 and with orders free.
+    """Compare structures of friction, from viscous to presliding, drag and cable, with orders 1 and with orders free.
 
     All are fitted alike to the recordings with use = "fit" and judged on those with use = "validate", where only the
     initial state, and what a recording has for itself, are found again.  Writes compare.json, compare.csv and figures.
@@ -81,8 +86,8 @@ def compare(
     place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
     finished = run_comparison(
         project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, starts=multi_start, keep=keep or (),
-        preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs, observer=on_terminal(events=json_),
-        command=sys.argv[1:],
+        rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs,
+        observer=on_terminal(events=json_), command=sys.argv[1:],
     )  # fmt: skip
     if json_:
         typer.echo(finished.path.read_text(encoding="utf-8").rstrip("\n"))

@@ -224,7 +224,8 @@ def start_shift(
 def _covariance(problem: Problem, initial_indices: list[int], noise: dict[str, FloatArray]) -> FloatArray:
     """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
     model, experiments = problem.model, {e.name: e for e in problem.experiments}
-    outputs = {model.states[model.outputs[o]]: k for k, o in enumerate(problem.outputs)}
+    indices = model.output_states
+    outputs = {model.states[indices[o]]: k for k, o in enumerate(problem.outputs) if o in indices}
     rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.parametrisation.rates.items()}
     sources, functionals = [], []
     for u in (problem.unknowns[i] for i in initial_indices):

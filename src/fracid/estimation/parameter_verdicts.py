@@ -183,14 +183,16 @@ class _View:
         joint = model.friction[model.relaxing[state]].joint
         z, q = (
             sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs)
-            for i in (model.states.index(state), model.outputs[joint])
+            for i in (model.states.index(state), model.output_states[joint])
         )
         return joint, z / q if q > 0 else math.nan
 
     def swings(self) -> dict[str, float]:
-        """The same of the model's outputs."""
-        travels = list(self.travels().values())
-        return {n: travels[i] for n, i in self.problem.model.outputs.items()}
+        """The same of the model's outputs that are states, and how far the others were measured to."""
+        travels, problem = [*self.travels().values()], self.problem
+        measured = {n: max(float(np.ptp(e.measured[:, k])) for e in problem.experiments)
+                    for k, n in enumerate(problem.outputs)}  # fmt: skip
+        return measured | {n: travels[i] for n, i in problem.model.output_states.items()}
 
     def size(self, output: str) -> str:
         """How far an output moves, in words."""
@@ -199,7 +201,7 @@ class _View:
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""
         model = self.problem.model
-        return tuple(n for n, i in model.outputs.items() if model.orders[i] == order)
+        return tuple(n for n, i in model.output_states.items() if model.orders[i] == order)
 
     def power(self, i: int) -> float:
         """With which power of the swing an unknown's sensitivity grows; NaN where angles cannot be halved."""

@@ -13,6 +13,9 @@ above 1:
    so is one that costs many times as much as the best; the given start is not, so many starts never end above one.
 4. Those left are **polished** on the whole record.
 
+Rich friction, presliding and what follows it, has minima that no such start leaves: a search that has it free climbs to
+it beside the starts (:mod:`fracid.estimation.climbing`).
+
 Step 3 pays: on a release of a real SRV02 with 18 unknowns, 16 starts take 10 times as long as one, and six of them
 come to the one minimum; with none left for its cost all 16 come to it, in three times the time.
 
@@ -33,9 +36,10 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
+from fracid.estimation.climbing import climbed
 from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
 from fracid.estimation.starts import Start
-from fracid.optimise import Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
+from fracid.optimise import MOST_STARTS, Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
@@ -94,12 +98,30 @@ def search(
         result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
         return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
     points = [("given", problem.start)]
-    if at_least("starts", starts, 1) > 1:
+    if at_least("starts", starts, 1, MOST_STARTS) > 1:
         points += _regression_start(problem)
         points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
     if executor != "threads" and starts > 1:
         return _scattered(problem, points[:starts], executor, jobs, watch, journal)
-    return grown_horizon(problem, points[:starts], jobs, watch)
+    result, made = grown_horizon(problem, points[:starts], jobs, watch)
+    return (result, made) if result.interrupted else _climbing(problem, result, made, jobs, watch)
+
+
+def _climbing(
+    problem: Problem, result: Result, made: tuple[Start, ...], jobs: int, watch: Watch
+) -> tuple[Result, tuple[Start, ...]]:
+    """The lower of what the starts came to and what a climb to rich friction comes to, where there is any."""
+    before = watch.count
+    try:
+        ends = climbed(problem, jobs, watch)
+    except KeyboardInterrupt:
+        return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
+    starts = [
+        Start(origin, problem.start, np.inf, end.best.point, end.best.cost, end.outcome.value, end.evaluations)
+        for origin, end in ends
+    ]
+    lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)
+    return replace(lowest, evaluations=result.evaluations + watch.count - before), (*made, *starts)
 
 
 def _polished(problem: Problem, result: Result, jobs: int, watch: Watch) -> Result:

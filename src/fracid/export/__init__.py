@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.errors import InputError, unknown_name
+from fracid.errors import unknown_name, unwritable
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -75,7 +75,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
             raise unknown_name("format", name, FORMATS)
     folder = Path(folder)
     files: list[Path] = []
-    notes = list(run.notes)
+    notes = [*run.notes, *_left_out(run)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
@@ -85,8 +85,21 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
                 else:
                     notes.append(thing)
     except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
+
+
+def _left_out(run: SavedRun) -> Iterator[str]:
+    """What no exported model has: outputs that are functions, what channels do."""
+    model = run.problem.model
+    if functions := [n for n in model.outputs if n not in model.output_states]:
+        names = ", ".join(functions)
+        yield f"The exported model gives its states; {names} is a function of them, which it does not have."
+    channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
+    if channels:
+        yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
+    if any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
+        yield "The exported model takes inputs as straight lines; where one jumps, give it the mean of both values."
 
 
 def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
@@ -157,7 +170,7 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     write_text(folder / "state_space.json", text + "\n")
     yield folder / "state_space.json"
     for posture, linear in system.linear.items():
-        if linear.inputs and linear.G.any():
+        if linear.inputs and linear.outputs and linear.G.any():
             yield from save(linear_response(system, posture), folder, f"linear-{posture}")
     yield from sentences(run, system)
 

@@ -56,7 +56,8 @@ class Case:
     past: FloatArray
     """Known states up to the start, the last row is that at the start, shape (n_past + 1, n_states)."""
     inputs: FloatArray
-    """u on the grid from the first known state on, shape (n_past + steps + 1, n_inputs), or one row for all."""
+    """u on the grid from the first known state on, shape (n_past + steps + 1, n_inputs), or one row for all; where it
+    jumps, the mean of before and after, which straight lines come closest with."""
     parameters: FloatArray
     """p, shape (n_parameters,)."""
     step: float
@@ -69,7 +70,7 @@ class Case:
     def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
         """As :meth:`Problem.simulate` takes it."""
         simulator, values = problem.simulator, problem.parametrisation.unpack(x, e)
-        history, inputs = simulator.history(x, e), simulator.inputs(values.release, e)
+        history, inputs = simulator.history(x, e), simulator.inputs(x, e).mean
         past = values.initial[None] if history is None else np.vstack([history, values.initial])
         step, steps = e.step / simulator.substeps, simulator.steps(e)
         return cls(e.name, past, inputs, values.parameters, step, steps, values.release)

@@ -433,7 +433,7 @@ class IntegerModel:
         for i in range(m):
             d = 1e-6 * (np.arange(m) == i)
             G[:, i] = (self.f(about, d, parameters) - self.f(about, -d, parameters)) / 2e-6
-        outputs, rows = tuple(self.model.outputs), tuple(self.model.outputs.values())
+        outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
         return LinearModel(name, about, self.model.inputs, outputs, self.orders, self.weight, F, G,
                            np.diag(-self.decay) + self.B @ F @ self.C, self.B @ G, self.C[list(rows)],
                            rows)  # fmt: skip
@@ -492,7 +492,7 @@ class IntegerModel:
             Without python-control.
         """
         start = np.zeros(len(self.orders)) if x0 is None else np.asarray(x0, dtype=np.float64)
-        rows = list(self.model.outputs.values())
+        rows = list(self.model.output_states.values())
 
         def update(_t: float, z: FloatArray, u: FloatArray, _p: Any) -> FloatArray:
             return np.asarray(-self.decay * z + self.B @ self.f(start + self.C @ z, np.atleast_1d(u)))
@@ -500,7 +500,7 @@ class IntegerModel:
         def output(_t: float, z: FloatArray, _u: FloatArray, _p: Any) -> FloatArray:
             return np.asarray((start + self.C @ z)[rows])
 
-        return _control().nlsys(update, output, inputs=list(self.model.inputs), outputs=list(self.model.outputs),
+        return _control().nlsys(update, output, inputs=list(self.model.inputs), outputs=list(self.model.output_states),
                                 states=len(self.decay), name=self.model.name)  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -620,7 +620,7 @@ def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, fl
     states = own.simulate(case.past[-1], case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :], case.step,
                           case.steps)  # fmt: skip
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
-            for n, i in system.model.outputs.items()}  # fmt: skip
+            for n, i in system.model.output_states.items()}  # fmt: skip
 
 
 def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:

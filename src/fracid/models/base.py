@@ -17,7 +17,9 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
    order is known has the number itself: 1.0 for an ordinary derivative.  What an order is in the model without
    fractional calculus goes into ``integer_orders`` where it is not 1: a damper written as D^r z = x', z = D^(1-r) x, is
    a dashpot at r = 0 and a spring at r = 1, so ``{"r": 0}``.
-4. Say which states are measured: ``outputs = {"alpha": 0}``.
+4. Say what is measured: of a state its index, ``outputs = {"alpha": 0}``; of anything else a function of the same
+   language, ``outputs = {"force": force}`` with ``def force(t, x, u, p): return p[0] * x[0] + p[1] * x[1]``.  At a
+   sample where an input jumps it sees the new value.
 5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
 6. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
@@ -61,7 +63,10 @@ from fracid.models.joints import Complement
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Parameter", "RightHandSide", "Written"]
+__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Output", "Parameter", "RightHandSide", "Written"]
+
+Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
+"""``h(t, x, u, p)``: returns an output that is no state."""
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
@@ -205,8 +210,8 @@ class Model:
     orders: tuple[str | float | Complement, ...]
     """For each state the name of its order, the order itself where it is known, or of a springpot the parameter that
     it follows, shape (n_states,)."""
-    outputs: Mapping[str, int]
-    """Measured signals: name to index of the state."""
+    outputs: Mapping[str, int | Output]
+    """Measured signals: name to index of the state, or to a function ``h(t, x, u, p)`` that returns the signal."""
     inputs: tuple[str, ...]
     """Names of the inputs u; empty for a model that nothing drives."""
     parameters: tuple[Parameter, ...]
@@ -249,6 +254,18 @@ class Model:
         _check_shapes(self)
         if self.written is not None and getattr(self.rhs, "py_func", self.rhs) is not self.written.of:
             object.__setattr__(self, "written", None)
+
+    @cached_property
+    def output_states(self) -> dict[str, int]:
+        """The outputs that are states: name to index.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().output_states
+        {'theta': 0, 'alpha': 2}
+        """
+        return {name: i for name, i in self.outputs.items() if isinstance(i, int)}
 
     @property
     def friction(self) -> dict[str, Friction]:
@@ -471,7 +488,7 @@ class Model:
         array([0.  , 0.  , 0.17, 0.  ])
         """
         x = np.zeros(len(self.states))
-        index = {**self.outputs, **{name: i for i, name in enumerate(self.states)}}
+        index = {**self.output_states, **{name: i for i, name in enumerate(self.states)}}
         for name, value in self.with_followers(states).items():
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
@@ -558,6 +575,24 @@ def _check_names(model: Model) -> None:
         raise InputError(f"model {model.name}: zero = {model.zero!r}; expected one of {ZEROS}")
 
 
+def _check_output(model: Model, name: str, h: Output) -> None:
+    """A function of (t, x, u, p), which gives a number."""
+    sizes = f"x has {len(model.states)} entries, u has {len(model.inputs)}, p has {len(model.parameters)}"
+    arguments = np.linspace(0.1, 0.2, len(model.states)), np.zeros(len(model.inputs)), model.parameter_vector()
+    try:
+        with np.errstate(all="ignore"):
+            value = getattr(h, "py_func", h)(0.0, *arguments)
+    except ArithmeticError:
+        return
+    except Exception as error:
+        raise InputError(
+            f"model {model.name}: the output {name!r} fails: {type(error).__name__}: {error}; expected a function"
+            f" h(t, x, u, p), where {sizes}"
+        ) from error
+    if not is_number(value):
+        raise InputError(f"model {model.name}: the output {name!r} returns {value!r}; expected one number")
+
+
 def _check_shapes(model: Model) -> None:
     """An order for each state, a state for each output, a right-hand side to call."""
     if not model.states or len(model.orders) != len(model.states):
@@ -578,10 +613,12 @@ def _check_shapes(model: Model) -> None:
                 f"model {model.name}: relaxing names {state!r}; expected a state of order 1.0, a presliding element's"
             )
     for output, index in model.outputs.items():
-        if not isinstance(index, int) or not 0 <= index < len(model.states):
+        if callable(index):
+            _check_output(model, output, index)
+        elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(
                 f"model {model.name}: output {output!r} points to state {index!r};"
-                f" expected an index from 0 to {len(model.states) - 1}"
+                f" expected an index from 0 to {len(model.states) - 1}, or a function h(t, x, u, p)"
             )
     for name, value in model.integer_orders.items():
         if name not in model.order_names:

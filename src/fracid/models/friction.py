@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass, replace
 
 __all__ = [
-    "BACK_EMF", "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
-    "VISCOUS", "Friction",
+    "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
+    "SPRINGPOT_ORDER", "STRIBECK_SPEED", "VISCOUS", "Friction",
 ]  # fmt: skip
 
 
@@ -46,6 +46,8 @@ class Friction:
     entries: tuple[float, ...] = ()
     """Where a search that climbs to it puts it first, one after the other [the parameter's unit, or of `part_of`]; a
     little off nothing where there are none."""
+    climbed: bool = False
+    """Whether its cost has minima enough that a search brings it in after all others: presliding, not drag."""
     part_of: str = ""
     """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
@@ -68,24 +70,30 @@ VISCOUS = Friction("viscous", power=1)
 
 COULOMB = Friction("Coulomb", power=0, begins=2e-3)
 
-PRESLIDING = Friction("presliding", most=0.5, entries=(2e-3, 2e-2, 0.1))
+PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True)
 
-LUGRE = Friction("LuGre", begins=2e-3)
+LUGRE = Friction("LuGre", climbed=True)
 
 DRAG = Friction("drag", power=2)
 
 SPRING = Friction("cable", rests=("theta_rest",))
 
-PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2))
+PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True)
 
-SPRINGPOT = Friction("springpot")
+SPRINGPOT = Friction("springpot", climbed=True)
 
-ELASTIC = Friction("elastic arm")
+ELASTIC = Friction("elastic arm", climbed=True)
 
-BACK_EMF = Friction("back-EMF")
+STRIBECK_SPEED = replace(LUGRE, off=0.1, most=10.0, entries=(0.05, 0.5))
 
-BY_NAME = {"b_": VISCOUS, "coulomb_": COULOMB, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING}
+SPRINGPOT_ORDER = replace(SPRINGPOT, off=0.5, most=0.99, entries=(0.3, 0.7))
+
+BY_NAME = {
+    "b_": VISCOUS, "coulomb_": COULOMB, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
+    "stribeck_speed_": STRIBECK_SPEED, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING, "play_": PLAY,
+    "springpot_order_": SPRINGPOT_ORDER, "springpot_": SPRINGPOT,
+}  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""
 
-RUNGS = tuple(dict.fromkeys(kind.rung for kind in BY_NAME.values()))
+RUNGS = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable", "play", "springpot", "elastic arm")
 """Every model's first rungs, from the ground up; rungs of a model's own follow."""

@@ -75,7 +75,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide, Written
 from fracid.models.friction import (
-    BACK_EMF,
     COULOMB,
     DRAG,
     ELASTIC,
@@ -84,8 +83,10 @@ from fracid.models.friction import (
     PRESLIDING,
     SPRING,
     SPRINGPOT,
+    SPRINGPOT_ORDER,
+    STRIBECK_SPEED,
     VISCOUS,
-)  # fmt: skip
+)
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.pendulum_written import code, equations
@@ -179,7 +180,7 @@ PARAMETERS = (
         Parameter(
             f"stribeck_speed_{joint}", "rad/s", 0.1, f"rate of the {body} at which that goes", lower=1e-4,
             symbol=("v", f"st{letter}"),
-            friction=replace(LUGRE, off=0.1, begins=0.0, most=10.0, entries=(0.1, 1.0)).at(joint),
+            friction=STRIBECK_SPEED.at(joint),
         ),
         Parameter(
             f"presliding_{joint}", "rad", 0.0, f"what the {body} gives before it slides; 0: tanh(rate / slip_speed)",
@@ -187,7 +188,7 @@ PARAMETERS = (
         ),
         Parameter(
             f"presliding_damping_{joint}", "N m s/rad", 0.0, f"damping of the presliding of the {body}", lower=0.0,
-            symbol=("σ", f"1{letter}"), needs=(f"presliding_{joint}",), friction=replace(LUGRE, begins=0.0).at(joint),
+            symbol=("σ", f"1{letter}"), needs=(f"presliding_{joint}",), friction=LUGRE.at(joint),
         ),
         Parameter(
             f"springpot_{joint}", "N m s^nu/rad", 0.0, f"springpot c D^nu of the {body}'s angle", lower=0.0,
@@ -196,7 +197,7 @@ PARAMETERS = (
         Parameter(
             f"springpot_order_{joint}", "-", 0.5, "its order nu, between a spring and a dashpot", lower=0.01,
             upper=0.99, symbol=("ν", letter),
-            friction=replace(SPRINGPOT, off=0.5, most=0.99, entries=(0.3, 0.7)).at(joint),
+            friction=SPRINGPOT_ORDER.at(joint),
         ),
     )),
     Parameter("play_theta", "rad", 0.0, "half the gap between hub and arm", lower=0.0, symbol=("γ", "θ"),
@@ -209,7 +210,7 @@ PARAMETERS = (
               symbol=("J", "h"), needs=("arm_stiffness", "play_theta"),
               friction=replace(ELASTIC, off=0.0, most=0.95, entries=(0.2,), part_of="J_theta").at("theta")),
     Parameter("back_emf", "N m s/rad", 0.0, "braking of the motor where the amplifier is on", lower=0.0,
-              symbol=("b", "e"), friction=BACK_EMF.at("theta"), switch="amplifier"),
+              symbol=("b", "e"), switch="amplifier"),
     Parameter("dead_zone", "V", 0.0, "voltage below which the motor does nothing", lower=0.0, symbol=("u", "0")),
     Parameter("saturation", "V", 0.0, "largest voltage of the amplifier; 0: no limit", lower=0.0, symbol=("u", "max")),
 )  # fmt: skip
@@ -409,8 +410,8 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
         f_theta = torque_per_volt * saturated(gap(u[0], dead_zone), saturation) - cable_stiffness * (theta - theta_rest)
         b_hub, arm_rate = b_theta + back_emf + drag_theta * abs(theta_rate), theta_rate
-        if arm:  # two bodies: the hub first, then what the arm gets from it
-            play, stiffness, damping, inertia = p[29], p[30], p[31], p[32]
+        play, stiffness, damping, inertia = p[29], p[30], p[31], p[32]
+        if arm and (play > 0.0 or stiffness > 0.0):  # two bodies: the hub first, then what the arm gets from it
             inertia = inertia if inertia > 0.0 else 0.2 * J_theta
             stiffness = stiffness if stiffness > 0.0 else CONTACT * inertia
             turn, arm_rate = gap(theta - x[arm], play), x[arm + 1]
@@ -430,6 +431,8 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         out[3] = (M11 * f_alpha - M12 * f_theta) / det
         if arm:
             out[arm] = arm_rate
+            if play == 0.0 and stiffness == 0.0:  # one body after all
+                out[1] = out[arm + 1]
 
     # Named so that it can be pickled (see __getattr__) and its compiled code has its own file in Numba's cache.
     rhs.__qualname__ = rhs.__name__ = "_with_".join((zero, *own))

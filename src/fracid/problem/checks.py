@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from typing import get_args
 
 import numpy as np
 
-from fracid.errors import InputError, unknown_name
+from fracid.errors import SMALLEST, InputError, refuse_beyond, unknown_name
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
@@ -16,9 +17,13 @@ from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
+from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 __all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
+
+MOST_STEPS = 10**8
+"""Of a run: gigabytes, and a minute."""
 
 
 def check_parametrisation(p: Parametrisation) -> None:
@@ -37,6 +42,12 @@ def check_simulator(simulator: Simulator) -> None:
     check_choice("method", simulator.method, METHODS)
     if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
         raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
+    for e in simulator.parametrisation.experiments:
+        if simulator.steps(e) > MOST_STEPS:
+            raise InputError(
+                f"{e.name}: {len(e.measured)} samples with substeps = {simulator.substeps} make "
+                f"{simulator.steps(e):.3g} steps a run; expected {MOST_STEPS:.0e} at most. Give fewer substeps."
+            )
 
 
 def check_criterion(criterion: Criterion) -> None:
@@ -65,10 +76,13 @@ def refuse_twins(experiments: Sequence[Experiment]) -> None:
     --------
     >>> refuse_twins([])
     """
-    names = [e.name for e in experiments]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+    if name := _twice([e.name for e in experiments]):
+        raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+
+
+def _twice(names: Iterable[str]) -> str:
+    """The first name that comes twice; "" for none."""
+    return next((name for name, count in Counter(names).items() if count > 1), "")
 
 
 def check_choice(what: str, name: str, choices: Collection[str]) -> None:
@@ -108,6 +122,8 @@ def _check_bounds(p: Parametrisation) -> None:
                 f"{name} is free in {free.lower:g} … {free.upper:g} {constant.unit}, but means something only in "
                 f"{constant.lower:g} … {constant.upper:g}: bring {whose} lower and upper into that."
             )
+    if name := _twice(p.per_recording):
+        raise InputError(f"per_recording names {name!r} twice; name it once.")
     for name in p.per_recording:
         if name in p.ties:
             raise InputError(f"per_recording names {name!r}, which is tied: name {p.ties[name]!r} instead.")
@@ -123,6 +139,8 @@ def _check_outputs(p: Parametrisation) -> None:
         raise InputError(f"outputs is empty: score at least one of {', '.join(p.model.outputs)}.")
     for name in p.outputs:
         check_choice("output", name, p.model.outputs)
+    if name := _twice(p.outputs):
+        raise InputError(f'outputs names {name!r} twice; to weigh outputs by their noise type weights = "noise".')
 
 
 def _check_experiments(p: Parametrisation) -> None:
@@ -144,6 +162,9 @@ def _check_experiments(p: Parametrisation) -> None:
                 f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
                 'left out, or validates: use = "validate".'
             )
+        refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
+        for name, value in e.initial.items():
+            refuse_beyond(f"{e.name}: initial {name}", value)
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
 
@@ -162,6 +183,9 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
                         f"{e.name}: {name} has a delay of {delay:g} s, beyond the record of {e.time[-1]:g} s; expected "
                         "a part of it, in seconds: delay = 0.005."
                     )
+    for name, between in e.between.items():
+        check_choice(f"input of {e.name} with between", name, p.model.inputs)
+        check_choice(f"between of {name}", between, BETWEEN)
     if e.samples < 3:
         raise InputError(
             f"{e.name}: {e.samples} of its {len(e.measured)} samples are left to score beside its mask, bridged gaps "
@@ -193,7 +217,12 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
             f"{e.name}: history is not possible beside a delay, gain, bias or lowpass of an output; leave one of them "
             "out."
         )
-    observed = {p.model.outputs[o] for o in p.outputs}
+    for name in p.outputs:
+        if name not in p.model.output_states:
+            raise InputError(
+                f"{e.name}: history needs states as outputs, and {name} is a function of them; leave it out."
+            )
+    observed = {p.model.output_states[o] for o in p.outputs}
     unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
     if unobserved:
         names = ", ".join(p.model.states[i] for i in sorted(unobserved))

@@ -17,8 +17,11 @@ unknowns x, in this order, are
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
-What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
-States of which nothing is measured start at 0, and one named in an experiment's ``initial`` at its value there.
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.  Where the joint
+slides already nothing is free: z is where what it gains and what it forgets are in balance, sliding friction's part of
+the breakaway torque.
+States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
+experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 """
 
@@ -39,8 +42,12 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
 from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
+from fracid.solver.right_hand_side import compile_rhs
 
 __all__ = ["Parametrisation", "RunValues"]
+
+SOON = 10
+"""A joint that goes further than its δ in so many samples slides from the start: what it had given is forgotten."""
 
 TURNS = 100.0
 """No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
@@ -156,7 +163,10 @@ class Parametrisation:
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
         if self.initial_state == "estimate":
             for z, delta in self._deflections:
-                initial[z] *= 1.0 if self.model.states[z] in e.initial else parameters[delta]
+                if self.model.states[z] in e.initial:
+                    continue
+                slides = self._fixed[e.name][2][z] != 0.0
+                initial[z] = self._balance(z, initial, parameters) if slides else initial[z] * parameters[delta]
         for name, other in self.model.follows.items():
             if name not in e.initial:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
@@ -249,12 +259,13 @@ class Parametrisation:
         if self.initial_state in ("measured", "held"):
             return []
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
-        units = {self.model.outputs[n]: e.units.get(n, "rad") for n in self.outputs}
-        sizes = dict(zip(units, self.sizes(e).tolist(), strict=True))
+        states = self.model.output_states
+        units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
+        sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
-            reach |= {z: (1.0, f"of {self.model.parameter_names[delta]}") for z, delta in self._deflections}
+            reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
@@ -270,15 +281,37 @@ class Parametrisation:
         states, names = self.model.states, self.model.parameter_names
         return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
 
+    def _slides(self, e: Experiment, x0: FloatArray, delta: int) -> float:
+        """±1, by its direction, where a joint goes further than its δ in the first few samples; else 0."""
+        row = self.model.parameters[delta]
+        kind = self.model.friction.get(row.name)
+        rate = self.rates.get(self.model.output_states.get(kind.joint if kind else "", -1))
+        reach = self.parameter_starts.get(row.name, row.value)
+        v = 0.0 if rate is None else float(x0[rate])
+        return math.copysign(1.0, v) if abs(v) * SOON * e.step > reach else 0.0
+
+    def _balance(self, z: int, x0: FloatArray, parameters: FloatArray) -> float:
+        """The deflection of a joint that slides as fast as at the start: of ż = v − rate·z, v over the rate."""
+        x, out = x0.copy(), np.zeros(2 * len(x0))
+        x[z] = 0.0
+        compile_rhs(self.model.rhs)(0.0, x, np.zeros(max(1, len(self.model.inputs))), parameters, out)
+        v, rate = out[z], out[len(x0) + z]
+        return float(v / rate) if rate > 0.0 else 0.0
+
     def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
         x0 = np.zeros(len(self.model.states))
         readings = self._readings(parameters, e.sensors)
         for name, value, slope in zip(self.outputs, *e.first_values(), strict=True):
-            i, sensor = self.model.outputs[name], readings.get(name, Reading())
+            if name not in self.model.output_states:
+                continue
+            i, sensor = self.model.output_states[name], readings.get(name, Reading())
             x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
                 x0[self.rates[i]] = slope / sensor.gain
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                x0[z] = self._slides(e, x0, delta)
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
@@ -288,7 +321,7 @@ class Parametrisation:
     @cached_property
     def rates(self) -> dict[int, int]:
         """For each scored output's state i the state j with D^q x_i = x_j."""
-        indices = [self.model.outputs[name] for name in self.outputs]
+        indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
 
     def sizes(self, e: Experiment) -> FloatArray:

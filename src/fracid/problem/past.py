@@ -79,7 +79,7 @@ class Past:
         def states(orders: tuple[float, ...], unit: float) -> FloatArray:
             past = np.zeros((len(outputs), len(orders)))
             for name, signal in zip(self.outputs, outputs.T, strict=True):
-                i = self.model.outputs[name]
+                i = self.model.output_states[name]
                 past[:, i] = signal
                 rise = derivative(signal - signal[0], orders[i], step, kind="rl")  # at rest before
                 past[1:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise[1:]

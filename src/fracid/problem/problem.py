@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from typing import Any
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
@@ -38,7 +39,7 @@ from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
-from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Problem"]
 
@@ -83,7 +84,7 @@ class Problem:
     """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
-    memo: Memo | None = field(default=None, repr=False, compare=False)
+    memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
 
     def __post_init__(self) -> None:
@@ -106,6 +107,11 @@ class Problem:
         model, parameters = with_sensors(self.model, self.parameters, sensors, units)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "parameters", parameters)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle: the fields; what was simulated before, and what is computed once, stay behind."""
+        parts = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(Problem, **parts | {"memo": None}), ()
 
     # --- the three parts ---------------------------------------------------------------------------
 

@@ -17,6 +17,8 @@
 
 Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
 and ``scale``, its typical size.
+An input may hold its value between samples, or be a multisine: ``between = "hold"``, ``"line"`` or ``"band-limited"``
+(:mod:`fracid.solver.inputs`); a voltage is held if nothing is said.
 A channel may be late, scaled, offset or filtered: ``delay``, ``gain``, ``bias`` and ``lowpass`` in its table, each a
 number or a range (:mod:`fracid.problem.sensors`); free ones are parameters, ``delay_alpha``.  ``mask = [[12.0, 12.5]]``
 leaves samples out of the score.
@@ -41,28 +43,31 @@ import stat
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
-from fracid.optimise import optimiser_from_name
+from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
-from fracid.problem.experiment import Experiment
+from fracid.problem.experiment import Experiment, held_inputs
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import Channel
+from fracid.recording.loading import resampled
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import refuse_untrusted
+from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 
 __all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
@@ -146,6 +151,8 @@ class _Recording(_Table):
     weight: float = 1.0
     release_time: float | _Range = 0.0
     history: _History | None = None
+    amplifier: Literal["on", "off"] | None = None
+    """Whether the motor brakes by its back-EMF; off where nothing is said."""
     mask: list[list[float]] = []
     """From when to when samples are not scored, on the recording's own clock [s]."""
 
@@ -162,7 +169,7 @@ class _Fit(_Table):
     tolerance: float = 1e-10
     substeps: int = Field(default=1, ge=1)
     optimiser: str = "multistart"
-    starts: int = Field(default=1, ge=1)
+    starts: int = Field(default=1, ge=1, le=MOST_STARTS)
     seed: int = Field(default=1, ge=0)
     preset: str | None = None
 
@@ -316,21 +323,21 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     model, parameters = _model(content.model, path.parent)
     orders = _orders(content.model.orders, model)
     pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in content.recording]
-    channels = [_sensors(r, model) for r in content.recording]
+    _refuse_twins(content.recording)
+    channels = [_channels(r, model) for r in content.recording]
     pairs = [
-        _load(r, columns, model, path.parent, past)
-        for r, (columns, _), past in zip(content.recording, channels, pasts, strict=True)
+        _load(r, c, model, path.parent, past) for r, c, past in zip(content.recording, channels, pasts, strict=True)
     ]
     recordings = tuple(recording for recording, _ in pairs)
-    _refuse_twins(recordings)
-    outputs = tuple(fit.outputs or _common_outputs(model, recordings))
+    outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
             r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s),
-            sensors={n: sensor for n, sensor in sensors.items() if n in outputs},
-            actuators={n: sensor for n, sensor in sensors.items() if n in model.inputs}, mask=s.mask,
+            sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
+            actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
+            mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
         )
-        for (r, before), s, (_, sensors) in zip(pairs, content.recording, channels, strict=True)
+        for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
     ]  # fmt: skip
     uses = [r.use for r in content.recording]
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
@@ -387,33 +394,48 @@ def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model
     }
 
 
-def _sensors(spec: _Recording, model: Model) -> tuple[dict[str, Any], dict[str, Sensor]]:
-    """Part the channels of a recording, the keys that pydantic did not know, into columns and what sensors do."""
-    columns, sensors = dict(spec.model_extra or {}), {}
-    for channel, table in columns.items():
-        if isinstance(table, dict) and channel in (*model.outputs, *model.inputs):
-            for key in table.keys() - {*CHANNEL, *QUANTITIES}:
-                raise unknown_name(f"field of {channel}", key, (*CHANNEL, *QUANTITIES))
-            columns[channel] = {key: value for key, value in table.items() if key not in QUANTITIES}
-            values = {key: _of_sensor(channel, key, value) for key, value in table.items() if key in QUANTITIES}
+class _Channels(NamedTuple):
+    """The signals of a recording, the keys that pydantic did not know."""
+
+    columns: dict[str, Any]
+    """Where each is in the file, and in which unit."""
+    sensors: dict[str, Sensor]
+    """What stands between it and the model."""
+    between: dict[str, Between]
+    """What an input does between its samples."""
+
+
+def _channels(spec: _Recording, model: Model) -> _Channels:
+    """Part the tables of the signals."""
+    channels = _Channels(dict(spec.model_extra or {}), {}, {})
+    for name, table in channels.columns.items():
+        if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
+            known = (*CHANNEL, *QUANTITIES, *(["between"] if name in model.inputs else []))
+            for key in table.keys() - {*known}:
+                raise unknown_name(f"field of {name}", key, known)
+            channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
+            values = {key: _of_sensor(name, key, value) for key, value in table.items() if key in QUANTITIES}
             if values:
-                sensors[channel] = _named(f"[[recording]] {spec.name or spec.file}: {channel}", Sensor, **values)
-    return columns, sensors
+                channels.sensors[name] = _named(f"[[recording]] {spec.name or spec.file}: {name}", Sensor, **values)
+            if "between" in table:
+                if table["between"] not in BETWEEN:
+                    raise unknown_name(f"between of {name}", table["between"], BETWEEN)
+                channels.between[name] = table["between"]
+    return channels
 
 
 def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
     """A number, or the range of a value to be found."""
+    found: Any = value
     if isinstance(value, dict):
-        try:
-            value = _value(f"{key} of {channel}", _Range.model_validate(value))
-        except ValidationError as error:
-            raise InputError(f"{channel}: {_explain(error)}") from None
-    if isinstance(value, bool) or not isinstance(value, int | float | Free):
+        with suppress(ValidationError):
+            found = _value(f"{key} of {channel}", _Range.model_validate(value))
+    if isinstance(found, bool) or not isinstance(found, int | float | Free):
         raise InputError(
             f"{channel}: {key} = {value!r} is not possible; expected a number, or {{ start = ..., lower = ..., "
             "upper = ... } to find it."
         )
-    return value if isinstance(value, Free) else float(value)
+    return found if isinstance(found, Free) else float(found)
 
 
 def _named(where: str, build: Callable[..., _T], **values: Any) -> _T:
@@ -425,9 +447,10 @@ def _named(where: str, build: Callable[..., _T], **values: Any) -> _T:
 
 
 def _load(
-    spec: _Recording, columns: Mapping[str, Any], model: Model, folder: Path, past: bool
+    spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool
 ) -> tuple[Recording, Recording | None]:
     """Load a recording and, if asked for, what came before."""
+    columns = channels.columns
     signals = (*model.outputs, *model.inputs)
     for name in columns:
         if name not in signals:
@@ -439,7 +462,7 @@ def _load(
             f"[[recording]] {spec.name or spec.file} names no signal; type for example "
             f'{signals[-2] if len(signals) > 1 else signals[0]} = {{ column = 1, unit = "deg" }}.'
         )
-    name = refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
+    name = _name(spec)
     if past and spec.start is None:
         raise InputError(
             f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
@@ -447,19 +470,36 @@ def _load(
     if isinstance(spec.start, float) and spec.stop is not None and spec.start >= spec.stop:
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     recording = load_recording(
-        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop,
-        resample=spec.resample, name=name, variable=spec.variable,
+        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
+        variable=spec.variable,
     )  # fmt: skip
+    held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
+    recording = resampled(replace(recording, held=recording.held | held), spec.resample)
     if not past:
         return recording, None
     after = recording.trim(spec.start)
     return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
 
 
-def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
-    name, count = Counter(r.name for r in recordings).most_common(1)[0]
+def _switched_off(recording: str, amplifier: str | None, model: Model) -> tuple[str, ...]:
+    """The switches of a model that are off in a recording: the amplifier's, where it does not say that it is on."""
+    switches = tuple(dict.fromkeys(p.switch for p in model.parameters if p.switch))
+    if amplifier is not None and "amplifier" not in switches:
+        raise InputError(f"{recording}: amplifier = {amplifier!r}, but no parameter of the model {model.name} goes by "
+                         "an amplifier: leave it out.")  # fmt: skip
+    return tuple(name for name in switches if name != "amplifier" or amplifier != "on")
+
+
+def _name(spec: _Recording) -> str:
+    return refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
+
+
+def _refuse_twins(specs: list[_Recording]) -> None:
+    """Before any is loaded: a thousand copies of one table are a slip, too."""
+    name, count = Counter(map(_name, specs)).most_common(1)[0]
     if count > 1:
-        raise InputError(f"two recordings are named {name!r}; give each its own name.")
+        number = "two" if count == 2 else f"{count:,}"
+        raise InputError(f"{number} recordings are named {name!r}; give each its own name.")
 
 
 def _shared(recordings: tuple[Recording, ...]) -> list[str]:
@@ -518,6 +558,7 @@ def _in_folder(cost: str, folder: Path) -> str:
 TABLES = EXPECTED | {
     "dict_type": "a table {{ ... }}",
     "greater_than_equal": "{ge} or more",
+    "less_than_equal": "{le} at most",
     "list_type": "a list [...]; for recordings type [[recording]]",
     "model_type": "a table {{ {keys} }}",
     "string_type": 'a text in "..."',

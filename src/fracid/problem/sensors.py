@@ -21,14 +21,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import SMALLEST, InputError, refuse_beyond
 from fracid.models import Model, Parameter
 from fracid.problem.unknowns import Free, Value
 
-__all__ = ["QUANTITIES", "Reading", "Sensor", "low_passed", "with_sensors"]
+__all__ = ["QUANTITIES", "Reading", "Sensor", "with_sensors"]
 
 Quantity = Literal["delay", "gain", "bias", "lowpass"]
 
@@ -60,7 +57,7 @@ class Sensor:
     Raises
     ------
     InputError
-        For a value that is no finite number, a gain of 0, a time constant below 0.
+        For a value that is no finite number or beyond all quantities, a gain of 0, a time constant below 0.
 
     Examples
     --------
@@ -85,12 +82,16 @@ class Sensor:
             low, high = self.range(name)
             if not (math.isfinite(low) and math.isfinite(high)):
                 raise InputError(f"{name} = {_text(low, high)} is not possible; expected finite numbers.")
+            for value in (low, high):
+                refuse_beyond(name, value)
         if (gain := self.range("gain"))[0] <= 0 <= gain[1]:
             raise InputError(
                 f"gain = {_text(*gain)} is not possible, nothing would be left of the signal; expected e.g. gain = 1.0."
                 if gain[0] == gain[1]
                 else f"gain = {_text(*gain)} holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."
             )
+        for value in gain:
+            refuse_beyond("gain's size", abs(value), SMALLEST)
         if self.range("lowpass")[0] < 0:
             raise InputError(
                 f"lowpass = {_text(*self.range('lowpass'))} s is not possible; expected a time constant of 0 or more."
@@ -173,28 +174,6 @@ def _parameter(name: str, value: Free, channel: str, unit: str) -> Parameter:
         name, {"delay": "s", "gain": "1", "bias": unit, "lowpass": "s"}[quantity], value.start,
         f"{QUANTITIES[quantity]}: {channel}", lower=0.0 if quantity == "lowpass" else -math.inf,
     )  # fmt: skip
-
-
-def low_passed(y: FloatArray, step: float, lowpass: float) -> FloatArray:
-    """Filter lines between evenly spaced samples by T ż = y − z, exactly, from rest at the first.
-
-    Examples
-    --------
-    A ramp is followed T late, once the beginning is over:
-
-    >>> t = np.arange(0, 5, 0.01)
-    >>> float((t - low_passed(t, 0.01, 0.1))[-1].round(12))
-    0.1
-    """
-    if lowpass == 0.0:
-        return y
-    from scipy.signal import lfilter
-
-    r = step / lowpass
-    rise = -math.expm1(-r)  # 1 − e^(−r)
-    new = 1 - rise / r
-    filtered, _ = lfilter([new, rise - new], [1.0, rise - 1], y, zi=[(1 - new) * y[0]])  # z(0) = y(0)
-    return np.asarray(filtered)
 
 
 def _text(low: float, high: float) -> str:

@@ -16,6 +16,7 @@ With a `memo` nothing is simulated twice: outputs are kept under a hash of all t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
@@ -27,14 +28,16 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
-from fracid.problem.sensors import Reading, low_passed
+from fracid.problem.sensors import Reading
 from fracid.problem.unknowns import Free
 from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed_steps
 from fracid.solver.memory import Memory
+from fracid.solver.outputs import output_along
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
-from fracid.tasks.simulation_cache import Memo
+from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Simulator"]
 
@@ -61,7 +64,7 @@ class Simulator:
     memory: Memory
     substeps: int
     """Steps per sample of the recording."""
-    memo: Memo | None
+    memo: Memo | Recent | None
     """Has what was simulated before, and keeps what will be."""
 
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
@@ -88,30 +91,44 @@ class Simulator:
         run = self.trajectory(x, e)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
-        columns = [self.parametrisation.model.outputs[n] for n in self.parametrisation.outputs]
-        if e.sensors:
+        model, names = self.parametrisation.model, self.parametrisation.outputs
+        if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
-            pairs = zip(self.parametrisation.outputs, columns, strict=True)
-            return np.column_stack([_read(run, i, e.time, readings.get(n, Reading())) for n, i in pairs])
+            signals = [self._signal(x, e, run, n) for n in names]
+            return np.column_stack([
+                _read(signal, e.time, readings.get(n, Reading())) for n, signal in zip(names, signals, strict=True)
+            ])  # fmt: skip
+        columns = [model.output_states[n] for n in names]
         if e.release_time == 0.0:
             return run.states[:: self.substeps, columns]
         moving = e.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([initial, run.at(e.time[moving])[:, columns]])
 
+    def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
+        """One output on the grid of a run."""
+        y = self.parametrisation.model.outputs[output]
+        if isinstance(y, int):
+            return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
+        u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
+        values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p)
+        return replace(run, states=values[:, None], orders=np.ones(1))
+
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""
         model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
+        u = self.inputs(x, e)
         return integrate(
             Equation(
                 compile_rhs(model.rhs),
                 orders,
-                self.inputs(release, e),
+                u.before,
                 parameters,
                 time_scale(model, parameters),
                 model.relaxing_states,
+                u.jumps,
             ),
             InitialCondition(initial, time=release, history=history),
             e.step / self.substeps,
@@ -132,13 +149,53 @@ class Simulator:
         past = self.parametrisation.pasts.get(e.name)
         return None if past is None else past.states(*self.parametrisation.unpack(x, e)[:2])[:-1]
 
-    def inputs(self, release: float, e: Experiment) -> FloatArray:
-        """The inputs on the grid of a run from `release`; before the first and after the last sample they stay."""
+    def inputs(self, x: FloatArray, e: Experiment) -> Driven:
+        """The inputs on the grid of a run from its release; before the first and after the last sample they stay."""
+        if e.name in self._fixed_inputs:
+            return self._fixed_inputs[e.name]
+        values = self.parametrisation.unpack(x, e)
+        return self._driven(e, values.release, self.parametrisation.readings(x, e, e.actuators))
+
+    @cached_property
+    def _fixed_inputs(self) -> dict[str, Driven]:
+        """The inputs of those recordings in which no unknown moves them."""
+        fixed = {}
+        for e in self.parametrisation.experiments:
+            if e.release_time == 0.0 and not any(s.free(n) for n, s in e.actuators.items()):
+                fixed[e.name] = self._driven(e, 0.0, {n: s.reading(n, {}) for n, s in e.actuators.items()})
+        return fixed
+
+    def _driven(self, e: Experiment, release: float, actuators: Mapping[str, Reading]) -> Driven:
+        """The inputs as actuators make them of those recorded, a column each, or one row for all."""
+        u, count = e.all_inputs, self.steps(e) + 1
+        columns = list(zip(self.parametrisation.model.inputs, u.T, strict=True))
+        kinds = {n: e.between.get(n, "line") for n, _ in columns}
+        if not actuators and all(kind == "line" for kind in kinds.values()):
+            lines = self._lines(e, release, count)
+            return Driven(lines, lines)
+        first, spacing = self._first(e) / self.substeps + release / e.step, 1 / self.substeps
+        count += 0 if e.past is None else round(len(e.past) * self.substeps - self._first(e))
+        driven = []
+        for name, column in columns:
+            delay, gain, bias, lowpass = actuators.get(name, Reading())
+            if len(u) == 1:
+                driven.append(Driven(gain * column + bias, gain * column + bias))
+            else:
+                moved = between_samples(column, kinds[name], first - delay / e.step, spacing, count)
+                filtered = low_passed_steps(moved, e.step * spacing, lowpass)
+                driven.append(Driven(*(gain * v + bias for v in filtered)))
+        return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
+
+    def _lines(self, e: Experiment, release: float, count: int) -> FloatArray:
+        """The inputs as straight lines between the samples."""
         u = self._inputs[e.name]
-        if len(u) == 1 or e.release_time == 0.0:
+        if len(u) == 1:
             return u
-        at = release * self.substeps / e.step + np.arange(self.steps(e) + 1)
-        return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+        if e.release_time != 0.0:
+            at = release * self.substeps / e.step + np.arange(count)
+            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+        more = (len(e.measured) - 1) * self.substeps + 1
+        return u if count == more else np.vstack([u, np.repeat(u[-1:], count - more, axis=0)])
 
     @cached_property
     def _inputs(self) -> dict[str, FloatArray]:
@@ -169,8 +226,8 @@ class Simulator:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
         digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
-        if e.sensors or e.actuators:
-            digest.update(repr((e.sensors, e.actuators)).encode())
+        if e.sensors or e.actuators or e.between:
+            digest.update(repr((e.sensors, e.actuators, e.between)).encode())
         for vector in self.parametrisation.unpack(x, e):
             digest.update(np.ascontiguousarray(vector).data)
         return bytes(digest.digest())
@@ -182,6 +239,9 @@ class Simulator:
         model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
         how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
                p.outputs, self.method, self.memory.name, self.substeps, p.initial_state)  # fmt: skip
+        functions = [getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int)]
+        if functions:
+            how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
             arrays = [self._inputs[e.name], *([] if e.past is None else [e.past, e.measured])]
@@ -195,17 +255,16 @@ EDGE = 8
 """Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""
 
 
-def _read(run: Trajectory, state: int, times: FloatArray, reading: Reading) -> FloatArray:
-    """What a sensor shows of a state at evenly spaced times [s]; before the run its first value."""
+def _read(run: Trajectory, times: FloatArray, reading: Reading) -> FloatArray:
+    """What a sensor shows of a signal at evenly spaced times [s]; before the run its first value."""
     if reading == Reading() and run.time[0] == 0.0:
-        return run.states[:: round((times[1] - times[0]) / run.step), state][: len(times)]
-    y = low_passed(run.states[:, state], run.step, reading.lowpass)
+        return run.states[:: round((times[1] - times[0]) / run.step), 0][: len(times)]
+    y = low_passed(run.states[:, 0], run.step, reading.lowpass)
     then = np.minimum(times - reading.delay, run.time[-1])
     output, (inner, interior) = np.full(len(times), y[0]), _evenly(y, then, run)
-    seen = replace(run, states=y[:, None], orders=run.orders[[state]])
     edges = then >= run.time[0]
     edges[inner] = False
-    output[inner], output[edges] = interior, seen.at(then[edges])[:, 0]
+    output[inner], output[edges] = interior, replace(run, states=y[:, None]).at(then[edges])[:, 0]
     return np.asarray(reading.gain * output + reading.bias)
 
 

@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import DataError, InputError
-from fracid.recording.channel import Channel, measurable
+from fracid.recording.channel import Channel, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
 from fracid.recording.readers.table import read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 
-__all__ = ["inspect_recording", "load_recording"]
+__all__ = ["inspect_recording", "load_recording", "resampled"]
 
 
 def load_recording(
@@ -80,6 +80,26 @@ def load_recording(
     array([0.175, 0.157, 0.122])
     """
     recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    return resampled(recording, resample)
+
+
+def resampled(recording: Recording, resample: bool | float | str | None) -> Recording:
+    """Bring a recording onto the grid that :func:`load_recording` was asked for.
+
+    Raises
+    ------
+    InputError
+        For another word than "needed".
+    DataError
+        If it is unfit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> jittering = Recording.of("twin", np.array([0, 0.11, 0.19, 0.3]), {"alpha": np.arange(4.0)})
+    >>> resampled(jittering, 0.1).time
+    array([0. , 0.1, 0.2, 0.3])
+    """
     demand_fitness(recording)
     if resample is None or resample is False or (resample == "needed" and recording.step is not None):
         return recording
@@ -120,10 +140,11 @@ def inspect_recording(
     if columns is not None:
         refuse_shared(table, channels, source.column)
     reading = [*table.notes, *source.sentences, *more]
-    signals, units, holds = {}, {}, set()
+    signals, units, holds, assumed = {}, {}, set(), set()
     for signal, channel in channels.items():
+        stated = channel.unit or header_unit(table.units[table.find(channel.column)])
         channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
-        raw, beyond = measurable(table.values[:, table.find(channel.column)])
+        raw, beyond = measurable(table.values[:, table.find(channel.column)], channel.scale)
         reading += [f"{signal}: {beyond}"] if beyond else []
         if channel.fill == "hold":
             raw, filled = hold_blanks(raw, signal, channel)
@@ -131,6 +152,8 @@ def inspect_recording(
             holds.add(signal)
         signals[signal] = channel.convert(raw[rows].copy(), signal)
         units[signal] = channel.signal_unit
+        if not stated and channel.unit != "counts":
+            assumed.add(signal)
         reading += [unit_said] if unit_said else []
     report = measure(clock, signals, units, tuple(reading))
     report = replace(report, findings=(*source.findings, *report.findings))
@@ -138,7 +161,10 @@ def inspect_recording(
     digest = _digest(path)
     if _state(path) != before:
         raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
-    whole = Recording(name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds))
+    whole = Recording(
+        name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds),
+        assumed=frozenset(assumed),
+    )  # fmt: skip
     return whole if start is None and stop is None else whole.trim(start, stop)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import InputError
+from fracid.errors import unwritable
 from fracid.files import json_number, write_text
 from fracid.report.equations import equations, named
 from fracid.report.material import Material
@@ -94,7 +94,7 @@ def write_report(
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     except OSError as error:
-        raise InputError(f"The report {path} cannot be written: {error.strerror}. Give another: --out FILE.") from None
+        raise unwritable(f"The report {path}", error, "Give another: --out FILE.") from None
     return path
 
 
@@ -339,7 +339,7 @@ def _off(material: Material) -> list[str]:
 
 
 def _whose(model: Any, order: str) -> str:
-    outputs = [letter(n) for n, i in model.outputs.items() if model.orders[i] == order]
+    outputs = [letter(n) for n, i in model.output_states.items() if model.orders[i] == order]
     return f"derivatives of {joined(outputs)}" if outputs else "states that have it"
 
 

@@ -22,7 +22,7 @@ __all__ = [
     "TreatmentBlock",
 ]
 
-Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9})$")]
+Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
 
 
 class EstimateBlock(Block):

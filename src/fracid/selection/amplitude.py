@@ -47,6 +47,7 @@ from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
+from fracid.models.joints import Complement
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.unknowns import Value
 from fracid.safety.schema import as_json
@@ -71,6 +72,9 @@ CHANGE = 2e-3
 
 FLOOR = 0.03
 """Below this part of the largest amplitude the swing has died."""
+
+LEAST_SCORED = 0.5
+"""A window of which a smaller part counts is left out."""
 
 COUNTS = 5.0
 """Below so many steps of its encoder an output stands still, and tells of no order."""
@@ -275,6 +279,8 @@ def amplitude_test(
             notes.append(str(spans))
             continue
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
+            if e.scored is not None and np.mean(e.scored[slice(*span)]) < LEAST_SCORED:
+                continue
             window = _window(fitted, at, e, span, errors, jobs)
             if isinstance(window, Failure):
                 notes.append(str(window))
@@ -399,13 +405,19 @@ def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]
     measured = piece.experiments[0].measured
     period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
-    of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
+    of = _orders_of(piece)
     return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
+
+
+def _orders_of(piece: Problem) -> dict[str, str | float | Complement | None]:
+    """Output → the order of its state; None for one that is no state."""
+    states, orders = piece.model.output_states, piece.model.orders
+    return {o: orders[states[o]] if o in states else None for o in piece.outputs}
 
 
 def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
     """Order → the amplitude below which its output stands still [rad]."""
-    of = {o: piece.model.orders[piece.model.outputs[o]] for o in piece.outputs}
+    of = _orders_of(piece)
     steps = {o: COUNTS * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
     return {n: max([s for o, s in steps.items() if of[o] == n] or [0.0]) for n in orders}
 

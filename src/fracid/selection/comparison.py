@@ -46,6 +46,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
@@ -60,7 +61,7 @@ from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
-from fracid.selection.ladder import Ladder, Structure, ladder
+from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
@@ -208,6 +209,7 @@ def compare(
     validation: Sequence[Experiment] = (),
     leave_one_out: bool = False,
     keep: Collection[str] = (),
+    rungs: Collection[str] = BUILT_IN,
     amplitude: bool = False,
     seed: int | None = None,
     starts: int | None = None,
@@ -228,6 +230,8 @@ def compare(
         Whether each recording, fitted or not, is held out once while all others are fitted.
     keep : collection of str
         Parameters of friction that stay as the problem has them.
+    rungs : collection of str
+        Which rungs of the ladder are climbed (:data:`fracid.models.friction.RUNGS`).
     amplitude : bool
         Whether the orders of the paper's structure and of the best fractional one are tested for a drift with
         amplitude (:mod:`fracid.selection.amplitude`).
@@ -260,7 +264,7 @@ def compare(
     >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
     'Orders make no difference, an integer-order model predicts as well'
     """
-    origin = _origin(problem, validation, tuple(sorted(keep)), executor)
+    origin = _origin(problem, validation, (tuple(sorted(keep)), tuple(rungs)), executor)
     base, others = origin.load()
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
@@ -298,7 +302,8 @@ class _InMemory:
 
     problem: Problem
     validation: tuple[Experiment, ...]
-    keep: tuple[str, ...]
+    only: tuple[tuple[str, ...], tuple[str, ...]]
+    """Parameters to keep, rungs to climb."""
     folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
@@ -312,7 +317,8 @@ class _OfFile:
     path: str
     preset: str | None
     sha256: str
-    keep: tuple[str, ...]
+    only: tuple[tuple[str, ...], tuple[str, ...]]
+    """Parameters to keep, rungs to climb."""
     trust: bool
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
@@ -323,19 +329,22 @@ class _OfFile:
 
 
 def _origin(
-    problem: Problem | Project, validation: Sequence[Experiment], keep: tuple[str, ...], executor: str
+    problem: Problem | Project,
+    validation: Sequence[Experiment],
+    only: tuple[tuple[str, ...], tuple[str, ...]],
+    executor: str,
 ) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
-        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, keep, bool(problem.own_code))
+        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, only, bool(problem.own_code))
     if isinstance(problem, Project):
-        return _InMemory(problem.problem, (*problem.validation, *validation), keep)
+        return _InMemory(problem.problem, (*problem.validation, *validation), only)
     if executor != "threads":
         raise InputError(
             f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
             f'executor = "threads" in place of {executor!r}.'
         )
-    return _InMemory(problem, tuple(validation), keep)
+    return _InMemory(problem, tuple(validation), only)
 
 
 @dataclass(frozen=True)
@@ -360,7 +369,8 @@ def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
     every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
-    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=origin.keep, others=others))
+    keep, rungs = origin.only
+    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=keep, rungs=rungs, others=others))
 
 
 _fold_of_file = lru_cache(maxsize=32)(_made)
@@ -412,6 +422,8 @@ def _fitted(
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the problem's start and from the structures below."""
     problem, watch = structure.problem, Watch()
+    if late_rungs(problem) and problem.cost_function.loss is not None and below:
+        return _climbed(structure, below, jobs)
     optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
     result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
     ends = [(result.best, f"from its own start, {result.outcome.value}")]
@@ -426,6 +438,22 @@ def _fitted(
     if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
     return best, how
+
+
+def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
+    """The lowest that a structure with rich friction comes to, from the optima below and by windows."""
+    problem, watch, ends = structure.problem, Watch(), []
+    for origin, values in below.items():
+        x = structure.embed(values)
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
+                     f"from the optimum of {origin}"))  # fmt: skip
+    names = late_rungs(problem).get(structure.top, ())
+    if names and not structure.fractional:
+        (origin, values), *_ = below.items()
+        start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
+        shared = on_windows(problem, start, names, jobs, watch)
+        ends.append((on_the_whole(problem, shared, jobs, watch).best, f"from {origin} by windows"))
+    return min(ends, key=lambda end: end[0].cost)
 
 
 def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:

@@ -22,6 +22,7 @@ is so of all there is no rival.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -189,15 +190,18 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
     ['b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha']
     """
     own = {p.name: problem.parameters.get(p.name, p.value) for p in problem.model.parameters}
-    torques = {p.name: p.value for p in problem.model.parameters if p.unit == "N m"} | problem.parameter_starts
-    reach = 0.5 * max((abs(torques[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
+    starts = {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
+    reach = 0.5 * max((abs(starts[p.name]) for p in problem.model.parameters if p.unit == "N m"), default=0.0) or 1.0
     ranges = {}
     for name, kind in problem.model.friction.items():
         value, is_free = own[name], kind.damps_like_an_order if names is None else name in names
         if not is_free or not isinstance(value, float | int):
             continue
         start = max(float(value), kind.begins * reach) if kind.begins else float(value)
-        ranges[name] = Free(start, min(kind.off, start), max(reach, 2 * start))
+        most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else max(reach, 2 * start)
+        bounds = problem.model.parameter(name)
+        least = bounds.lower if kind.off > 0.0 else min(kind.off, start)
+        ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
     return ranges
 
 

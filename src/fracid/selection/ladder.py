@@ -8,8 +8,14 @@ rung                            what is free beside the constants     parameters
 ==============================  ====================================  ==================================================
 viscous                         :math:`b\,v`                          ``b_…``
 viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_…``
-viscous + Coulomb + drag        :math:`d\,v|v|` too                   ``drag_…``
+… + presliding                  :math:`σ_0 z` in its place            ``presliding_…``: Dahl's model
+… + LuGre                       :math:`g(v)`, :math:`σ_1 \dot z` too  ``stiction_…``, ``stribeck_speed_…``,
+                                                                      ``presliding_damping_…``
+… + drag                        :math:`d\,v|v|` too                   ``drag_…``
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
+… + play                        the gap of a gear                     ``play_…``
+… + springpot                   :math:`c\,D^ν θ` too                  ``springpot_…``, ``springpot_order_…``
+… + elastic arm                 a spring between hub and arm          ``arm_stiffness`` and its like
 ==============================  ====================================  ==================================================
 
 A model whose parameters are friction of another kind (:mod:`fracid.models.friction`) has rungs of its own above these.
@@ -59,6 +65,9 @@ __all__ = [
 PAPER = ("viscous", True)
 """The paper's structure: its friction, and that its orders are free."""
 
+BUILT_IN = RUNGS[: RUNGS.index("cable") + 1]
+"""The rungs that are climbed where nobody says: each fit takes longer than the one below."""
+
 ORDER = Free(1.0, 0.5, 1.2)
 """The range of an order that the problem gives none."""
 
@@ -88,6 +97,11 @@ class Structure:
     def name(self) -> str:
         """``viscous + Coulomb, orders free``."""
         return name_of(self.friction, self.fractional)
+
+    @property
+    def top(self) -> str:
+        """The highest rung: ``Coulomb``."""
+        return self.friction.rpartition(" + ")[2]
 
     @property
     def paper(self) -> bool:
@@ -146,7 +160,13 @@ def name_of(friction: str, fractional: bool) -> str:
     return f"{friction}, orders {'free' if fractional else '1'}"
 
 
-def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Experiment] = ()) -> Ladder:
+def ladder(
+    problem: Problem,
+    *,
+    keep: Collection[str] = (),
+    rungs: Collection[str] = BUILT_IN,
+    others: Sequence[Experiment] = (),
+) -> Ladder:
     """Make the ladder of a problem.
 
     Parameters
@@ -155,6 +175,8 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
         With the recordings that are fitted.
     keep : collection of str
         Parameters of friction that stay as the problem has them, on all rungs.
+    rungs : collection of str
+        Which rungs are climbed; a model's own always are.
     others : sequence of Experiment
         Recordings that are not fitted; a rung of which only they see something is there too.
 
@@ -182,24 +204,25 @@ def ladder(problem: Problem, *, keep: Collection[str] = (), others: Sequence[Exp
     for name in keep:
         if name not in problem.model.parameter_names:
             raise unknown_name("parameter to keep", name, problem.model.parameter_names)
+    for name in rungs:
+        if name not in RUNGS:
+            raise unknown_name("rung", name, RUNGS)
     problem, notes = _solved_well(problem)
     notes += _not_1(problem)
-    rungs, missing = _rungs(problem, keep)
-    top = _free(problem, rungs, tuple(rungs))
+    names, missing = _rungs(problem, keep, {*rungs} | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
+    top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
     nowhere = blind - {n for e in others for n in _seen_in(e, top)}
-    exclusions = {rung: names for rung, names in rungs.items() if set(names) <= nowhere}
-    rungs = {rung: names for rung, names in rungs.items() if rung not in exclusions}
-    if not rungs:
+    exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
+    names = {rung: n for rung, n in names.items() if rung not in exclusions}
+    if not names:
         raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
     notes += missing
-    notes += [
-        f"No recording sees {' or '.join(names)}: there is no rung + {rung}." for rung, names in exclusions.items()
-    ]
+    notes += [f"No recording sees {' or '.join(n)}: there is no rung + {rung}." for rung, n in exclusions.items()]
     kinds = problem.model.friction
-    alone = sorted(blind - {n for names in exclusions.values() for name in names for n in (name, *kinds[name].rests)})
+    alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
-    return Ladder(tuple(_structures(problem, rungs, blind)), tuple(notes))
+    return Ladder(tuple(_structures(problem, names, blind)), tuple(notes))
 
 
 def _seen_in(e: Experiment, top: Problem) -> set[str]:
@@ -250,10 +273,12 @@ def has_friction(model: Model) -> bool:
     return bool(model.friction)
 
 
-def _rungs(problem: Problem, keep: Collection[str]) -> tuple[dict[str, tuple[str, ...]], list[str]]:
+def _rungs(
+    problem: Problem, keep: Collection[str], on: Collection[str]
+) -> tuple[dict[str, tuple[str, ...]], list[str]]:
     """Rung → the parameters that it adds; and in words what the model does not have."""
     kinds = problem.model.friction
-    names = dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values())))
+    names = [rung for rung in dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values()))) if rung in on]
     every = {rung: [n for n, kind in kinds.items() if kind.rung == rung] for rung in names}
     rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
     if not has_friction(problem.model):
@@ -261,11 +286,8 @@ def _rungs(problem: Problem, keep: Collection[str]) -> tuple[dict[str, tuple[str
             f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in BY_NAME)}, "
             "so there is no ladder: name the parameters of its friction so."
         )
-    missing = [
-        f"The model {problem.model.name} has no parameter {' or '.join(_beginnings(rung))}: "
-        f"there is no rung + {rung}."
-        for rung, names in every.items() if not names
-    ]  # fmt: skip
+    absent = [f"{rung} ({' or '.join(_beginnings(rung))})" for rung, names in every.items() if not names]
+    missing = [f"The model {problem.model.name} has no parameter of the rungs {', '.join(absent)}."] if absent else []
     return {rung: names for rung, names in rungs.items() if names}, missing
 
 
@@ -299,7 +321,7 @@ def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[s
     off: dict[str, float | Free | Tied] = {
         n: nothing[n] for rung, names in rungs.items() if rung not in on for n in names
     }
-    parameters = {**base, **ranges, **off}
+    parameters = _together(problem, {**base, **ranges, **off})
     rests = _rests(problem, parameters, [n for rung in on for n in rungs[rung]])
     parameters |= rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
@@ -353,7 +375,14 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     parameters = {n: (kinds[n].off if n in kinds else v.start) if n in names and isinstance(v, Free) else v
                   for n, v in problem.parameters.items()}  # fmt: skip
     own = tuple(n for n in problem.per_recording if n not in names)
-    return replace(problem, orders=orders, parameters=parameters, per_recording=own)
+    return replace(problem, orders=orders, parameters=_together(problem, parameters), per_recording=own)
+
+
+def _together(problem: Problem, parameters: Mapping[str, float | Free | Tied]) -> dict[str, float | Free | Tied]:
+    """What acts only with another is off where that is: a damping of presliding without presliding."""
+    values = {p.name: p.value for p in problem.model.parameters} | dict(parameters)
+    alone = [p.name for p in problem.model.parameters if p.needs and all(values[n] == 0.0 for n in p.needs)]
+    return {**parameters, **dict.fromkeys((n for n in alone if n in parameters), 0.0)}
 
 
 def unseen(problem: Problem, threshold: float) -> set[str]:

@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, unknown_name
+from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS
-from fracid.solver.trajectory import vector
+from fracid.solver.trajectory import refuse_masked, vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
@@ -37,6 +38,7 @@ __all__ = [
     "InitialCondition",
     "Options",
     "check_bounds",
+    "check_driven",
     "check_history",
     "check_initial_and_orders",
     "check_inputs",
@@ -63,7 +65,8 @@ class Arguments:
     step: float
     end: float
     start: float = 0.0
-    inputs: ArrayLike | None = None
+    inputs: ArrayLike | Driven | None = None
+    between: str = "line"
     parameters: ArrayLike = ()
     method: str = "pi2"
     memory: str | Memory = "compressed"
@@ -94,6 +97,8 @@ class Equation:
     """τ₀ [s], which keeps the units of f where an order is not 1."""
     relaxing: tuple[int, ...] = ()
     """States of order 1 with f = c − a x; ``rhs`` writes a behind f, at ``out[n_states + i]``, where there is room."""
+    after: FloatArray | None = None
+    """u just after each grid point where it jumps, `inputs` being just before it, of their shape; None for no jumps."""
 
     def gain(self, step: float) -> FloatArray:
         """h^q τ₀^(1−q): what f weighs in one step, shape (n_states,)."""
@@ -233,6 +238,7 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
     """Lowest and highest value of each state, shape (n_states, 2); None for no bounds."""
     if bounds is None:
         return None
+    refuse_masked("bounds", bounds)
     try:
         box = np.array(bounds, dtype=np.float64)
     except (TypeError, ValueError):
@@ -271,6 +277,26 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
         raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {columns}), a row for each of the "
                          f"{steps + 1} grid points from the first known sample on, or one for all.")  # fmt: skip
     return u
+
+
+def check_driven(
+    inputs: ArrayLike | Driven | None, between: str, steps: int, count: int | None = None
+) -> tuple[FloatArray, FloatArray | None]:
+    """The inputs just before and just after each grid point; None for those after it where they do not jump."""
+    if isinstance(inputs, Driven):
+        before, after = (check_inputs(side, steps, count) for side in inputs)
+        return before, Driven(before, after).jumps
+    return check_between(between, check_inputs(inputs, steps, count))
+
+
+def check_between(between: str, u: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+    """The inputs just before and just after each grid point; None for those after it where they do not jump."""
+    if between not in BETWEEN:
+        raise unknown_name("between of the inputs", between, BETWEEN)
+    if between == "line" or len(u) == 1:
+        return u, None
+    driven = [between_samples(column, between, 0.0, 1.0, len(u)) for column in u.T]
+    return np.column_stack([d.before for d in driven]), np.column_stack([d.after for d in driven])
 
 
 def check_options(arguments: Arguments, bounds: FloatArray | None) -> Options:

@@ -26,6 +26,17 @@ Put :math:`s = e^u` and sum over a grid of spacing Δ.  Three errors share the t
 
 ``pi3`` takes the exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference.
 
+``bdf``, the coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q} = \big((1-ζ)(3-ζ)/2\big)^{-q}`, have their integral along
+the cut from ζ = 1 on, with :math:`ζ = e^s`,
+
+.. math::
+
+    w_k = \frac{\sin \pi q}{\pi} \int_0^{\ln 3} \Big(\frac{(e^s-1)(3-e^s)}{2}\Big)^{-q} e^{-sk}\,ds
+          + O(k^{q-1}\,3^{-k}),
+
+that of ``pi`` with another smooth factor beside :math:`s^{-q}`.  What the second root adds is gone after a few lags
+more, which are kept exactly: 24 for a tolerance of 10⁻¹⁰.
+
 References
 ----------
 .. [Lubich] C. Lubich, A. Schädler, *Fast convolution for nonreflecting boundary conditions*,
@@ -49,7 +60,16 @@ from numba import types
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, when_called
-from fracid.solver.weights import Kernel, Real, Row, Whole, exact_kernel, third_weights, trapezoidal_weights
+from fracid.solver.weights import (
+    Kernel,
+    Real,
+    Row,
+    Whole,
+    bdf_weights,
+    exact_kernel,
+    third_weights,
+    trapezoidal_weights,
+)
 
 __all__ = ["EXACT_LAGS", "LOW_NODES", "WHOLE", "compressed_kernel", "little_jacobi", "sine_ratio"]
 
@@ -78,6 +98,8 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
         return Kernel(*_derivative_kernel(q, -sine_ratio(q), lags, steps, tolerance))
     if family == "pi3":
         return _third_kernel(q, lags, steps, tolerance)
+    if family == "bdf":
+        return _two_roots_kernel(q, max(lags, _bdf_lags(tolerance)), steps, tolerance)
     return Kernel(*_integral_kernel(q, sine_ratio(1 - q), lags, steps, tolerance))
 
 
@@ -90,6 +112,17 @@ def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     amplitude[0] += pi.ramp
     w, start = third_weights(q, L)
     return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
+
+
+def _two_roots_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
+    """The exponentials of the root at ζ = 1, after lags enough for that at 3."""
+    w, start, decay, amplitude, ratio, ramp = _bdf_kernel(q, sine_ratio(1 - q), L, steps, tolerance)
+    return Kernel(w, start, decay, amplitude, ratio, ramp, 0.5)
+
+
+def _bdf_lags(tolerance: float) -> int:
+    """Lags after which the root at ζ = 3 is forgotten, a multiple of eight: 24 for 10⁻¹⁰."""
+    return 8 * math.ceil(math.log(10 / tolerance) / math.log(3) / 8)
 
 
 def sine_ratio(a: float) -> float:
@@ -263,3 +296,17 @@ def _integral_kernel(q: float, sine: float, L: int, steps: int, tolerance: float
         omega[m] *= hat * math.exp(-s[m] * (L + 1))
     omega[0] -= ramp * (L + 1)
     return b, a, np.expm1(-s), omega, start, -ramp
+
+
+@when_called(types.Tuple((*_rows, Real))(Real, Real, Whole, Whole, Real))
+def _bdf_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
+    """The fields of a ``bdf`` kernel; the start's weights are half of those one lag earlier."""
+    w, first = bdf_weights(q, L)
+    s, omega, ramp = _quadrature(1 - q, sine, L + 1.0, steps, tolerance, q > 1)
+    start = np.empty(len(s))
+    for m in range(len(s)):
+        smooth = math.expm1(s[m]) * (3 - math.exp(s[m])) / (2 * s[m]) if s[m] > 0 else 1.0
+        start[m] = math.exp(s[m]) / 2
+        omega[m] *= smooth**-q * math.exp(-s[m] * (L + 1))
+    omega[0] -= ramp * (L + 1)
+    return w, first, np.expm1(-s), omega, start, -ramp

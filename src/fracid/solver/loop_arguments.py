@@ -58,6 +58,8 @@ class Run(NamedTuple):
     """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
     relaxing: IntArray
     """States of order 1 whose f is c − a x, with a in the second half of what the right-hand side writes."""
+    after: FloatArray
+    """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps."""
 
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
@@ -67,7 +69,7 @@ RUN = types.NamedTuple(
         *(_vector, _vector, _matrix, _vector),
         *(_matrix, _vector, types.float64),
         *(types.float64, types.int64, types.int64, types.float64, _matrix),
-        *(KERNELS, types.int64, types.boolean, types.int64[::1]),
+        *(KERNELS, types.int64, types.boolean, types.int64[::1], _matrix),
     ),
     Run,
 )

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
@@ -41,7 +41,7 @@ class Method:
     """A stepping scheme."""
 
     family: str
-    """Which kernel it sums with: ``gl``, ``pi`` or ``pi3`` (:mod:`fracid.solver.memory`)."""
+    """Which kernel it sums with: ``gl``, ``pi``, ``pi3`` or ``bdf`` (:mod:`fracid.solver.memory`)."""
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
     run: Callable[[Any, Run, FloatArray], tuple[int, int]]
@@ -50,6 +50,10 @@ class Method:
     """What one takes it for, in a phrase."""
     follows: float = math.inf
     """The largest |J|h of :mod:`fracid.solver.stiffness` that it follows; infinite for what solves stiff systems."""
+    at_a_jump: Literal["both", "after", "mean"] = "mean"
+    """Of an input that jumps at a grid point it takes the values before and after it, that after it, or their mean."""
+    sweeps: float = math.inf
+    """The |J|h up to which its sweeps contract: a run that ends early beyond it owes that to them, perhaps."""
     raw: bool = False
     """Whether it sums x itself, which is right only for x(0) = 0."""
     exported: Exported | None = None
@@ -66,12 +70,17 @@ METHODS = {
     "pi2": Method(
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
         "everything, steep friction too; at order 1 a second-order ODE solver",
+        at_a_jump="both", sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
         "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
-        "stiff systems: Newton's method at every step",
+        "stiff systems: Newton's method at every step", at_a_jump="both",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
+    ),
+    "bdf2": Method(
+        "bdf", 2, lambda rhs, run, out: _loops().step_bdf2(rhs, run, out),
+        "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
         "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),
@@ -81,17 +90,19 @@ METHODS = {
     "gl": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, False, out),
         "the paper's scheme as it should be, on x - x(0)",
-        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
+        follows=1.0, at_a_jump="after", exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
     ),
     "gl-sequential": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl_sequential(rhs, run, out),
         "the same without the anti-damping of explicit Euler",
-        follows=1.0, exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
+        follows=1.0, at_a_jump="after",
+        exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
     ),
     "gl-paper": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, True, out),
         "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
-        follows=1.0, raw=True, exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
+        follows=1.0, at_a_jump="after", raw=True,
+        exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
     ),
 }  # fmt: skip
 """By name, as a project file has it."""

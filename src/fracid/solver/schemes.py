@@ -20,9 +20,23 @@ function pointer, so the loops compile once for all right-hand sides and are cac
                    smooth f only: a kink costs it all it has over ``pi2``, and stiff systems make it diverge
 ``pi2-implicit``   the equation of ``pi2``, every step by Newton's method, whose matrix is kept while it serves:
                    for stiff systems
+``bdf2``           the same with the weights :math:`w_k` of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, Lubich's quadrature of
+                   BDF2, :math:`\tfrac12 w_{l-1}` for that of the start: what dies in the equation dies in the scheme,
+                   at any step and every order up to 2
 =================  =========================================================================================
 
-The first three are of convergence order 1, the others of 2 and 3, where f(t, x) is smooth.
+**Inputs that jump.**  At a grid point where an input jumps, f has two values, f⁻ before and f⁺ after it, Δ = f⁺ − f⁻.
+The panels to the left end with f⁻, those to the right begin with f⁺, whose half hat weighs
+
+.. math::  A_j = \frac{1}{Γ(q)} \int_0^1 (j - s)^{q-1} (1 - s)\,ds
+
+at the lag j.  ``pi2`` takes x there with f⁻, enters f⁻ + Δ/3 into the history and Δ/6 with the next sample, which has
+the area 1/2 and the centre 1/3 of that hat, and adds what is wrong at the first lag, :math:`A_1 - b_1/3`.  At order 1
+that is what two runs joined at the jump are, of convergence order 2; below it a solution begins like t^q anew at each
+jump, and the convergence order is 1 + q.  ``gl`` needs f⁺ alone; the other methods take the mean of both inputs
+(:mod:`fracid.solver.inputs`).
+
+The first three are of convergence order 1, ``pi3`` of 3, the others of 2, where f(t, x) is smooth.
 
 **States that relax.**  The z of a presliding joint (:func:`fracid.models.joints.presliding`), of order 1, forgets
 within less than a step while the joint slides: :math:`\dot z = c - a z` with a·h up to any size, where the trapezoidal
@@ -53,9 +67,9 @@ from numba import types
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
 from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import gauss_jordan, start_together
+from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, start_together
 
-__all__ = ["step_gl", "step_gl_sequential", "step_pi2"]
+__all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
 
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
@@ -63,6 +77,9 @@ COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
 and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
+
+PATIENCE = 4
+"""Times 12 iterations that ``bdf2`` takes at most."""
 
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
@@ -109,7 +126,7 @@ def _outside(x, bounds):
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_gl(rhs, run, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -148,7 +165,7 @@ def step_gl(rhs, run, raw, out):
 @when_called(_ENDED(RHS, RUN, _matrix))
 def step_gl_sequential(rhs, run, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _ = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
     x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
@@ -321,11 +338,39 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse
     return reuse
 
 
+@helper
+def _share_of_a_jump(orders):
+    """What a jump of f weighs in the step after it beside the third that was entered, in units of b_0."""
+    share = np.zeros(len(orders))
+    for i in range(len(orders)):
+        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
+    return share
+
+
+@helper
+def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
+    """Evaluate f just after a jump of the inputs, and say what enters the history; the predictor goes on from there."""
+    jumps = False
+    for c in range(len(u)):
+        jumps = jumps or u[c] != after[c]
+    for i in range(len(x)):
+        entered[i] = f[i] + jump[i] / 6
+        jump[i] = 0.0
+    if not jumps:
+        return
+    rhs(t, x, after, p, trial)
+    for i in range(len(x)):
+        jump[i] = trial[i] - f[i]
+        entered[i] += jump[i] / 3
+        before[i] = trial[i] - (f[i] - before[i])
+        f[i] = trial[i]
+
+
 @when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
 def step_pi2(rhs, run, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing = run
-    begin, x0, together, knots, parabolas = start_together(rhs, run, third)
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, PI3 if third else PI2)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
@@ -334,6 +379,7 @@ def step_pi2(rhs, run, third, out):
     x, f, before, now = past[0].copy(), np.zeros(size), np.zeros(states), u[0].copy()
     last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
+    jumps, jump, entered, share = len(after) > 0, np.zeros(states), np.zeros(states), _share_of_a_jump(run.orders)
     W, trial, factors_valid = (
         np.zeros((states, 2 * states)),
         np.zeros(size),
@@ -364,6 +410,8 @@ def step_pi2(rhs, run, third, out):
         _read(u, n, now)
         for i in range(states):  # predict: f goes on in a straight line, or in a parabola
             history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            if jumps:
+                history_part[i] += newest[i] * share[i] * jump[i]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
@@ -387,26 +435,98 @@ def step_pi2(rhs, run, third, out):
         joins = n == m > together
         if newton or joins:
             factors_valid = _rare(
-                newton,
-                joins,
-                past[m],
-                rhs,
-                t,
-                x,
-                now,
-                p,
-                f,
-                history_part,
-                newest,
-                W,
-                factors_valid,
-                trial,
-                x0,
-                relaxing,
-                relax_start,
-                h,
-            )
+                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0,
+                relaxing, relax_start, h,
+            )  # fmt: skip
         _keep_relaxing(relaxing, x, f, relax_start)
+        if jumps:
+            _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
+        for i in range(states):
+            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
+                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
+            enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
+        if how != COMPLETED:
+            break
+        if n == m + row * every:
+            row = _store(row, x, out)
+        if n >= m and _outside(x, bounds):
+            last, how = n, LEFT
+            break
+        head += 1
+    restore(mode)
+    return last - m, how
+
+
+# --- the fractional BDF2 ---------------------------------------------------------------------------
+
+
+@helper
+def _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing):
+    """Fill f with that of the first sample after a stiff start, known or solved for: at order 1, backward Euler."""
+    past, states, h = run.past, len(x), run.h
+    t, now = run.start - (len(past) - 2) * h, run.u[min(1, len(run.u) - 1)].copy()
+    base, weight = np.zeros(states), np.zeros(states)
+    for i in range(states):
+        x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
+    rhs(t, x, now, run.p, f)
+    if len(past) == 1:
+        _settle(rhs, t, x, now, run.p, f, base, weight, W, False, trial, none, nothing)
+
+
+@helper
+def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing):
+    """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
+    for _ in range(PATIENCE):
+        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing, 0.0)
+        if reuse:
+            break
+    return reuse
+
+
+@when_called(_ENDED(RHS, RUN, _matrix))
+def step_bdf2(rhs, run, out):
+    """``bdf2``: every step by Newton's method, from x going on in a straight line."""
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
+    begin, x0, together, knots, parabolas = start_together(rhs, run, BDF2)
+    m, states = len(past) - 1, len(slope)
+    t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
+    (window, sums, ahead), head = nothing_yet(kernels, end), 1
+    x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
+    history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
+    W, trial = np.zeros((states, 2 * states)), np.zeros(states)
+    none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
+    mode = flush_denormals()
+    for i in range(states):
+        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+    rhs(t0, x, now, p, f)
+    last, how, row = end, COMPLETED, 1  # the first row of out holds x(start)
+    if not _finite(f):
+        last, how, end = 0, NOT_FINITE, 0
+    elif together == 0:
+        _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing)
+    for i in range(states):
+        window[i, 0], x[i] = f[i], past[0, i]
+    k, factors_valid = min(0, together), states < 0  # 0 and False, but no literals: see step_pi2
+    for n in range(1, end + 1):
+        t, j = t0 + n * h, (n - 1) % BLOCK
+        if j == 0:
+            head = room(head, window, kernels.lags)
+            look_ahead(n, head, window, sums, ahead, kernels)
+            if together > 0:
+                k = _correct_block(n, knots, k, parabolas, ahead)
+        _read(u, n, now)
+        for i in range(states):  # predict: x goes on in a straight line, but not that of a jump
+            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            move = x[i] - before[i]
+            goes_on = abs(move) <= 2 * abs(last_move[i])
+            before[i], last_move[i] = x[i], move
+            x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
+        rhs(t, x, now, p, f)
+        if n >= first_free:
+            factors_valid = _settle(rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial,
+                                    none, nothing)  # fmt: skip
+        if n == m > together:
+            _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

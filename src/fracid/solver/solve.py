@@ -32,9 +32,9 @@ from fracid.solver.arguments import (
     InitialCondition,
     Options,
     check_bounds,
+    check_driven,
     check_history,
     check_initial_and_orders,
-    check_inputs,
     check_options,
     check_relaxing,
     check_times,
@@ -42,11 +42,12 @@ from fracid.solver.arguments import (
     named_states,
 )
 from fracid.solver.history import Kernels, forget_mode, stack
+from fracid.solver.inputs import Driven
 from fracid.solver.loop_arguments import Run
 from fracid.solver.memory import Memory
-from fracid.solver.methods import METHODS
+from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
-from fracid.solver.stiffness import fault_of
+from fracid.solver.stiffness import fault_of, grows_by_itself
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
@@ -73,7 +74,8 @@ def solve_fde(
     step: float,
     end: float,
     start: float = 0.0,
-    inputs: ArrayLike | None = None,
+    inputs: ArrayLike | Driven | None = None,
+    between: str = "line",
     parameters: ArrayLike = (),
     method: str = "pi2",
     memory: str | Memory = "compressed",
@@ -103,7 +105,10 @@ def solve_fde(
     start : float
         The first time [s].
     inputs : array_like, shape (n + 1,) or (n + 1, n_inputs), optional
-        u on the grid start, start + h, …, end; with a `history`, from its first sample on.
+        u on the grid start, start + h, …, end; with a `history`, from its first sample on.  A
+        :class:`~fracid.solver.inputs.Driven` has it before and after each of these.
+    between : ``"line"``, ``"hold"`` or ``"band-limited"``
+        What the inputs do between the grid points: :mod:`fracid.solver.inputs`.
     parameters : array_like, shape (n_parameters,)
         Given to `rhs` as ``p``.
     method : key of :data:`fracid.solver.methods.METHODS`
@@ -159,9 +164,10 @@ def solve_fde(
     True
     """
     arguments = Arguments(
-        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, parameters=parameters,
-        method=method, memory=memory, tolerance=tolerance, corrections=corrections, corrected=corrected,
-        history=history, every=every, times=times, bounds=bounds, limit=limit, relaxing=relaxing,
+        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, between=between,
+        parameters=parameters, method=method, memory=memory, tolerance=tolerance, corrections=corrections,
+        corrected=corrected, history=history, every=every, times=times, bounds=bounds, limit=limit,
+        relaxing=relaxing,
     )  # fmt: skip
     return _solve(rhs, arguments)
 
@@ -174,7 +180,7 @@ def simulate(
     step: float,
     end: float,
     parameters: Mapping[str, float] | None = None,
-    inputs: ArrayLike | None = None,
+    inputs: ArrayLike | Driven | None = None,
     bounds: Mapping[str, tuple[float, float]] | ArrayLike | None = None,
     **options: Any,
 ) -> Trajectory:
@@ -240,9 +246,10 @@ def _solve(
     states, n_inputs = size or (None, None)
     x0, slope, q = check_initial_and_orders(arguments.initial, arguments.orders, states)
     past, inputs = check_history(arguments.history, x0), arguments.inputs
-    exact = arguments.history is not None or (inputs is not None and len(np.atleast_1d(inputs)) > 1)
+    samples = inputs.before if isinstance(inputs, Driven) else inputs
+    exact = arguments.history is not None or (samples is not None and len(np.atleast_1d(samples)) > 1)
     h, steps = count_steps(arguments.step, arguments.start, arguments.end, exact)
-    u = check_inputs(inputs, len(past) + steps, n_inputs)
+    u, after = check_driven(inputs, arguments.between, len(past) + steps, n_inputs)
     p = vector("parameters", arguments.parameters)
     bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
     options = check_options(arguments, bounds)
@@ -252,9 +259,11 @@ def _solve(
         warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
                       "the result does not converge. Type method='pi2' for the Caputo solution.",
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
-    equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing)
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
     trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
+    if trajectory.completed and grows_by_itself(trajectory):
+        trajectory = replace(trajectory, outcome=Outcome.UNSTABLE)
     if times is None:
         return trajectory
     within = times[times <= trajectory.time[-1] + 1e-9 * h]
@@ -266,10 +275,11 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
     past, states, method = initial.known, len(initial.values), METHODS[options.method]
     out = _room(steps, options.every, states)
     out[0] = initial.values
+    inputs, after = _at_jumps(equation, method)
     run = Run(
         orders=equation.orders,
         gain=equation.gain(step),
-        u=equation.inputs,
+        u=inputs,
         p=equation.parameters,
         past=past,
         slope=np.zeros(states) if initial.slope is None else initial.slope,
@@ -283,6 +293,7 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
         relaxing=np.array(equation.relaxing, dtype=np.int64),
+        after=after,
     )
     try:
         last, how = method.run(equation.rhs, run, out)
@@ -296,6 +307,26 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         initial.time + np.arange(count, dtype=np.float64) * (step * options.every), out[:count], _OUTCOMES[how], step,
         options.method, options.memory.name, equation.orders, initial.time - step * (len(past) - 1),
     )  # fmt: skip
+
+
+ALIKE = 8
+"""Up to so many steps are solved together as if f were smooth: there jumps are taken by their mean."""
+
+
+def _at_jumps(equation: Equation, method: Method) -> tuple[FloatArray, FloatArray]:
+    """The inputs as a method takes them: just before each grid point, and just after it where they jump."""
+    before, after = equation.inputs, equation.after
+    if after is None:
+        return before, np.empty((0, before.shape[1]))
+    if method.at_a_jump == "after":
+        return after, np.empty((0, before.shape[1]))
+    mean = (before + after) / 2
+    if method.at_a_jump == "mean":
+        return mean, np.empty((0, before.shape[1]))
+    if np.any(equation.orders != 1):
+        before, after = before.copy(), after.copy()
+        before[1:ALIKE] = after[1:ALIKE] = mean[1:ALIKE]
+    return before, after
 
 
 def _room(steps: int, every: int, states: int) -> FloatArray:

@@ -39,6 +39,14 @@ measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a frac
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
 corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.
 
+**bdf2** has the same corrections with its own errors, whose expansion needs no last panel, since its weights and
+powers are coefficients of :math:`\sum_j d_j s^{j-q}` and :math:`Γ(σ+1)\,s^{-σ-1} + \sum_i ζ(-σ-i)(-s)^i/i!`, at
+e^(−s): :math:`E_σ(n)` is the sum of :math:`n^{σ+q-j}` and :math:`n^{q-1-i-j}` that their product leaves.  It does not
+integrate constants exactly either: the start weighs :math:`w_{n-1}/2`, which makes order 2, and the exponent 0, with
+:math:`f_0` for its coefficient, does the rest.  Without corrections, thus in stiff starts, the loop puts :math:`f_1` in
+the place of :math:`f_0`: at order 1 that is the backward Euler step that BDF2 is usually begun with, and the fast part
+is gone after it.
+
 References
 ----------
 .. [Lubich] C. Lubich, *Discretized fractional calculus*, SIAM J. Math. Anal. 17 (1986): starting weights.
@@ -62,9 +70,24 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper
-from fracid.solver.weights import third_weights, trapezoidal_weights, zeta
+from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
 
-__all__ = ["START", "Start", "errors_of_powers", "exponents", "gauss_jordan", "knots_up_to", "start_together"]
+__all__ = [
+    "BDF2",
+    "PI2",
+    "PI3",
+    "START",
+    "Start",
+    "bdf_errors_of_powers",
+    "errors_of_powers",
+    "exponents",
+    "gauss_jordan",
+    "knots_up_to",
+    "start_together",
+]
+
+PI2, PI3, BDF2 = 0, 1, 2
+"""The rules that are corrected."""
 
 Expansion = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 
@@ -185,6 +208,40 @@ def errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64], thir
     return E
 
 
+BDF_TERMS = 10
+"""Of the expansion of ``bdf2``'s errors, which is taken from n = 65 on."""
+
+
+@_alone
+def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
+    """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 the start has its weights, half of the last."""
+    E, few = np.zeros((len(sigma), len(knots))), bdf_weights(q, 64)
+    w, start, d = few[0], few[1], bdf_series(q, BDF_TERMS)
+    smooth, singular = np.zeros(BDF_TERMS), np.zeros(BDF_TERMS)
+    for m in range(len(sigma)):
+        s, factorial = sigma[m], 1.0
+        exact = math.gamma(s + 1) / math.gamma(s + q + 1)
+        singular[:] = 0.0
+        for i in range(BDF_TERMS):
+            smooth[i] = math.gamma(s + 1) * d[i] * _inverse_gamma(s + q + 1 - i)
+            c = (zeta(-s - i) + (0.5 if s == 0.0 else 0.0)) / factorial
+            for j in range(BDF_TERMS - i):
+                singular[i + j] += c * d[j] * _inverse_gamma(q - i - j)
+            factorial *= -(i + 1)
+        for k in range(1, len(knots)):
+            n = knots[k]
+            if n <= 64:
+                E[m, k] = exact * float(n) ** (s + q) - (start[n] if s == 0.0 else 0.0)
+                for lag in range(n):
+                    E[m, k] -= w[lag] * float(n - lag) ** s
+            else:
+                one = other = 0.0
+                for i in range(BDF_TERMS - 1, -1, -1):
+                    one, other = one / n + (smooth[i] if i > 0 else 0.0), other / n + singular[i]
+                E[m, k] = -one * float(n) ** (s + q) - other * float(n) ** (q - 1)
+    return E
+
+
 @helper
 def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
@@ -256,12 +313,13 @@ def _inverse_gamma(x: float) -> float:
 
 
 @helper
-def start_together(rhs, run, third):
+def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    ``pi3`` (`third`) has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents.
+    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` one step
+    and constants, the first row of its errors.
     """
-    past, orders = run.past, run.orders
+    past, orders, third, bdf = run.past, run.orders, rule == PI3, rule == BDF2
     m, states, steps = len(past) - 1, len(orders), len(past) - 1 + run.steps
     plain = Start(past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3)))
     if not (run.corrected or third):
@@ -270,20 +328,26 @@ def start_together(rhs, run, third):
     if run.corrected:
         powers = _powers_of_time(rhs, run)
         sigma = exponents(_orders_that_move(rhs, run, A, powers), powers, third)
-    s = max(len(sigma), 2) if third else len(sigma)
+    s = max(len(sigma), 2 if third else 1 if bdf else 0)
     if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
         return plain
     knots = knots_up_to(steps + 8)
     fit = _fit_of_powers(sigma, s)
-    E, M, ends = np.zeros((states, len(sigma), len(knots))), np.zeros((states, s + 1, s + 1)), np.zeros((states, 0, 2))
+    rows = len(sigma) + bdf
+    E, M, ends = np.zeros((states, rows, len(knots))), np.zeros((states, s + 1, s + 1)), np.zeros((states, 0, 2))
     if third:
         ends = np.zeros((states, len(knots), 2))
     for i in range(states):
         first = 0
         while orders[first] != orders[i]:
             first += 1
-        _copy(E[first] if first < i else errors_of_powers(orders[i], sigma, knots, third), E[i])
-        _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, third), M[i])
+        if first < i:
+            _copy(E[first], E[i])
+        elif bdf:
+            _copy(bdf_errors_of_powers(orders[i], np.append(0.0, sigma), knots), E[i])
+        else:
+            _copy(errors_of_powers(orders[i], sigma, knots, third), E[i])
+        _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, rule), M[i])
         if third:
             _copy(ends[first] if first < i else _ends(orders[i], knots), ends[i])
     x, f = np.zeros((max(m, s) + 1, states)), np.zeros((s + 1, states))
@@ -300,7 +364,10 @@ def start_together(rhs, run, third):
             for k in range(1, s + 1):
                 c += fit[e, k - 1] * (f[k, i] - f[0, i])
             for n in range(len(knots)):
-                C[i, n] += c * E[i, e, n]
+                C[i, n] += c * E[i, bdf + e, n]
+        if bdf:
+            for n in range(len(knots)):
+                C[i, n] += f[0, i] * E[i, 0, n]
         if third:
             bend, rise = f[2, i] - 2 * f[1, i] + f[0, i], f[1, i] - f[0, i]
             for n in range(len(knots)):
@@ -393,11 +460,11 @@ def _fit_of_powers(sigma, s):
 
 
 @helper
-def _starting_weights(q, E, fit, third):
+def _starting_weights(q, E, fit, rule):
     """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers; shape (s + 1, s + 1)."""
-    s = fit.shape[1]
+    s, third, constants = fit.shape[1], rule == PI3, len(E) - len(fit)
     M = np.zeros((s + 1, s + 1))
-    w, start = third_weights(q, s) if third else trapezoidal_weights(q, s)
+    w, start = bdf_weights(q, s) if rule == BDF2 else third_weights(q, s) if third else trapezoidal_weights(q, s)
     ends = _ends(q, np.arange(s + 1)) if third else np.zeros((s + 1, 2))
     for n in range(1, s + 1):
         if third and n <= 2:
@@ -410,10 +477,12 @@ def _starting_weights(q, E, fit, third):
                 M[n, 0] -= ends[n, 0] - ends[n, 1]
                 M[n, 1] -= ends[n, 1] - 2 * ends[n, 0]
                 M[n, 2] -= ends[n, 0]
+        for e in range(constants):
+            M[n, 0] += E[e, n]
         for k in range(1, s + 1):
-            for e in range(len(E)):
-                M[n, k] += E[e, n] * fit[e, k - 1]
-                M[n, 0] -= E[e, n] * fit[e, k - 1]
+            for e in range(len(fit)):
+                M[n, k] += E[constants + e, n] * fit[e, k - 1]
+                M[n, 0] -= E[constants + e, n] * fit[e, k - 1]
     return M
 
 

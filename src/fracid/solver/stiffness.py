@@ -8,10 +8,32 @@ by about the eigenvalues μ of
 (τ₀ is a model's ``time_scale``, else 1).  Two numbers come of it:
 
 \|J\|h       the largest \|μ\|.  An explicit scheme follows a fast decay up to about 1 (``pi3`` up to 2), beyond it
-            overshoots each time, and what should have died grows.  ``pi2`` solves such steps by Newton's method.
+            overshoots each time, and what should have died grows.  ``pi2`` solves such steps by Newton's method, and
+            follows all up to order 1, but not above (next section); ``bdf2`` follows all.
 steps       2π over the largest \|Im μ\|: steps for each period of the fastest oscillation.  With fewer than
             :data:`STEPS_A_PERIOD`, a scheme of order 2 has its frequency wrong by more than :math:`(2π/20)^2/12`, 1 %,
             and constants are fitted to that error.
+
+**Above order 1** the equation of ``pi2`` has a limit of its own, whoever solves it.  With x growing like
+:math:`e^{sn}` over n steps, equation and scheme are both det(1 − diag(σ_i(s) g_i) J) = 0, where
+
+.. math::  σ(s) = s^{-q} \quad\text{or}\quad σ(s) = \sum_k b_k e^{-sk} = 4 \sinh^2(s/2) \sum_m (s + 2πim)^{-q-2},
+
+m over all whole numbers (the weights' series, by Poisson's formula).  A scheme that has more roots with Re s > 0 than
+the equation makes something grow that should not (:func:`_growing` counts them by the argument principle; [Lubich] has
+the theorem).  For :math:`D^q x = -a x` the first root comes over at s = iπ, where x changes its sign from sample to
+sample: at
+
+.. math::  h^q a = \frac{Γ(q+2)}{4\,(2^{q+2}-1)\,ζ(-q-1)},
+
+240 at order 1.01, 50 at 1.05, 9.5 at 1.5, 12 towards 2.
+
+**Sweeps.**  ``pi2`` asks for Newton's method after its sweeps, which overshoot where \|J\|h is above 1: a curved f may
+run away there and then, and no blow-up is concluded from it.
+
+**Low orders.**  An explicit scheme sets x to :math:`x^0 + g f` of the last sample, less a history whose weights
+vanish as q → 0: a fixed-point iteration, which is off by :math:`|μ|/(1+|μ|)` at first, and by :math:`2^{-q}|μ|` times
+as much with each sample; and no step helps, for :math:`h^q` hardly depends on h.
 
 **How a run ended.**  Where a state runs away, \|J\|h *before* it did tells whose fault it is: beyond its scheme's
 limit the step's.  Otherwise the solution itself grows: in finite time, where the last decades of growth take less time
@@ -19,6 +41,8 @@ than the first, a *blow-up*; else exponentially.
 
 References
 ----------
+.. [Lubich] C. Lubich, *A stability analysis of convolution quadratures for Abel-Volterra integral equations*,
+   IMA J. Numer. Anal. 6 (1986).
 .. [HW] E. Hairer, G. Wanner, Solving ODEs II, 2nd ed. 1996, IV.2: stability of explicit schemes.
 """
 
@@ -26,6 +50,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +60,17 @@ from fracid.findings import Finding
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import Outcome, Trajectory
 
-__all__ = ["STEPS_A_PERIOD", "fault_of", "linearised", "modes", "step_gain", "steps_a_period"]
+__all__ = [
+    "STEPS_A_PERIOD",
+    "TooLong",
+    "fault_of",
+    "grows_by_itself",
+    "linearised",
+    "modes",
+    "step_gain",
+    "steps_a_period",
+    "too_long",
+]
 
 STEPS_A_PERIOD = 20.0
 """Fewer are too few."""
@@ -45,6 +80,15 @@ LOOKED_AT = 3
 
 USUAL = 3.0
 """A state beyond this many times its usual size is on its way out."""
+
+OUT_OF_ALL_BOUNDS = 1e3
+"""A run that ends beyond this many times its usual size is none that anybody asked for."""
+
+GROWTH = 1.0
+"""What a scheme makes grow is told where it grows by e or more over the run."""
+
+LOW_ORDER, SETTLED = 0.1, 100.0
+"""Below this order an explicit scheme tells after how many samples it comes within 1/100."""
 
 
 def linearised(rhs: Callable[..., None], t: float, x: FloatArray, u: FloatArray, p: FloatArray) -> NDArray[np.float64]:
@@ -109,6 +153,118 @@ def steps_a_period(eigenvalues: NDArray[np.complex128]) -> float:
     return float(2 * math.pi / max(swinging)) if swinging and max(swinging) > 0 else math.inf
 
 
+@dataclass(frozen=True)
+class TooLong:
+    """A step beyond what its scheme follows."""
+
+    size: float
+    """|J|h, the largest |μ|."""
+    limit: float
+    """The |J|h that the scheme follows."""
+    parts: float
+    """Into how many the step must be divided."""
+
+
+def too_long(
+    method: str, orders: FloatArray, linear: list[NDArray[np.float64]], gain: FloatArray, steps: int
+) -> TooLong | None:
+    """Tell whether a scheme makes something grow, near one of some states, that does not grow in the equations.
+
+    Parameters
+    ----------
+    method : key of :data:`fracid.solver.methods.METHODS`
+    orders : array, shape (n_states,)
+    linear : list of array, shape (n_states, n_states)
+        J at those states.
+    gain : array, shape (n_states,)
+        g of the module's first screen.
+    steps : int
+        Length of the run.
+
+    Examples
+    --------
+    >>> J, orders = [np.array([[-3e4]])], np.array([1.05])
+    >>> found = too_long("pi2", orders, J, 1e-2**orders, 1000)
+    >>> round(found.size), round(found.limit)
+    (238, 50)
+    >>> too_long("bdf2", orders, J, 1e-2**orders, 1000) is None
+    True
+    """
+    if method not in METHODS:
+        return None
+    sizes = [float(np.max(np.abs(m))) if (m := modes(J, gain)).size else 0.0 for J in linear]
+    follows, largest = METHODS[method].follows, max(sizes, default=0.0)
+    if largest > follows:
+        return TooLong(largest, follows, (2 * largest / follows) ** (1 / float(np.max(orders))))
+    if METHODS[method].family != "pi" or not np.max(orders) > 1:
+        return None
+    scaled = [gain[:, None] * J for J in linear]
+    beyond = [k for k, size in enumerate(sizes) if size > 0 and _unstable(scaled[k], orders, steps)]
+    if not beyond:
+        return None
+    worst = max(beyond, key=lambda k: sizes[k])
+    parts = _parts(scaled[worst], orders, steps)
+    at_limit = modes(linear[worst], gain * parts**-orders)
+    return TooLong(sizes[worst], float(np.max(np.abs(at_limit))), 1.2 * parts)
+
+
+def _parts(scaled: FloatArray, orders: FloatArray, steps: int) -> float:
+    """Into how many parts the step must be divided for the scheme to follow, by bisection."""
+    least, most = 0.0, 1.0  # logarithms
+
+    def unstable(log_parts: float) -> bool:
+        parts = math.exp(log_parts)
+        return _unstable(parts ** -orders[:, None] * scaled, orders, round(steps * parts))
+
+    while unstable(most) and most < 40:
+        least, most = most, 2 * most
+    for _ in range(12):
+        middle = (least + most) / 2
+        least, most = (middle, most) if unstable(middle) else (least, middle)
+    return math.exp(most)
+
+
+def _unstable(scaled: FloatArray, orders: FloatArray, steps: int) -> bool:
+    """Tell whether ``pi2`` has more growing modes than the equations D^q δ = Jδ, `scaled` being gJ."""
+    rate = min(GROWTH / max(1, steps), 0.5)
+    of_equation = _growing(_of_equation, math.inf, rate / 2, scaled, orders)
+    return _growing(_of_scheme, math.pi, rate, scaled, orders) > of_equation
+
+
+def _growing(
+    symbol: Callable[[NDArray[np.complex128], float], NDArray[np.complex128]],
+    highest: float,
+    rate: float,
+    scaled: FloatArray,
+    orders: FloatArray,
+) -> int:
+    """Roots s of det(1 − diag(σ_i(s)) gJ) with Re s > rate, by the turns of its argument along Re s = rate."""
+    fastest = max(1.0, float(np.abs(scaled).sum())) ** (1 / float(np.min(orders)))  # bounds the equation's roots
+    end = highest if math.isfinite(highest) else 1e3 * fastest
+    s = rate + 1j * np.append(0.0, np.geomspace(rate / 100, end, 400))
+    of = {q: symbol(s, q) for q in set(orders.tolist())}
+    rows = np.stack([of[q] for q in orders.tolist()], axis=1)
+    argument = np.unwrap(np.angle(np.linalg.det(np.eye(len(orders)) - rows[:, :, None] * scaled)))
+    return round(float(argument[0] - argument[-1]) / math.pi)  # the lower half is its mirror image
+
+
+def _of_equation(s: NDArray[np.complex128], q: float) -> NDArray[np.complex128]:
+    """s^(−q)."""
+    return np.asarray(s**-q)
+
+
+def _of_scheme(s: NDArray[np.complex128], q: float) -> NDArray[np.complex128]:
+    """Σ_k b_k e^(−sk)."""
+    m = 2j * math.pi * np.arange(-30, 31)
+    return np.asarray(4 * np.sinh(s / 2) ** 2 * ((s[:, None] + m) ** (-q - 2)).sum(axis=1))
+
+
+def grows_by_itself(run: Trajectory) -> bool:
+    """Tell whether a run that its step spoils has grown out of all proportion: what it ends with is no solution."""
+    spoilt = run.fault is not None and run.fault.code == "stiff"
+    return spoilt and len(run.time) > 2 and bool(_sizes(run)[-1] > OUT_OF_ALL_BOUNDS)
+
+
 def fault_of(
     run: Trajectory, rhs: Callable[..., None], gain: FloatArray, inputs: FloatArray, parameters: FloatArray
 ) -> Finding | None:
@@ -127,7 +283,7 @@ def fault_of(
     Returns
     -------
     Finding or None
-        ``blow-up``, ``runs-away``, ``stiff``, ``coarse-steps`` or ``not-finite``.
+        ``blow-up``, ``runs-away``, ``stiff``, ``coarse-steps``, ``low-order`` or ``not-finite``.
 
     Examples
     --------
@@ -151,18 +307,26 @@ def _fault(
         return Finding("not-finite", "", end, math.inf, "s",
                        f"The right-hand side is not finite after t = {end:.4g} s: a division by zero, such as "
                        "det M = 0, or an overflow.")  # fmt: skip
-    if not several:
+    if not several and run.outcome is not Outcome.DIVERGED:
         return None
-    last = len(run.time) - 1 if run.completed else max(1, _growing_from(run) - 1)
+    last = len(run.time) - 1
+    if not run.completed:
+        last = max(1, _growing_from(run) - 1) if last > 1 else 0  # the second may be on its way out
     linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
+    length, method = round((end - run.origin) / run.step), METHODS.get(run.method)
+    beyond = too_long(run.method, run.orders, linear, gain, length if run.completed else max(100, length))
+    if beyond is not None:
+        return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
-    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-    if largest > _follows(run):
-        return _too_stiff(run, largest)
     if away or run.outcome is Outcome.DIVERGED:
-        return _runs_away(run, largest)
+        largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+        if method and largest > method.sweeps:
+            return _swept_away(run, largest)
+        return _runs_away(run, largest) if several else None
+    if method and method.family == "gl" and np.min(run.orders) < LOW_ORDER:
+        return _low_order(run, linear, gain)
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)
@@ -200,19 +364,46 @@ def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, p
     return linearised(rhs, float(run.time[k]), run.states[k], u, parameters)
 
 
-def _follows(run: Trajectory) -> float:
-    return METHODS[run.method].follows if run.method in METHODS else math.inf
-
-
-def _too_stiff(run: Trajectory, largest: float) -> Finding:
-    follows = _follows(run)
-    q = float(np.max(run.orders))
-    shorter = run.step * (0.5 * follows / largest) ** (1 / q)
+def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
     note = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""
+    if METHODS[run.method].family == "pi":
+        why = f"{run.method} above order 1 follows up to {beyond.limit:.3g} and makes grow what should die beyond{note}"
+        other = "bdf2"
+    else:
+        why = f"an explicit scheme follows up to about {beyond.limit:g}{note}"
+        other = "bdf2" if np.max(run.orders) > 1 else "pi2"
     return Finding(
-        "stiff", "", largest, follows, "|J|h",
-        f"The step is too long for {run.method}: |J|h is {largest:.3g}, and an explicit scheme follows up to about "
-        f'{follows:g}{note}. Type method = "pi2", or a step of {shorter:.2g} s.',
+        "stiff", "", beyond.size, beyond.limit, "|J|h",
+        f'The step is too long for {run.method}: |J|h is {beyond.size:.3g}, and {why}. Type method = "{other}", or a '
+        f"step of {run.step / beyond.parts:.2g} s.",
+    )  # fmt: skip
+
+
+def _swept_away(run: Trajectory, largest: float) -> Finding:
+    limit = METHODS[run.method].sweeps
+    shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
+    return Finding(
+        "stiff", "", largest, limit, "|J|h",
+        f"It ended at t = {run.time[-1]:.4g} s, and whether by itself is open: |J|h was {largest:.3g} before, and "
+        f"beyond {limit:g} the sweeps of {run.method} overshoot; what is curved then runs away before Newton's method "
+        f'is asked. Type method = "bdf2", or a step of {shorter:.2g} s.',
+    )  # fmt: skip
+
+
+def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatArray) -> Finding | None:
+    """What an explicit scheme loses where it is a fixed-point iteration."""
+    low = run.orders < LOW_ORDER
+    spectra = [modes(J[np.ix_(low, low)], gain[low]) for J in linear]
+    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+    q = float(np.min(run.orders))
+    if not largest > 1 / SETTLED:
+        return None
+    samples = math.log(SETTLED * largest / (1 + largest)) / (q * math.log(2) - math.log(largest))
+    return Finding(
+        "low-order", "", samples, 1.0, "samples",
+        f"At order {q:g} {run.method} sets x to little else than f of the last sample: its first {samples:.0f} "
+        "samples, and as many after every jump, are wrong by 1 % of it or more, and no step shortens that. "
+        'Type method = "pi2".',
     )  # fmt: skip
 
 

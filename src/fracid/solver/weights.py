@@ -10,6 +10,9 @@ family   sums v =                weights
 ``pi``   f(t, x)                 product trapezoidal (:func:`trapezoidal_weights`), :math:`b_k`, and
                                  :math:`a_n` for the sample at the start
 ``pi3``  f(t, x)                 those of ``pi`` for :math:`f - δ^2 f/12` (:func:`third_weights`)
+``bdf``  f(t, x)                 Lubich's quadrature of BDF2 (:func:`bdf_weights`): the coefficients of
+                                 :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, and half of :math:`w_{n-1}` for the
+                                 sample at the start
 =======  ======================  =====================================================================
 
 A :class:`Kernel` holds the first L + 1 of them exactly and the rest as :math:`\sum_m c_m z_m^{k-L-1}`; with all of
@@ -34,7 +37,17 @@ from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, kept
 from fracid.solver.operators import gl_weights
 
-__all__ = ["Kernel", "Real", "Row", "Whole", "exact_kernel", "third_weights", "trapezoidal_weights"]
+__all__ = [
+    "Kernel",
+    "Real",
+    "Row",
+    "Whole",
+    "bdf_series",
+    "bdf_weights",
+    "exact_kernel",
+    "third_weights",
+    "trapezoidal_weights",
+]
 
 
 @dataclass(frozen=True)
@@ -94,6 +107,8 @@ def exact_kernel(family: str, order: float, steps: int) -> Kernel:
     """All weights of a family, exactly."""
     if family == "pi3":
         return _exact_third(order, steps)
+    if family == "bdf":
+        return _exact_bdf(order, steps)
     if order == 1.0 and family == "pi":  # a running sum: the trapezoidal rule, no memory
         return Kernel(np.array([0.5, 1.0]), np.array([0.0, 0.5]), np.zeros(1), np.ones(1), np.full(1, 0.5))
     if order == 1.0:  # a backward difference
@@ -109,6 +124,14 @@ def _exact_third(q: float, steps: int) -> Kernel:
         w, start = np.array([9, 28, 23, 24]) / 24, np.array([0, 15, 11, 12]) / 24
         return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
     return Kernel(*third_weights(q, steps), *np.empty((3, 0)))
+
+
+def _exact_bdf(q: float, steps: int) -> Kernel:
+    if q == 1.0:  # w_k = 1 − 3^(−k−1), a running sum from k = 40 on
+        w, start = bdf_weights(q, 40)
+        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+    w, start = bdf_weights(q, steps)
+    return Kernel(w, start, *np.empty((3, 0)))
 
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
@@ -169,4 +192,49 @@ def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
         last = (1.0, -2.0, 1.0)[k]
         w[k] -= last * kappa + (3.0, -3.0, 1.0)[k] * b[0] / 12
         start[k] = k**q / math.gamma(q + 1) - w[:k].sum() if k > 0 else 0.0  # constants are integrated exactly
+    return w, start
+
+
+SERIES = 18
+"""Terms of the expansion of BDF2's weights for large k: exact to rounding from k = 64 on."""
+
+
+@helper
+def bdf_series(q: float, count: int) -> FloatArray:
+    r"""d_j of :math:`(3/2 - 2e^{-s} + e^{-2s}/2)^{-q} = \sum_j d_j s^{j-q}`, by Miller's recursion for powers."""
+    p, d = np.ones(count), np.ones(count)
+    factorial = 1.0
+    for j in range(1, count):
+        factorial *= -(j + 1)
+        p[j] = (2.0 - 2.0**j) / factorial  # of the base over s, whose first term is 1
+        d[j] = 0.0
+        for k in range(1, j + 1):
+            d[j] += (k * (1 - q) - j) * p[k] * d[j - k] / j
+    return d
+
+
+@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    r"""Coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, k = 0 … steps, and half the one before, for the start.
+
+    By Miller's recursion; from k = 64 on by :math:`\sum_j d_j k^{q-1-j}/Γ(q-j)`, since what is left out dies as
+    :math:`3^{-k}`, the root at ζ = 3.
+    """
+    w, start = np.zeros(steps + 1), np.zeros(steps + 1)
+    w[0] = (2 / 3) ** q
+    for k in range(1, min(64, steps + 1)):
+        w[k] = -4 / 3 * ((1 - q) / k - 1) * w[k - 1]
+        if k > 1:
+            w[k] += (2 * (1 - q) / k - 1) * w[k - 2] / 3
+    d = bdf_series(q, SERIES)
+    falling = 1 / math.gamma(q)
+    for j in range(SERIES):  # d_j / Γ(q − j)
+        d[j] *= falling
+        falling *= q - 1 - j
+    for k in range(64, steps + 1):
+        total = 0.0
+        for j in range(SERIES - 1, -1, -1):
+            total = total / k + d[j]
+        w[k] = total * k ** (q - 1)
+    start[1:] = w[:-1] / 2
     return w, start

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,9 +37,12 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
+from fracid.models.base import Output
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
+from fracid.solver.inputs import Between, Driven, between_samples
+from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
 from fracid.twins.encoder import encoder
@@ -81,7 +84,9 @@ class Twin:
     substeps: int = 1
     """Steps of the solver to a sample."""
     inputs: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
-    """Input → its times, from the first sample [s], and its values; linear between, held beyond both ends."""
+    """Input → its times, from the first sample [s], and its values; read at the samples, held beyond both ends."""
+    between: Mapping[str, Between] = field(default_factory=dict)
+    """Input → what it does between the samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     history: FloatArray | None = None
     """The states before the start, as :func:`fracid.simulate` takes them."""
 
@@ -155,6 +160,11 @@ class Twin:
         True
         """
         model: Model = problem.model
+        if experiment.sensors or experiment.actuators:
+            raise InputError(
+                f"{experiment.name} has a delay, gain, bias or lowpass, which a simulated recording does not have; "
+                "leave them out of a copy of the project, or simulate the model itself: fracid simulate RIG."
+            )
         orders, values, initial = problem.unpack(x, experiment)
         inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
         if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
@@ -165,7 +175,7 @@ class Twin:
             experiment.name, model, _by_name(model.orders, orders), _by_name(model.parameter_names, values),
             _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
             problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
-            problem.history(x, experiment),
+            experiment.between, problem.history(x, experiment),
         )  # fmt: skip
 
     def changed(self, **changes: Any) -> Twin:
@@ -238,16 +248,32 @@ class Twin:
         plateau, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
         return self.time[plateau], self.time[moving & ~plateau]
 
-    def _driven(self, steps: int, h: float) -> FloatArray | None:
+    def _driven(self, steps: int, h: float) -> Driven | None:
         """u on the grid of the run, with a past from its beginning on."""
         if not self.inputs:
             return None
         past = 0 if self.history is None else len(self.history)
         at = self.hold + h * np.arange(-past, steps + 1)
         u = np.zeros((len(at), len(self.model.inputs)))
+        driven = Driven(u, u.copy())
+        first = math.floor(at[0] / self.step + 1e-9)
+        samples = self.step * np.arange(first, round(self.end / self.step) + 1)
         for name, (times, values) in self.inputs.items():
-            u[:, self.model.inputs.index(name)] = np.interp(at, times, values)
-        return u
+            i, kind = self.model.inputs.index(name), self.between.get(name, "line")
+            if kind == "line":
+                driven.before[:, i] = driven.after[:, i] = np.interp(at, times, values)
+            else:
+                read = np.interp(samples, times, values)
+                grid = (at[0] / self.step - first, h / self.step, len(at))
+                driven.before[:, i], driven.after[:, i] = between_samples(read, kind, *grid)
+        return driven
+
+    def _output(self, run: Trajectory, h: Output) -> FloatArray:
+        """An output that is no state, at the samples."""
+        u = np.zeros((len(run.time), len(self.model.inputs)))
+        for name, (times, values) in (self.inputs or {}).items():
+            u[:, self.model.inputs.index(name)] = np.interp(run.time, times, values)
+        return output_along(h, run.time, run.states, u, self.model.parameter_vector(self.parameters))
 
     def record(
         self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
@@ -283,9 +309,10 @@ class Twin:
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
         units: dict[str, str] = {}
         signals: dict[str, FloatArray] = {}
-        for name, i in self.model.outputs.items():
-            signals[name] = encoder(run.states[:, i : i + 1], levels[name], resolution, rng)[:, 0]
-            units[name] = "rad" if self.model.zero else "1"
+        for name, y in self.model.outputs.items():
+            clean = run.states[:, y] if isinstance(y, int) else self._output(run, y)
+            signals[name] = encoder(clean[:, None], levels[name], resolution if isinstance(y, int) else 0.0, rng)[:, 0]
+            units[name] = "rad" if self.model.zero and isinstance(y, int) else "1"
         for name, (times, values) in (self.inputs or {}).items():
             signals[name] = np.interp(run.time, times, values)
             units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")

@@ -61,7 +61,7 @@ from fracid.signals.swing import final_value, swing_period
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period
+from fracid.solver.stiffness import STEPS_A_PERIOD, TooLong, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.reversed_signs import reversals, wrong_sign
 
 __all__ = ["before"]
@@ -165,12 +165,10 @@ class Linearisation:
     """The start's model linearised along a recording's measured motion, and in the posture in which that stays."""
 
     recording: str
-    stiffness: float
-    """|J|h, the largest along the motion."""
+    too_long: TooLong | None
+    """How far the step is beyond what the method follows along the motion; None where it is not."""
     steps: float
     """In a period of the fastest oscillation; the median along the motion."""
-    order: float
-    """The largest of the model."""
     posture: Mapping[str, float]
     """Where each output stays that does [rad]; empty where the rig is driven to the end."""
     growth: float
@@ -201,16 +199,18 @@ def _linearisation(problem: Problem, e: Experiment) -> Linearisation:
 
     rhs = compile_rhs(model.rhs)
     still, no_inputs = np.zeros(len(model.states)), np.zeros(len(model.inputs))
-    still[[model.outputs[o] for o in posture]] = [*posture.values()]
+    for o, value in posture.items():
+        if o in model.output_states:
+            still[model.output_states[o]] = value
     gain = step_gain(e.step / problem.substeps, orders, time_scale(model, values))
     with np.errstate(all="ignore"):
-        spectra = [modes(linearised(rhs, t, x, u, values), gain) for t, x, u in motion]
+        linear = [linearised(rhs, t, x, u, values) for t, x, u in motion]
         departures = modes(linearised(rhs, 0.0, still, no_inputs, values), np.ones(len(still)))
 
-    stiffness = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-    steps = float(np.median([steps_a_period(m) for m in spectra]))
+    beyond = too_long(problem.method, orders, linear, gain, len(e.measured) * problem.substeps)
+    steps = float(np.median([steps_a_period(modes(J, gain)) for J in linear]))
     growth = max((m.real for m in departures if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
-    return Linearisation(e.name, stiffness, steps, float(np.max(orders)), posture, growth, growth * swing > 1)
+    return Linearisation(e.name, beyond, steps, posture, growth, growth * swing > 1)
 
 
 def _driven(e: Experiment) -> bool:
@@ -225,7 +225,9 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
     for k in np.linspace(w, len(e.measured) - 1 - w, ASKED, dtype=int).tolist():
         x = np.zeros(len(problem.model.states))
         for o, y in zip(problem.outputs, e.measured.T, strict=True):
-            i = problem.model.outputs[o]
+            i = problem.model.output_states.get(o)
+            if i is None:
+                continue
             x[i] = y[k]
             if i in problem.model.rates:
                 x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
@@ -262,12 +264,12 @@ def _off_hanging(at: Linearisation, hanging: Hanging) -> Iterator[Finding]:
 
 
 def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Finding]:
-    follows = METHODS[method].follows
-    if at.stiffness > follows:
-        more = substeps * math.ceil((2 * at.stiffness / follows) ** (1 / at.order))
-        yield Finding("stiff", at.recording, at.stiffness, follows, "|J|h",
-            f"the step is too long for {method}: |J|h is {at.stiffness:.3g} at the start's values, and an explicit "
-            f'scheme follows up to about {follows:g}. Type method = "pi2" in [fit], or substeps = {more}.')  # fmt: skip
+    if beyond := at.too_long:
+        more = substeps * math.ceil(beyond.parts)
+        scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
+        yield Finding("stiff", at.recording, beyond.size, beyond.limit, "|J|h",
+            f"the step is too long for {method}: |J|h is {beyond.size:.3g} at the start's values, and {scheme} follows "
+            f'up to about {beyond.limit:.3g}. Type method = "{other}" in [fit], or substeps = {more}.')  # fmt: skip
     elif at.steps < STEPS_A_PERIOD:
         more = substeps * math.ceil(2 * STEPS_A_PERIOD / at.steps)
         yield Finding("coarse-steps", at.recording, at.steps, STEPS_A_PERIOD, "steps a period",

@@ -137,8 +137,8 @@ def _signed(problem: Problem) -> list[str]:
 
 def _turned(problem: Problem, output: str) -> Problem:
     """The same with the sign of one output, and of what is known of its start, turned round."""
-    e, i = problem.experiments[0], problem.model.outputs[output]
-    own = {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
+    e, i = problem.experiments[0], problem.model.output_states.get(output)
+    own = set() if i is None else {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
     initial = {n: -v if n in own else v for n, v in e.initial.items()}
     return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))

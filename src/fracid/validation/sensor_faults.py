@@ -300,11 +300,11 @@ def _size(problem: Problem, m: Misreading) -> str:
 
 
 def _mend(problem: Problem, m: Misreading) -> str:
-    angle = problem.model.angles.get(m.signal, Angle())
+    angle, far = problem.model.angles.get(m.signal, Angle()), 3 * abs(m.size)
     rest = angle.rest or "the model's rest"
     return {
-        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or "
-        "shift its column.",
+        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or find it, "
+        f"delay = {{ start = 0.0, lower = {-far:.1g}, upper = {far:.1g} }} in its table.",
         "scaled": "Look at counts_per_turn and scale in its table.",
         "off-zero": ("Look at zero", 'Type zero = "rest"')[angle.of_zero] + f" in its table, or free {rest}.",
         "drifts": "Does its sensor warm up, or slip? Take a shorter part with from and to.",

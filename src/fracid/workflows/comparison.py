@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
+from fracid.models.friction import RUNGS
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import file_stems
 from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
 from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import Comparison, compare
-from fracid.selection.ladder import ladder
+from fracid.selection.ladder import BUILT_IN, ladder
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.journal import Journal
@@ -64,6 +65,7 @@ def run_comparison(
     amplitude: bool = False,
     starts: int | None = None,
     keep: Sequence[str] = (),
+    rungs: Sequence[str] = (),
     preset: str | None = None,
     seed: int | None = None,
     jobs: int = 1,
@@ -83,6 +85,8 @@ def run_comparison(
         The folder; ``runs/rig-compare`` of ``rig.toml`` if left out.
     leave_one_out, amplitude, keep
         As of :func:`fracid.compare`.
+    rungs : sequence of str, optional
+        Of the ladder (:data:`fracid.models.friction.RUNGS`); ``all`` for all, up to the cable's if left out.
     starts, seed
         In place of the project's.
     preset, jobs, trust, observer, command
@@ -109,10 +113,11 @@ def run_comparison(
     folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
     options: dict[str, Any] = {
         "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep),
+        "rungs": list(RUNGS if "all" in rungs else rungs or BUILT_IN),
         "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
     }  # fmt: skip
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
-    ladder(project.problem, keep=options["keep"], others=project.validation)
+    ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation)
     study = _study(project, options)
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
@@ -135,7 +140,7 @@ def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
-    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "seed")}
+    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "rungs", "seed")}
     place = None if executor == "threads" else executor
     more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
     return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})

@@ -169,7 +169,7 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
     except InputError:  # it says why where it is asked for: fracid export RUN --to state-space
         return
     for posture, linear in system.linear.items():
-        if linear.inputs and linear.G.any():
+        if linear.inputs and linear.outputs and linear.G.any():
             yield f"linear-{posture}", system.plot(posture, style=style)
 
 

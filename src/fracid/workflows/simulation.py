@@ -161,7 +161,8 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     read = load_recording(file, {inputs[0]: unit | (dict(channel) or only)})
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
-    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, **last)
+    held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
+    return twin.changed(inputs={inputs[0]: (times, read.signals[inputs[0]])}, between=held, **last)
 
 
 def simulate_twin(
@@ -201,8 +202,9 @@ def simulate_twin(
     for sentence in warned:
         observer.notice(sentence)
     if not run.completed:
+        advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
-                        "Give a smaller --step, other values, or an earlier --end.")  # fmt: skip
+                        f"{advice}")  # fmt: skip
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
     return SimulatedRecording(twin, run, recording, record, _written(recording, record, file, folder))
@@ -228,7 +230,8 @@ def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = twin.simulate()
-    return run, [str(w.message) for w in caught]
+    fault = [str(run.fault)] if run.completed and run.fault else []
+    return run, [str(w.message) for w in caught] + fault
 
 
 def _record(

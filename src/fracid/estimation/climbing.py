@@ -1,0 +1,169 @@
+"""Where a search of rich friction begins: on short windows, and one element after the other.
+
+Of sixteen random starts with presliding and Stribeck's friction in both joints of a real SRV02 one came to the minimum,
+four stopped near it on one angle and eleven far off.  What those elements look like at their minimum, viscous and dry
+friction have found already, but for a shape: how far a joint gives, at which speed stiction goes.  So a search climbs:
+
+1. What is :attr:`~fracid.models.friction.Friction.climbed` is off, and all else is fitted to windows of a few swings
+   (:mod:`fracid.estimation.windows`), where the phase cannot run away.
+2. Rung by rung an element comes in where it does nothing: its strength at "off", and its shape at each of its
+   :attr:`~fracid.models.friction.Friction.entries` in turn.  The best on the windows goes on.
+3. With what the windows share held, each recording's own unknowns are found on a horizon that grows; then all goes on
+   together on the whole record.  So it does from the best of the simpler structure there: no structure ends above one
+   that is nested in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.estimation.horizons import Watch, growing, refined, uninterrupted
+from fracid.estimation.windows import in_windows, shared_values
+from fracid.models.friction import RUNGS
+from fracid.optimise import Result
+from fracid.problem import Problem
+from fracid.problem.unknowns import Free
+
+__all__ = ["climbed", "embedded", "entries", "late_rungs", "on_the_whole", "on_windows", "without"]
+
+ROUGH: Mapping[str, Any] = {"tolerance": 1e-2, "budget": 12}
+"""Least squares on the windows from each entry of an element."""
+
+FINE: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 30}
+"""From the best of them."""
+
+
+def late_rungs(problem: Problem) -> dict[str, tuple[str, ...]]:
+    """Rung → the free parameters that come in after all others, from the ground up.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0},
+    ...                   {"b_alpha": Free(1e-4, 0.0, 1.0), "presliding_theta": Free(1e-3, 0.0, 0.1)})
+    >>> late_rungs(problem)
+    {'presliding': ('presliding_theta',)}
+    """
+    free = {n for n, v in problem.parameters.items() if isinstance(v, Free)}
+    kinds = {n: k for n, k in problem.model.friction.items() if k.climbed and n in free}
+    order = dict.fromkeys((*RUNGS, *(k.rung for k in kinds.values())))
+    rungs = {rung: tuple(n for n, k in kinds.items() if k.rung == rung) for rung in order}
+    return {rung: names for rung, names in rungs.items() if names}
+
+
+def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result]]:
+    """What the whole record comes to from the simpler structure, and from the top of the climb; nothing without rungs.
+
+    Parameters
+    ----------
+    problem : Problem
+    jobs : int
+        Threads.
+    watch : Watch
+        Told of every evaluation.
+
+    Returns
+    -------
+    list of (str, Result)
+        From where, and the result on the whole record.
+    """
+    late = late_rungs(problem)
+    if not late or problem.cost_function.loss is None:
+        return []
+    elements = [n for rung in late.values() for n in rung]
+    simple = without(problem, elements)
+    ends = []
+    if simple.names:
+        below = growing(simple, simple.start, jobs, watch).best
+        values = dict(zip(simple.names, below.point.tolist(), strict=True)) | _off(problem, elements)
+        ends.append(("the simpler structure", refined(problem, embedded(problem, values), jobs, watch)))
+    values = dict(problem.parameter_starts)
+    for k, names in enumerate(((), *late.values())):
+        later = [n for rung in list(late)[k:] for n in late[rung]]
+        values |= on_windows(without(problem, later), values, names, jobs, watch)
+    return [*ends, ("windows", on_the_whole(problem, values, jobs, watch))]
+
+
+def on_windows(
+    problem: Problem, values: Mapping[str, float], names: Sequence[str], jobs: int, watch: Watch
+) -> Mapping[str, float]:
+    """Orders and parameters that fit windows best, from these values and from each entry of the elements `names`."""
+    pieces = in_windows(problem)
+    starts = [embedded(pieces, {**values, **entry}) for entry in entries(problem, names)]
+    ends = [uninterrupted(refined(pieces, x, jobs, watch, **ROUGH)).best for x in starts]
+    best = min(ends, key=lambda e: e.cost)
+    return shared_values(pieces, uninterrupted(refined(pieces, best.point, jobs, watch, **FINE)).best.point)
+
+
+def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch: Watch) -> Result:
+    """Least squares on the whole record: first of what each recording has for itself, then of all."""
+    alone = problem.with_shared(embedded(problem, values), problem.experiments)
+    if alone.names:
+        own = growing(alone, alone.start, jobs, watch).best
+        values = {**values, **dict(zip(alone.names, own.point.tolist(), strict=True))}
+    return refined(problem, embedded(problem, values), jobs, watch)
+
+
+def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:
+    """Where elements come in: strengths off, shapes at each of their entries in turn.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> entries(problem, ["stiction_theta", "stribeck_speed_theta"])
+    [{'stiction_theta': 0.0, 'stribeck_speed_theta': 0.05}, {'stiction_theta': 0.0, 'stribeck_speed_theta': 0.5}]
+    """
+    kinds, own = problem.model.friction, {p.name: p.value for p in problem.model.parameters} | problem.parameter_starts
+
+    def entry(name: str, turn: int) -> float:
+        kind = kinds[name]
+        return kind.entries[turn % len(kind.entries)] * own.get(kind.part_of, 1.0) if kind.entries else kind.off
+
+    return [{n: entry(n, turn) for n in names} for turn in range(max([1, *(len(kinds[n].entries) for n in names)]))]
+
+
+def without(problem: Problem, names: Sequence[str]) -> Problem:
+    """The problem with elements off.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0},
+    ...                   {"presliding_theta": Free(1e-3, 0.0, 0.1)}, initial_state="held")
+    >>> without(problem, ["presliding_theta"]).names
+    ()
+    """
+    own = tuple(n for n in problem.per_recording if n not in names)
+    return replace(problem, parameters={**problem.parameters, **_off(problem, names)}, per_recording=own)
+
+
+def embedded(problem: Problem, values: Mapping[str, float]) -> FloatArray:
+    """The point with these values, of unknowns or of what they are of, within the bounds; else the start.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": Free(0.9, 0.5, 1.2), "mu": 1.0})
+    >>> embedded(problem, {"lambda": 1.0})[:2].tolist()
+    [1.0, 0.0]
+    """
+    x = [values.get(u.name, values.get(u.target, u.range.start)) for u in problem.unknowns]
+    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
+
+
+def _off(problem: Problem, names: Sequence[str]) -> dict[str, float]:
+    return {n: problem.model.friction[n].off for n in names}

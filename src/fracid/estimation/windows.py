@@ -1,0 +1,96 @@
+"""A record in pieces: a few swings each, with an initial state of its own.
+
+Over a whole record the phase after thirty swings decides the cost, and friction that is a little wrong early cannot be
+told from friction that is very wrong late: of rich friction each wrong shape has a minimum of its own.  Over three
+swings the phase cannot run away.  In pieces, each of which starts anew, the cost has few minima, and what all pieces
+share is nearly that of the whole record (*multiple shooting* [1]_).  The pieces are where a search of rich friction
+begins; where it ends is the whole record.
+
+References
+----------
+.. [1] H. G. Bock, *Recent advances in parameter identification techniques for O.D.E.*, in Numerical Treatment of
+   Inverse Problems in Differential and Integral Equations, Birkhäuser (1983).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.problem import Experiment, Problem
+from fracid.problem.unknowns import Free
+from fracid.tasks.simulation_cache import Recent
+
+__all__ = ["in_windows", "shared_values"]
+
+SWINGS = 3
+"""Of a window."""
+
+WINDOWS = 12
+"""Of all recordings together; of a long one they lie apart."""
+
+LEAST = 0.25
+"""Of a window's samples so many count: beside masks, bridged gaps and delays little may be left."""
+
+
+def in_windows(problem: Problem) -> Problem:
+    """The same problem on windows of its recordings, which share all but their initial states.
+
+    Orders stay where the search starts: a window's past is not its own, and an order would stand in for it.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.3}, step=4e-3, end=20.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> pieces = in_windows(Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": 1.0}))
+    >>> len(pieces.experiments), pieces.orders, len(pieces.experiments[0].time) * 4e-3 < 4.0
+    (7, {'lambda': 1.0, 'mu': 1.0}, True)
+    """
+    count = max(1, WINDOWS // len(problem.experiments))
+    windows = tuple(w for e in problem.experiments for w in _windows(e, count))
+    orders = {n: v.start if isinstance(v, Free) else v for n, v in problem.orders.items()}
+    return replace(problem, experiments=windows, orders=orders, initial_state="estimate", memo=Recent())
+
+
+def _windows(e: Experiment, most: int) -> list[Experiment]:
+    """Windows of a recording, evenly spread; the recording itself where it is no longer than one, or none counts.
+
+    Every delay lies in the first half of a window."""
+    samples, late = len(e.measured), e.longest_delay
+    length = round(SWINGS * samples / max(e.swings, SWINGS))
+    length = min(samples, max(length, math.ceil(2 * late / e.step) + 2 if late > 0 else 0))
+    count = min(most, samples // length)
+    firsts = np.linspace(0, samples - length, count).astype(int) if count > 1 else [0]
+    bare = replace(e, past=None, past_inputs=None, release_time=0.0, initial={})
+    windows = [
+        replace(
+            bare, name=f"{e.name}, window {k + 1}", measured=e.measured[a : a + length],
+            inputs=e.inputs if len(e.inputs) == 1 else e.inputs[a : a + length], start=e.start + a * e.step,
+        )
+        for k, a in enumerate(map(int, firsts))
+    ]  # fmt: skip
+    return [w for w in windows if w.samples >= LEAST * length] or [bare]
+
+
+def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:
+    """What a point says of orders and parameters, by name: of those that each window has for itself, the median.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), {"lambda": Free(0.9, 0.5, 1.2), "mu": 1.0})
+    >>> shared_values(problem, problem.start)
+    {'lambda': 0.9}
+    """
+    values: dict[str, list[float]] = {}
+    for unknown, value in zip(problem.unknowns, x.tolist(), strict=True):
+        if unknown.kind in ("order", "parameter"):
+            values.setdefault(unknown.target, []).append(value)
+    return {name: float(np.median(several)) for name, several in values.items()}
