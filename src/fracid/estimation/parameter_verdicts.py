@@ -158,6 +158,8 @@ class _View:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
         if u.kind == "parameter":
             return half > (WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i])))
+        if u.complete:
+            return half > WIDE_PART
         if u.kind == "initial":
             return half > max(self.travels()[u.target], WIDE_ANGLE)
         return u.kind == "order" and half > WIDE_ORDER
@@ -178,9 +180,12 @@ class _View:
         return [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
 
     def presliding(self, state: str) -> tuple[str, float]:
-        """The joint of such a state, and which part of all of its motion the state takes up."""
+        """The joint of such a state, and which part of all of its motion the state takes up; NaN where none is told."""
         model = self.problem.model
-        joint = model.friction[model.relaxing[state]].joint
+        kind = model.friction.get(model.relaxing[state])
+        joint = kind.joint if kind else ""
+        if joint not in model.output_states:
+            return joint, math.nan
         z, q = (
             sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs)
             for i in (model.states.index(state), model.output_states[joint])
@@ -272,7 +277,7 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
     """Where it began: a part of what it gives, known if at all while it sticks."""
     u = view.problem.unknowns[i]
-    if u.complete and (view.known.at_bound[i] or view.half(i) > WIDE_PART):
+    if u.complete and (view.known.at_bound[i] or view.too_wide(i)):
         delta = view.problem.model.relaxing[u.target]
         yield Verdict(u.name, "forgotten", f"once the joint has moved by {delta}")
 
