@@ -395,9 +395,8 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
-    forgotten = {u.name for u in problem.unknowns if u.complete}  # known from nothing as a rule, and no loss
     for v in verdicts.values():
-        if v.kind in SAID and v.name not in forgotten and not any(v.name in names for names in together):
+        if v.kind in SAID and not any(v.name in names for names in together):
             yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
 
 

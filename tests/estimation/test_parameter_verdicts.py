@@ -13,6 +13,7 @@ from fracid.estimation.covariance import uncertainty
 from fracid.estimation.parameter_verdicts import identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.models import Model, Parameter
+from fracid.models.joints import presliding
 from fracid.problem import Experiment, Free, Problem
 from twins import release
 
@@ -197,16 +198,33 @@ def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
         assert found[name].kind == ("identifiable" if sentence == "identifiable" else "practically not")
 
 
+def test_a_presliding_joint_of_ones_own_needs_to_say_nothing_of_itself():
+    def rhs(t, x, u, p, out):
+        friction = presliding(x, out, 2, x[1], p[0], 0.0, 1.0, p[1], 0.0)
+        out[0], out[1] = x[1], -friction - x[0]
+
+    parameters = (Parameter("f", "N", 0.01, "friction"), Parameter("delta", "m", 1e-4, "what it gives", lower=1e-9))
+    own = Model(name="block", zero="", source="a test", states=("q", "v", "z"), orders=("mu", "mu", 1.0),
+                outputs={"q": 0}, inputs=(), rhs=rhs, parameters=parameters, relaxing={"z": "delta"})  # fmt: skip
+    run = fracid.simulate(own, orders={"mu": 1.0}, initial={"q": 0.1}, step=0.02, end=4.0)
+    q = run.states[:, :1] + 0.1 * np.random.default_rng(1).standard_normal((201, 1))
+    block = Experiment("block", 0.02, q, np.zeros((1, 0)), initial={"q": 0.1})
+    p = Problem(own, (block,), {"mu": 1.0}, {"delta": Free(1e-4, 1e-6, 1e-2)}, outputs=("q",), initial_state="held")
+    assert identifiability(p, p.start)["delta"].kind in ("practically not", "not at all")
+
+
 def test_where_a_presliding_joint_began_is_forgotten_and_spoils_no_others_interval():
     rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=3e-4, presliding_alpha=1e-3)
     swing = release("swing", rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=0.4, step=4e-3, end=2.0, noise=1e-3)
-    p = Problem(rig, (replace(swing, initial={}),), {"lambda": 1.0, "mu": 1.0}, initial_state="estimate")
+    p = Problem(
+        rig, (replace(swing, initial={"D^mu alpha": 0.0}),), {"lambda": 1.0, "mu": 1.0}, initial_state="estimate"
+    )
     x = np.array([{"alpha(0) [swing]": 0.4}.get(name, 0.0) for name in p.names])
     precision = uncertainty(p, x)
     half = dict(zip(p.names, 1.96 * precision.standard_error, strict=True))
     assert half["alpha(0) [swing]"] < 1e-3
     verdict = identifiability(p, x, precision)["z_alpha(0) [swing]"]
-    assert verdict.sentence == "practically not: it is forgotten once the joint has moved by presliding_alpha"
+    assert verdict.sentence == "forgotten: once the joint has moved by presliding_alpha"
 
 
 def test_what_does_nothing_is_not_known_at_all():

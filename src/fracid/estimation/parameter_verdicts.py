@@ -14,10 +14,11 @@ practically not     the sensitivities see it, and not enough: its profile is fla
                     (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles)
 not at all          nothing that was measured depends on it
 at its bound        the search would have gone on, had it been allowed to
+forgotten           where a presliding joint began, which nothing shows once it slides, and which nobody misses
 ==================  ==========================================================================================
 
-A presliding joint has verdicts of its own: a motion may be all within what it gives, or next to none of it, and where
-it began is forgotten as soon as it slides; and so has a springpot, whose order at 0 is a spring's and at 1 a dashpot's.
+A presliding joint has reasons of its own: a motion may be all within what it gives, or next to none of it; and so has a
+springpot, whose order at 0 is a spring's and at 1 a dashpot's.
 
 How a sensitivity grows with the swing is found by halving all angles: a term that is linear in the motion falls
 by 2, one of its third power by 8.
@@ -46,7 +47,9 @@ from fracid.units import with_unit
 
 __all__ = ["Verdict", "identifiability"]
 
-Kind = Literal["identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "unknown"]
+Kind = Literal[
+    "identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "forgotten", "unknown"
+]
 
 WIDE_ORDER = 0.1
 """Half an interval of an order that is too wide to use: it matters by its distance from 1."""
@@ -155,6 +158,8 @@ class _View:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
         if u.kind == "parameter":
             return half > (WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i])))
+        if u.complete:
+            return half > WIDE_PART
         if u.kind == "initial":
             return half > max(self.travels()[u.target], WIDE_ANGLE)
         return u.kind == "order" and half > WIDE_ORDER
@@ -175,9 +180,12 @@ class _View:
         return [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
 
     def presliding(self, state: str) -> tuple[str, float]:
-        """The joint of such a state, and which part of all of its motion the state takes up."""
+        """The joint of such a state, and which part of all of its motion the state takes up; NaN where none is told."""
         model = self.problem.model
-        joint = model.friction[model.relaxing[state]].joint
+        kind = model.friction.get(model.relaxing[state])
+        joint = kind.joint if kind else ""
+        if joint not in model.output_states:
+            return joint, math.nan
         z, q = (
             sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs)
             for i in (model.states.index(state), model.output_states[joint])
@@ -269,9 +277,9 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
     """Where it began: a part of what it gives, known if at all while it sticks."""
     u = view.problem.unknowns[i]
-    if u.complete and (view.known.at_bound[i] or view.half(i) > WIDE_PART):
+    if u.complete and (view.known.at_bound[i] or view.too_wide(i)):
         delta = view.problem.model.relaxing[u.target]
-        yield Verdict(u.name, "practically not", f"it is forgotten once the joint has moved by {delta}")
+        yield Verdict(u.name, "forgotten", f"once the joint has moved by {delta}")
 
 
 def _of_a_springpot(view: _View, i: int) -> Iterator[Verdict]:

@@ -309,13 +309,14 @@ class Parametrisation:
             x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
                 x0[self.rates[i]] = slope / sensor.gain
-        if self.initial_state == "estimate":
-            for z, delta in self._deflections:
-                x0[z] = self._slides(e, x0, delta)
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
             x0[self.model.states.index(name)] = value
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                if self.model.states[z] not in e.initial:
+                    x0[z] = self._slides(e, x0, delta)
         return x0
 
     @cached_property

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from fracid.errors import unwritable
 from fracid.files import json_number, write_text
-from fracid.report.equations import equations
+from fracid.report.equations import equations, named
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
 from fracid.report.sentences import digits, half_width, joined, letter, number, unit
@@ -262,7 +262,7 @@ def _context(material: Material) -> dict[str, Any]:
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
         "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
-        "off": sorted(off, key=project.problem.model.parameter_names.index),
+        "off": [row for row in _parameters(material) if row["name"] in off],
         "per_recording": list(_per_recording(material)),
         "residuals": [_residual(material, a) for outputs in material.analyses.values() for a in outputs.values()],
         "shown": material.shown,
@@ -330,12 +330,12 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
         yield {"name": name, "says": says.get(name, ""), **e}
 
 
-def _off(material: Material) -> set[str]:
-    """Constants that are given as 0, and those that mean nothing without one of them: in no equation."""
-    model, result = material.project.problem.model, material.result["parameters"]
-    kinds = model.friction
-    given = {n: e["value"] for n, e in result.items() if n in model.parameter_names and not e["free"]}
-    return {n for n, value in given.items() if value == (kinds[n].off if n in kinds else 0.0) or value == 0.0}
+def _off(material: Material) -> list[str]:
+    """Constants that were given and stand in no equation, of elements that are off."""
+    model, constants = material.project.problem.model, material.result["parameters"]
+    there = named(model, material.result, _driven(material))
+    acts = {"time_scale"} if constants.get("time_scale", {}).get("value", 1.0) != 1.0 else set()
+    return [n for n, e in constants.items() if n in model.parameter_names and not e["free"] and n not in there | acts]
 
 
 def _whose(model: Any, order: str) -> str:
@@ -348,8 +348,8 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
         for block, suffix in (("parameters", ""), ("initial_state", " at the start")):
             for name, e in r[block].items():
                 if e["free"]:
-                    named = _state(name) if block == "initial_state" else letter(name)
-                    yield {"name": f"{named}{suffix}", "says": recording, **e}
+                    shown = _state(name) if block == "initial_state" else letter(name)
+                    yield {"name": f"{shown}{suffix}", "says": recording, **e}
 
 
 def _state(name: str) -> str:
