@@ -163,7 +163,7 @@ JOINTS = {
     ),
     "a joint that sticks knows friction over what it gives alone": (
         0.1, 5e-2, {"coulomb_theta": 1.0, "presliding_theta": 0.4},
-        {"presliding_theta": "theta hardly breaks away, 99.8 % of its motion is presliding, which knows friction over"},
+        {"presliding_theta": "theta hardly breaks away, 100 % of its motion is presliding, which knows friction over"},
     ),
     "a joint that does both tells both": (
         1.0, 1e-4, {"coulomb_alpha": 3e-4, "presliding_alpha": 1e-2},

@@ -50,7 +50,7 @@ def in_windows(problem: Problem) -> Problem:
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> pieces = in_windows(Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": 1.0}))
     >>> len(pieces.experiments), pieces.orders, len(pieces.experiments[0].time) * 4e-3 < 4.0
-    (7, {'lambda': 1.0, 'mu': 1.0}, True)
+    (9, {'lambda': 1.0, 'mu': 1.0}, True)
     """
     count = max(1, WINDOWS // len(problem.experiments))
     windows = tuple(w for e in problem.experiments for w in _windows(e, count))
