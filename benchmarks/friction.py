@@ -103,6 +103,8 @@ def dress(*axes: Axes, legend: str = "best") -> None:
         panel.grid(color="0.9", lw=0.6)
         panel.set_axisbelow(True)
         panel.tick_params(labelsize=SMALL)
+        if panel.get_xscale() == "linear":
+            panel.locator_params(axis="x", nbins=7)
         panel.title.set_fontsize(SMALL + 1.5)
         panel.xaxis.label.set_fontsize(SMALL + 1)
         panel.yaxis.label.set_fontsize(SMALL + 1)
