@@ -16,8 +16,8 @@ anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, 
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
 5. goes on by least squares from the best of an optimiser that keeps its own, as the genetic algorithm does, and says so
    where that finds better (the result of the others without derivatives is polished already),
-6. fits the integer-order rival with free friction where orders were found off 1
-   (:mod:`fracid.selection.integer_rival`),
+6. fits what of integer order may explain the recordings as well, where orders were found off 1
+   (:mod:`fracid.selection.integer_alternatives`), and says what is claimed (:mod:`fracid.selection.claim`),
 7. where it is asked to, finds how far the orders move with where the record begins
    (:mod:`fracid.validation.unknown_past`).
 
@@ -47,7 +47,9 @@ from fracid.fit import Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.integer_rival import Alternative, integer_alternative
+from fracid.selection.claim import FLOOR, Claim, claim_of, leftovers, orders_found
+from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_rival import Alternative, claimable
 from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
@@ -168,6 +170,9 @@ def identify(
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
 
 
+NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
+
+
 @dataclass
 class _Findings:
     """What is known of a minimum so far; Ctrl-C may end the examination at any point."""
@@ -183,6 +188,7 @@ class _Findings:
     check: Discretisation | None = None
     spread: Spread | None = None
     alternative: Alternative | None = None
+    claim: Claim = NO_CLAIM
     cut: CutCheck | Failure | None = None
     warnings: list[str] = field(default_factory=list)
     seen: list[Finding] = field(default_factory=list)
@@ -223,9 +229,7 @@ def _examine(
             polished = uninterrupted(refined(problem, x, jobs, Watch())).best
             analysis.warnings.append(_stopped_short(problem, analysis.result.best, polished, analysis.known))
         clock.lap("polish")
-        widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, x, i) for i in problem.order_indices}
-        analysis.alternative = integer_alternative(problem, analysis.result.best, widths, jobs=jobs)
-        analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
+        _claim(analysis, jobs)
         clock.lap("alternative")
         if whole is not None:
             analysis.cut = cut_check(problem, x, analysis.known, whole=whole, jobs=jobs)
@@ -237,6 +241,22 @@ def _examine(
             clock.lap("cut")
     except KeyboardInterrupt:
         analysis.interrupted = True
+
+
+def _claim(analysis: _Findings, jobs: int) -> None:
+    """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
+    problem, best = analysis.problem, analysis.result.best
+    orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
+    misfits = _misfits({n: r for n, r in analysis.validated.items()}, 0)
+    contradictions = [str(f) for f in (*analysis.seen, *misfits)]
+    before = claim_of(orders, None, left, contradictions)
+    widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
+    slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
+    analysis.alternative = integer_alternatives(
+        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs
+    )
+    analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
+    analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
 
 
 IMITATION = "may stand in for friction that the model lacks"
@@ -270,6 +290,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
+        claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons,
     )  # fmt: skip
 
 
