@@ -150,13 +150,13 @@ def show_fit(run: FinishedRun, console: Console) -> None:
     from rich.markup import escape
 
     p, fit = run.fit.problem, run.fit
+    print_claim(console, fit.claim, fit.claim_reasons)
     console.print(
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
         f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations, "
         f"{run.seconds:.1f} s: {escape(fit.outcome)}",
         soft_wrap=True,
     )
-    print_claim(console, fit.claim, fit.claim_reasons)
     _print_estimates(console, fit)
     _print_recordings(console, fit)
     if len(fit.starts) > 1:

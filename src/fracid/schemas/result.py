@@ -107,6 +107,7 @@ class AlternativeBlock(Block):
     """The integer-order model that comes nearest."""
 
     structure: str
+    orders: Annotated[tuple[str, ...], Field(strict=False)] = ()
     cost: Number
     parameters: dict[str, Number]
     gain: Number = Field(alias="bic_gain_of_the_fractional_model")

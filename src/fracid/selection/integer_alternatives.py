@@ -65,7 +65,7 @@ SCALE = 0.05
 STILL = 1e-2
 """A joint that moves by less than this part of what moves most stands still."""
 
-ROUGH = {"tolerance": 1e-2, "budget": 5}
+ROUGH = {"tolerance": 1e-3, "budget": 12}
 """Least squares from each entry of an element."""
 
 FINE = {"tolerance": 1e-4, "budget": 12}

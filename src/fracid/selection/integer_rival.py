@@ -35,12 +35,14 @@ from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
+from fracid.schemas.result import AlternativeBlock
 from fracid.selection.bic import STRONG, effective_samples, schwarz
 
 __all__ = [
     "Alternative",
     "Rival",
     "Trial",
+    "alternative_of",
     "claimable",
     "freed_friction",
     "gain_over",
@@ -99,6 +101,12 @@ class Alternative:
     """A sentence, where the fractional model does not win."""
     trials: tuple[Trial, ...] = ()
     """All that was tried."""
+
+
+def alternative_of(block: AlternativeBlock) -> Alternative:
+    """The record of what a file has."""
+    trials = tuple(Trial(**dict(trial)) for trial in block.trials)
+    return Alternative(**dict(block) | {"trials": trials})
 
 
 @dataclass(frozen=True)
@@ -328,7 +336,8 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         if not is_free or not isinstance(value, float | int):
             continue
         start = max(float(value), kind.begins * reach) if kind.begins else float(value)
-        most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else max(reach, 2 * start)
+        most = max((reach, 2 * start, *(10 * entry for entry in kind.entries)))
+        most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else most
         bounds = problem.model.parameter(name)
         least = bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
