@@ -233,6 +233,7 @@ def integer_alternatives(
         here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
         here.evaluation.cost, here.parameters, gain, n,
         warning_of(here, best.cost, gain) if trials[-1].as_well else "", tuple(trials),
+        here.nested_in(problem),
     )  # fmt: skip
 
 

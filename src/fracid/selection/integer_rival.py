@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -101,6 +101,8 @@ class Alternative:
     """A sentence, where the fractional model does not win."""
     trials: tuple[Trial, ...] = ()
     """All that was tried."""
+    values: Mapping[str, float] = field(default_factory=dict, compare=False)
+    """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
 
 
 def alternative_of(block: AlternativeBlock) -> Alternative:
@@ -134,6 +136,12 @@ class Rival:
     def values(self) -> dict[str, float]:
         """Its unknowns by name [SI]."""
         return dict(zip(self.problem.names, self.evaluation.point.tolist(), strict=True))
+
+    def nested_in(self, problem: Problem) -> dict[str, float]:
+        """Where a problem is this model: its unknowns, the orders at their integers, springpots off."""
+        orders = {n: v for n, v in integer_values(problem).items() if isinstance(v, float | int)}
+        off = {n: problem.model.friction[n].off for n in springpots(problem)}
+        return {**self.values, **orders, **off}
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -185,6 +193,7 @@ def integer_alternative(
         rival.structure, (*rival.off, *(n for n, to in problem.ties.items() if to in rival.off)),
         rival.evaluation.cost, rival.parameters, gain, n, warning_of(rival, best.cost, gain),
         (Trial("friction" if rival.own else "the same model", rival.evaluation.cost, gain, gain <= STRONG),),
+        rival.nested_in(problem),
     )  # fmt: skip
 
 
