@@ -16,7 +16,7 @@ or better; **undecided** otherwise, with what would decide it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -174,9 +174,17 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     unknown = [f"The recordings do not tell {GREEK.get(order.name, order.name)}." for order in others]
     if not determined:
         return Claim("undecided", (*unknown, "What would decide it: longer recordings, or larger swings."))
-    held = " and ".join(map(str, determined))
-    which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in determined))
-    return Claim("integer", (f"{held}: {which} lies within the interval{'s' * (len(determined) > 1)}.", *unknown))
+    inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
+    beside = [order for order in determined if order not in inside]
+    next_to = [f"{order} is {order.nearest:g} to {OFF:g}." for order in beside]
+    return Claim("integer", (*_inside(inside), *next_to, *unknown))
+
+
+def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
+    if orders:
+        which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in orders))
+        several = "s" * (len(orders) > 1)
+        yield f"{' and '.join(map(str, orders))}: {which} lies within the interval{several}."
 
 
 def _too_little(off: Sequence[OrderFound]) -> str:
