@@ -49,8 +49,12 @@ class Fit(FitPictures):
     """Seconds spent, per stage."""
     starts: tuple[Start, ...] = ()
     """What became of each start of ``multistart``; empty for other optimisers."""
+    claim: str = "undecided"
+    """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
+    claim_reasons: tuple[str, ...] = ()
+    """Why, in sentences."""
     alternative: Alternative | None = None
-    """The integer-order rival, where one was tried."""
+    """The integer-order model that comes nearest, where one was tried."""
     spread: Spread | None = None
     """What each recording says alone, where there are several."""
     cut: CutCheck | None = None

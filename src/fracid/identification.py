@@ -16,8 +16,8 @@ anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, 
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
 5. goes on by least squares from the best of an optimiser that keeps its own, as the genetic algorithm does, and says so
    where that finds better (the result of the others without derivatives is polished already),
-6. fits the integer-order rival with free friction where orders were found off 1
-   (:mod:`fracid.selection.integer_rival`),
+6. fits what of integer order may explain the recordings as well, where orders were found off 1
+   (:mod:`fracid.selection.integer_alternatives`), and says what is claimed (:mod:`fracid.selection.claim`),
 7. where it is asked to, finds how far the orders move with where the record begins
    (:mod:`fracid.validation.unknown_past`).
 
@@ -36,6 +36,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
+from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
@@ -47,13 +48,16 @@ from fracid.fit import Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.integer_rival import Alternative, integer_alternative
+from fracid.selection.claim import FLOOR, Claim, claim_of, leftovers, orders_found
+from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_rival import Alternative, claimable, integer_values
 from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.after_search import after, failed
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import COARSE_STEP, Discretisation, coarse_step, discretisation_check
+from fracid.validation.misfits import cost_of, misfits, missed
 from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
 
 if TYPE_CHECKING:
@@ -155,7 +159,7 @@ def identify(
     result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen])
+    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen))
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
@@ -166,6 +170,18 @@ def identify(
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
+
+
+RESTARTS = 3
+"""From a model that costs less."""
+
+NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 8}
+"""Least squares of the nested model from the fit."""
+
+LOWER = 1e-3
+"""A cost that is lower by this part is lower."""
+
+NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
 
 
 @dataclass
@@ -183,10 +199,21 @@ class _Findings:
     check: Discretisation | None = None
     spread: Spread | None = None
     alternative: Alternative | None = None
+    claim: Claim = NO_CLAIM
     cut: CutCheck | Failure | None = None
     warnings: list[str] = field(default_factory=list)
     seen: list[Finding] = field(default_factory=list)
     interrupted: bool = False
+    restarts: int = 0
+    """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
+    first: tuple[Finding, ...] = ()
+    """What was seen before the search."""
+
+    def restart(self, lower: Evaluation) -> None:
+        """Take a lower minimum, and forget what was said of the former one."""
+        self.result = replace(self.result, best=lower)
+        self.restarts += 1
+        self.seen, self.warnings, self.validated = [*self.first], [], {}
 
 
 def _examine(
@@ -196,7 +223,7 @@ def _examine(
     jobs: int,
     clock: _Clock,
 ) -> None:
-    """The steps after the search; `whole` is None where the cut is not to be checked."""
+    """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
     problem, x = analysis.problem, analysis.result.best.point
     unpolished = analysis.optimiser.keeps_its_own
     try:
@@ -223,10 +250,11 @@ def _examine(
             polished = uninterrupted(refined(problem, x, jobs, Watch())).best
             analysis.warnings.append(_stopped_short(problem, analysis.result.best, polished, analysis.known))
         clock.lap("polish")
-        widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, x, i) for i in problem.order_indices}
-        analysis.alternative = integer_alternative(problem, analysis.result.best, widths, jobs=jobs)
-        analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
+        _claim(analysis, jobs)
         clock.lap("alternative")
+        if analysis.restarts < RESTARTS and (lower := _from_nested(analysis, jobs)) is not None:
+            analysis.restart(lower)
+            return _examine(analysis, validation, whole, jobs, clock)
         if whole is not None:
             analysis.cut = cut_check(problem, x, analysis.known, whole=whole, jobs=jobs)
             analysis.warnings += (
@@ -239,11 +267,56 @@ def _examine(
         analysis.interrupted = True
 
 
+def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
+    """A lower minimum by way of the integer-order model that is nested in the fit, or of its alternative; or None."""
+    problem, best, nearest = analysis.problem, analysis.result.best, analysis.alternative
+    if problem.cost_function.loss is None or not problem.order_indices or analysis.optimiser.keeps_its_own:
+        return None
+    goal = (1 - LOWER) * best.cost
+    if nearest is not None:
+        values = nearest.values if nearest.cost < goal else {}
+    elif all(e.explained for e in leftovers(problem, best.point).values()):
+        return None  # noise cannot be fitted better
+    else:
+        integer = replace(problem, orders=integer_values(problem))
+        here = dict(zip(problem.names, best.point.tolist(), strict=True))
+        end = uninterrupted(refined(integer, embedded(integer, here), jobs, Watch(), **NESTED)).best
+        values = dict(zip(integer.names, end.point.tolist(), strict=True)) | {
+            n: v for n, v in integer.orders.items() if isinstance(v, float | int)
+        } if end.cost < goal else {}  # fmt: skip
+    if not values:
+        return None
+    lower = uninterrupted(refined(problem, embedded(problem, values), jobs, Watch())).best
+    return lower if lower.cost < goal else None
+
+
+def _claim(analysis: _Findings, jobs: int) -> None:
+    """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
+    problem, best = analysis.problem, analysis.result.best
+    orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
+    contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
+    before = claim_of(orders, None, left, contradictions)
+    widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
+    slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
+    analysis.alternative = integer_alternatives(
+        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs
+    )
+    analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
+    analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
+
+
 IMITATION = "may stand in for friction that the model lacks"
 """The verdict on orders whose integer-order rival, with more friction free, is as good."""
 
 CHANCE = "no different from {:g} as far as the recordings can tell"
 """The verdict on orders at whose integer value the same model is as good."""
+
+
+def _missed_by(analysis: _Findings) -> Iterator[Finding]:
+    problem, errors = analysis.problem, analysis.problem.errors(analysis.result.best.point)
+    if not isinstance(errors, Failure):
+        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in errors) for k, n in enumerate(problem.outputs)}
+        yield from missed(analysis.validated, rms)
 
 
 def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
@@ -255,7 +328,8 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     outcome = Outcome.INTERRUPTED if analysis.interrupted else analysis.result.outcome
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
-    findings = (*analysis.seen, *_misfits(fitted, len(analysis.starts)))
+    later = (*analysis.seen[len(analysis.first) :], *misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
+    findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *_warnings(problem, precision, analysis.verdicts),
                 *analysis.warnings)  # fmt: skip
     return Fit(
@@ -270,6 +344,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
+        claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons,
     )  # fmt: skip
 
 
@@ -398,18 +473,3 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     for v in verdicts.values():
         if v.kind in SAID and not any(v.name in names for names in together):
             yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
-
-
-POOR = 20.0
-"""A fit of less than this [%] is called poor."""
-
-
-def _misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Finding]:
-    again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
-    for r in recordings.values():
-        for output, percent in r.fit_percent.items():
-            if percent < POOR:
-                worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
-                means = f"fit {percent:.1f} %; no value of it means much{again}."
-                yield Finding("cannot-explain", r.name, percent, POOR, "% fit",
-                              f"the model is {worse} for {output}, {means}")  # fmt: skip

@@ -134,7 +134,7 @@ def test_fixed_orders_are_freed_and_those_of_an_honest_integer_model_stay_at_1()
 
 
 def test_both_orders_of_a_whole_rig_and_an_arm_that_sticks_tells_nothing():
-    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=1e-2)
+    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=3e-2)
     run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.97}, initial={"alpha": 0.5}, step=1e-2, end=9.0)
     count = 2 * np.pi / 4096
     release = Experiment("release", 1e-2, count * np.round(run.states[:, [0, 2]] / count), np.zeros((1, 1)),
@@ -142,7 +142,7 @@ def test_both_orders_of_a_whole_rig_and_an_arm_that_sticks_tells_nothing():
     problem = Problem(rig, (release,), {"lambda": Free(0.95, 0.5, 1.2), "mu": Free(0.97, 0.5, 1.2)},
                       initial_state="held")  # fmt: skip
     test = amplitude_test(problem, problem.start)
-    still = [w for w in test.windows if w.amplitude["lambda"] < 5 * count]
+    still = [w for w in test.windows if w.amplitude["lambda"] < 20 * count]
     assert still
     assert all(w.standard_errors["lambda"] == math.inf for w in still)
     assert all(math.isfinite(w.standard_errors["mu"]) for w in test.windows)

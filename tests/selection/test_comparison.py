@@ -339,15 +339,24 @@ def test_a_problem_in_memory_stays_in_its_process():
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
-    ("truth", "begins"),
+    ("truth", "claim", "begins"),
     [
-        ("dry", "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb, orders free"),
-        ("fractional", "Orders help on 3 of 3 held-out recordings, by "),
-        ("drag", "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb + drag, ord"),
+        (
+            "dry",
+            "integer",
+            "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb, ord",
+        ),
+        ("fractional", "fractional", "Orders help on 3 of 3 held-out recordings, by "),
+        (
+            "drag",
+            "integer",
+            "Orders make no difference, an integer-order model predicts as well: viscous + Coulomb + d",
+        ),
     ],
 )
-def test_the_verdict_on_twins_is_their_truth(truth, begins):
+def test_verdict_and_claim_on_twins_are_their_truth(truth, claim, begins):
     assert compared(truth).verdict.startswith(begins)
+    assert compared(truth).claim == claim
 
 
 def row(friction, fractional, errors, *, bic=0.0, mu=(0.95, (0.94, 0.96))):

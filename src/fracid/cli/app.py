@@ -19,7 +19,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -44,6 +44,7 @@ __all__ = [
     "new_console",
     "one_place",
     "open_page",
+    "print_claim",
     "say_next",
     "table",
     "typed",
@@ -204,6 +205,14 @@ def one_place(executor: str | None, scheduler: str | None) -> str | None:
     if executor is not None and scheduler is not None:
         raise InputError(f"--executor {executor} and --scheduler {scheduler} are two places; give one of the two.")
     return scheduler or executor
+
+
+def print_claim(console: Any, claim: str, reasons: Sequence[str]) -> None:
+    """Print what is claimed of the rig, and why."""
+    from rich.markup import escape
+
+    colour = {"fractional": "green", "integer": "green"}.get(claim, "yellow")
+    console.print(f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(reasons))}", soft_wrap=True)
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:

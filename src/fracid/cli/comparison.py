@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, new_console, one_place, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    Trust,
+    app,
+    new_console,
+    one_place,
+    print_claim,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.cli.progress import on_terminal
@@ -108,6 +120,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
 
     comparison = finished.comparison
 
+    print_claim(console, comparison.claim, comparison.claim_reasons)
     fitted = [*comparison.rows[0].in_sample]
     console.print(f"[bold]fitted[/bold]: {escape(', '.join(fitted))}", soft_wrap=True)
     _print_structures(console, comparison)

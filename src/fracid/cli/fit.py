@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console, one_place, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    Trust,
+    app,
+    echo_json,
+    new_console,
+    one_place,
+    print_claim,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.cli.progress import on_terminal
@@ -22,7 +35,6 @@ if TYPE_CHECKING:
 
     from fracid.estimation.records import Estimate
     from fracid.fit import Fit
-    from fracid.selection.integer_rival import Alternative
     from fracid.workflows.fit import FinishedRun
 
 __all__ = ["fit", "say_undrawn", "show_fit", "tell_fit"]
@@ -138,6 +150,7 @@ def show_fit(run: FinishedRun, console: Console) -> None:
     from rich.markup import escape
 
     p, fit = run.fit.problem, run.fit
+    print_claim(console, fit.claim, fit.claim_reasons)
     console.print(
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
         f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations, "
@@ -156,9 +169,7 @@ def show_fit(run: FinishedRun, console: Console) -> None:
         console.print(f"  cut: {escape(fit.cut.verdict)}", soft_wrap=True)
     elif fit.cut is None and _begins_in_motion(fit):
         console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
-    if fit.alternative is not None and not fit.alternative.warning:
-        console.print(f"  integer order: {escape(_rival(fit.alternative))}", soft_wrap=True)
-    elif fit.alternative is None and (without := _without_integers(fit)):
+    if fit.alternative is None and (without := _without_integers(fit)):
         console.print(
             f"  integer order: no rival was tried: the model gives {escape(without)} no integer value", soft_wrap=True
         )
@@ -240,10 +251,6 @@ def _starts(fit: Fit) -> str:
 def _without_integers(fit: Fit) -> str:
     """The free orders of which the model says that no integer value makes sense."""
     return " and ".join(n for n, e in fit.orders.items() if e.free and fit.problem.model.integer_order(n) is None)
-
-
-def _rival(rival: Alternative) -> str:
-    return f"with {rival.structure} the cost is {rival.cost:.6g}, BIC {rival.gain:.3g} worse: the orders explain more"
 
 
 def _discretisation(fit: Fit) -> str:

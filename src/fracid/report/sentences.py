@@ -1,8 +1,9 @@
-"""What the report says in words: numbers with the digits that they are worth, and the verdict in five lines.
+"""What the report says in words: numbers with the digits that they are worth, and the verdict in six lines.
 
-Each of the five lines answers one question that decides whether the next is worth asking:
+Each of the six lines answers one question that decides whether the next is worth asking:
 
 ==========  ==================================================================
+claim       is the rig fractional, as far as the recordings tell?
 fit         how near does the model come to what it was fitted to?
 orders      are they fractional, and does an integer-order rival do as well?
 prediction  how near to recordings that it was not fitted to?

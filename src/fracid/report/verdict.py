@@ -32,8 +32,27 @@ class Line:
 
 
 def verdict(material: Material) -> tuple[Line, ...]:
-    """The report's first screen: fit, orders, prediction, values, checks."""
-    return _fit(material), _orders(material), _prediction(material), _values(material), _checks(material)
+    """The report's first screen: claim, fit, orders, prediction, values, checks."""
+    lines = (_fit(material), _orders(material), _prediction(material), _values(material), _checks(material))
+    return (*_claim(material, lines), *lines)
+
+
+CLAIMS = {
+    "fractional": "The recordings show fractional dynamics.",
+    "integer": "Nothing here says that the rig is fractional.",
+    "undecided": "The recordings do not decide whether the rig is fractional.",
+}
+"""What each claim means, in a sentence."""
+
+
+def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
+    """What is claimed of the rig; in order only where no line below contradicts it."""
+    claim = material.result.get("claim")
+    if claim is None:  # of an earlier version
+        return
+    contradicted = claim == "undecided" or not all(line.good for line in lines if line.about in ("Fit", "Orders"))
+    contradicted |= claim == "fractional" and not all(line.good for line in lines if line.about == "Checks")
+    yield Line("Claim", " ".join((CLAIMS[claim], *material.result["claim_reasons"])), not contradicted)
 
 
 def _fit(material: Material) -> Line:
@@ -70,10 +89,12 @@ def _orders(material: Material) -> Line:
     free = {n: e for n, e in orders.items() if e["free"]}
     if not free:
         return Line("Orders", f"{sentence} They were given, not found.", True)
+    claim = material.result.get("claim")
     if rival and rival["warning"]:
-        return Line("Orders", f"{sentence} {rival['warning']}", False)
+        says = rival["warning"] if claim is None else "They stand in for something of integer order, see above."
+        return Line("Orders", f"{sentence} {says}", False)
     if rival:
-        return Line("Orders", f"{sentence} {_against_integers(material, rival)}", True)
+        return Line("Orders", f"{sentence} {_against_integers(material, rival)}", claim in (None, "fractional"))
     return Line("Orders", *_on_their_own(sentence, free))
 
 

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 from fracid.files import from_json
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import AS_NULL, Block, Coherent, Infinite, Interval, Number, Unknown, fault_of, lacking
+from fracid.schemas.result import AlternativeBlock, ClaimWord
 
 __all__ = [
     "AmplitudeBlock",
@@ -38,6 +39,14 @@ class ScoreBlock(Block):
     failed: str
 
 
+class LeftOverBlock(Block):
+    """What is left over of one output of a recording."""
+
+    rms: Infinite
+    floor: float
+    part: float
+
+
 class OrderOfRow(Block):
     """An order of a structure."""
 
@@ -62,6 +71,7 @@ class RowBlock(Block):
     outcome: str
     in_sample: dict[str, ScoreBlock]
     held_out: dict[str, ScoreBlock]
+    left_over: dict[str, LeftOverBlock] = Field({})
 
 
 class WindowBlock(Block):
@@ -104,6 +114,9 @@ class AmplitudeBlock(Block):
 class ComparisonBlock(Coherent):
     """The ladder of structures."""
 
+    claim: ClaimWord | None = None
+    claim_reasons: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    alternative: AlternativeBlock | None = None
     verdict: str
     notes: list[str]
     outputs: list[str]
@@ -147,6 +160,7 @@ class FittedBlock(Block):
     orders: dict[str, Interval | None]
     in_sample: dict[str, ScoreBlock]
     held_out: dict[str, ScoreBlock]
+    left_over: dict[str, LeftOverBlock] = Field({})
     outcome: str
 
 

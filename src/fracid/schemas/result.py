@@ -10,6 +10,7 @@ from fracid.safety.schema import Block, Infinite, Interval, Number, Unknown
 
 __all__ = [
     "AlternativeBlock",
+    "ClaimWord",
     "CutBlock",
     "DiscretisationBlock",
     "EstimateBlock",
@@ -20,6 +21,7 @@ __all__ = [
     "SpreadBlock",
     "StartBlock",
     "TreatmentBlock",
+    "TrialBlock",
 ]
 
 Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
@@ -89,15 +91,29 @@ class DiscretisationBlock(Block):
     warning: str
 
 
+ClaimWord = Literal["fractional", "integer", "undecided"]
+
+
+class TrialBlock(Block):
+    """One thing of integer order that was held against the orders; null where it was not tried."""
+
+    name: str
+    cost: Infinite
+    gain: Infinite = Field(alias="bic_gain_of_the_fractional_model")
+    as_well: bool
+
+
 class AlternativeBlock(Block):
-    """The integer-order rival."""
+    """The integer-order model that comes nearest."""
 
     structure: str
+    orders: Annotated[tuple[str, ...], Field(strict=False)] = ()
     cost: Number
     parameters: dict[str, Number]
     gain: Number = Field(alias="bic_gain_of_the_fractional_model")
     effective_samples: Number
     warning: str
+    trials: Annotated[tuple[TrialBlock, ...], Field(strict=False)] = ()
 
 
 class StartBlock(Block):
@@ -186,6 +202,8 @@ class FitBlock(Block):
     evaluations: int
     optimiser: str
     outcome: str
+    claim: ClaimWord | None = None
+    claim_reasons: Annotated[tuple[str, ...], Field(strict=False)] = ()
     alternative: AlternativeBlock | None = None
     starts: list[StartBlock] = Field([])
     start_that_won: str | None = None

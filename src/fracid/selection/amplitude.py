@@ -76,8 +76,8 @@ FLOOR = 0.03
 LEAST_SCORED = 0.5
 """A window of which a smaller part counts is left out."""
 
-COUNTS = 5.0
-"""Below so many steps of its encoder an output stands still, and tells of no order."""
+COUNTS = 20.0
+"""Below so many steps of its encoder rounding bends an output as friction does, and it tells of no order."""
 
 SWINGS = 2.0
 """A window has so many at least."""

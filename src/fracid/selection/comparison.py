@@ -28,6 +28,10 @@ higher                                                     orders fit better and
 Without held-out recordings Schwarz's criterion has to do, and the verdict says so: what a model gains in sample, it may
 lose elsewhere.
 
+**The claim** asks for more, for held-out recordings lack the same physics: what is left over of the winner is noise or
+rounding, its orders exclude the integers, nothing of integer order does as well, and its orders do not drift with
+amplitude (:mod:`fracid.selection.claim`).
+
 The fits are tasks of :func:`fracid.tasks.tasks.run_tasks`, in waves, for a structure waits for those that it holds.
 Its numbers are the same to the bit for any executor and any number of jobs, after a resumption too.
 """
@@ -59,9 +63,14 @@ from fracid.problem.costs import COSTS
 from fracid.problem.project import Project, load_project
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
+from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
+from fracid.selection.claim import OrderFound, claim_of, leftovers
+from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
+from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
@@ -126,6 +135,8 @@ class Row:
     """Recording that was not fitted → score."""
     outcome: str
     """How the search ended, and from where it came."""
+    left_over: Mapping[str, LeftOver] = field(default_factory=dict)
+    """Fitted recording and output, in words → what is left over of it."""
 
     @property
     def error(self) -> float:
@@ -152,7 +163,13 @@ class Comparison:
     seed: int
     starts: int
     amplitude: Mapping[str, AmplitudeTest] = field(default_factory=dict)
-    """Structure → whether its orders drift with amplitude, where that was asked for."""
+    """Structure → whether its orders drift with amplitude, where that was asked for or the claim needs it."""
+    claim: str = "undecided"
+    """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
+    claim_reasons: tuple[str, ...] = ()
+    """Why, in sentences."""
+    alternative: Alternative | None = None
+    """What of integer order comes nearest to the best fractional structure, where the claim needs it."""
 
     def __getitem__(self, name: str) -> Row:
         """The row of that structure; an InputError names those that there are."""
@@ -183,10 +200,11 @@ class Comparison:
     def of_json(cls, content: Mapping[str, Any]) -> Comparison:
         """The same from :meth:`to_json`, or from compare.json."""
         block = ComparisonBlock.model_validate(content)
+        nearest = None if block.alternative is None else alternative_of(block.alternative)
         amplitude = {n: AmplitudeTest.of_json(test) for n, test in content["amplitude"].items()}
         return cls(tuple(map(_row_of, block.rows)), block.verdict, tuple(block.notes), tuple(block.outputs),
                    block.effective_samples, block.leave_one_out, block.cost_name, block.seed, block.starts,
-                   amplitude)  # fmt: skip
+                   amplitude, block.claim or "undecided", block.claim_reasons, nearest)  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
@@ -275,9 +293,11 @@ def compare(
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     comparison = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
                             base.cost_function.name, seed, starts)  # fmt: skip
-    tests = study.amplitude(comparison) if amplitude else {}
+    if amplitude:
+        names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
+        comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
     integers = {n: base.model.integer_order(n) for n in base.orders}
-    return replace(comparison, verdict=_verdict(comparison, integers), amplitude=tests)
+    return _claimed(study, replace(comparison, verdict=_verdict(comparison, integers)), base)
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -413,6 +433,7 @@ def _fit_structure(
         "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
         "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
+        "left_over": leftovers(problem, best.point),
         "outcome": outcome,
     })  # fmt: skip
 
@@ -541,10 +562,18 @@ class _Study:
         self.done += len(tasks)
         return results
 
-    def amplitude(self, comparison: Comparison) -> dict[str, AmplitudeTest]:
-        """The amplitude test of the paper's structure and of the best fractional one."""
-        rows = [row for row in comparison.rows if row.paper] + [comparison.best(fractional=True)]
-        names = dict.fromkeys(row.name for row in rows if math.isfinite(row.cost))
+    def alternative(self, row: Row) -> Alternative | None:
+        """What of integer order comes nearest to a fractional structure."""
+        half = {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
+        key = f"alternatives | {row.name}"
+        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half,
+                          self.execution.jobs))  # fmt: skip
+        content = self._run(_try_alternatives, [task])[key]["alternative"]
+        return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
+
+    def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
+        """The amplitude test of some structures."""
+        names = dict.fromkeys(n for n in structures if math.isfinite(comparison[n].cost))
         tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
                                               dict(comparison[name].values), max(1, self.execution.jobs // len(names))))
                  for name in names]  # fmt: skip
@@ -564,6 +593,64 @@ def _test_amplitude(
     problem = fold.ladder[name].problem
     x = np.array([values[n] for n in problem.names])
     return amplitude_test(problem, x, others=fold.held_out, jobs=jobs).to_json()
+
+
+def _try_alternatives(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
+    values: dict[str, float], half: dict[str, float], jobs: int,
+) -> dict[str, Any]:  # fmt: skip
+    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
+    best = problem.evaluate(np.array([values[n] for n in problem.names]))
+    nearest = integer_alternatives(problem, best, half, jobs=jobs)
+    return {"alternative": None if nearest is None else as_json(AlternativeBlock, nearest)}
+
+
+def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison:
+    """The comparison with its claim, what that needs being looked for only where all else speaks for orders."""
+    fractional = comparison.best(fractional=True)
+    if predicted := _as_good_as_integer(comparison):
+        return replace(comparison, claim="integer", claim_reasons=(predicted,))
+    orders = [OrderFound(n, value, math.inf if ends is None else (ends[1] - ends[0]) / 2, integers_of(base, n))
+              for n, (value, ends) in fractional.orders.items() if n not in base.ties]  # fmt: skip
+    doubts = [*_not_helped(comparison)]
+    first = claim_of(orders, None, fractional.left_over, doubts)
+    if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
+        nearest = study.alternative(fractional)
+        comparison = replace(comparison, alternative=nearest)
+        first = claim_of(orders, nearest, fractional.left_over)
+        if first.claim == "fractional":
+            if fractional.name not in comparison.amplitude:
+                tests = study.amplitude(comparison, [fractional.name])
+                comparison = replace(comparison, amplitude={**comparison.amplitude, **tests})
+            drifts = [d.sentence for d in comparison.amplitude[fractional.name].drifts if d.drifts]
+            first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict])
+    verdict = comparison.verdict
+    if first.claim != "fractional" and verdict.startswith("Orders help"):
+        verdict = (
+            f"{verdict} That is no evidence of fractional dynamics, for held-out recordings lack the same physics."
+        )
+    return replace(comparison, verdict=verdict, claim=first.claim, claim_reasons=first.reasons)
+
+
+def _as_good_as_integer(comparison: Comparison) -> str:
+    """The verdict where a structure of integer order does as well or better; else nothing."""
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    if not comparison.held_out:
+        gain = integer.bic - fractional.bic
+        return comparison.verdict if math.isfinite(gain) and gain <= STRONG else ""
+    as_good = math.isfinite(integer.error) and _ratio(fractional, integer) >= 1 - MARGIN
+    return comparison.verdict if as_good else ""
+
+
+def _not_helped(comparison: Comparison) -> Iterator[str]:
+    """What held-out recordings say against the orders, which help on average."""
+    if not comparison.held_out:
+        yield 'No recording was held out (use = "validate").'
+        return
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
+    if helped <= len(comparison.held_out) / 2 or not math.isfinite(fractional.error):
+        yield f"Orders help on {helped} of {len(comparison.held_out)} held-out recordings only."
 
 
 # --- from results to rows and a verdict --------------------------------------------------------------------
@@ -590,7 +677,7 @@ def _rows(
             s.friction, s.fractional, s.name, s.paper, from_json(r["cost"], math.inf), r["parameters"],
             criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r["values"], tuple(r["at_bound"]),
             {n: _score_of(v) for n, v in r["in_sample"].items()}, {n: _score_of(v) for n, v in held_out.items()},
-            r["outcome"],
+            r["outcome"], {n: LeftOver(**e) for n, e in r.get("left_over", {}).items()},
         ))  # fmt: skip
     return tuple(rows), samples
 
@@ -747,6 +834,7 @@ def _row_json(row: Row) -> dict[str, Any]:
 def _row_of(block: RowBlock) -> Row:
     own = {f.name: getattr(block, f.name) for f in fields(Row)}
     scores = {use: {n: Score(**dict(s)) for n, s in own[use].items()} for use in ("in_sample", "held_out")}
+    own["left_over"] = {n: LeftOver(**dict(e)) for n, e in block.left_over.items()}
     return Row(**own | scores | {"orders": {n: (o.value, o.interval95) for n, o in block.orders.items()}})
 
 

@@ -24,18 +24,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fracid.errors import Failure
+from fracid.estimation.climbing import without
 from fracid.estimation.horizons import Watch, growing
+from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
+from fracid.schemas.result import AlternativeBlock
 from fracid.selection.bic import STRONG, effective_samples, schwarz
 
-__all__ = ["Alternative", "freed_friction", "integer_alternative", "integer_values", "is_off"]
+__all__ = [
+    "Alternative",
+    "Rival",
+    "Trial",
+    "alternative_of",
+    "claimable",
+    "freed_friction",
+    "gain_over",
+    "integer_alternative",
+    "integer_rival",
+    "integer_values",
+    "integers_of",
+    "is_off",
+    "springpots",
+    "warning_of",
+]
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
@@ -45,8 +63,27 @@ OFF = 1e-3
 
 
 @dataclass(frozen=True)
+class Trial:
+    """One thing of integer order that was tried in place of the orders."""
+
+    name: str
+    """``friction``, ``a delay of alpha``."""
+    cost: float
+    """Infinite where it was not tried, for something else contradicts the orders already."""
+    gain: float
+    """BIC of it minus that of the fractional fit."""
+    as_well: bool = False
+    """Whether it explains the recordings as well as the orders do."""
+
+    @property
+    def tried(self) -> bool:
+        """Whether it was fitted."""
+        return math.isfinite(self.cost)
+
+
+@dataclass(frozen=True)
 class Alternative:
-    """The integer-order model with free friction, beside the fractional one that was asked for."""
+    """The integer-order model that comes nearest, beside the fractional one that was asked for."""
 
     structure: str
     """In words."""
@@ -55,13 +92,64 @@ class Alternative:
     cost: float
     """Its cost, beside :attr:`fracid.fit.Fit.cost`."""
     parameters: Mapping[str, float]
-    """The friction that it finds beside what was free already [SI]; empty where all was."""
+    """The friction that it finds beside what was free already, and what else it has [SI]; empty where all was free."""
     gain: float
     """BIC of this one minus that of the fractional fit; above 10 the fractional one has it."""
     effective_samples: float
     """What the correlated residuals are worth."""
     warning: str = ""
     """A sentence, where the fractional model does not win."""
+    trials: tuple[Trial, ...] = ()
+    """All that was tried."""
+    values: Mapping[str, float] = field(default_factory=dict, compare=False)
+    """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
+
+
+def alternative_of(block: AlternativeBlock) -> Alternative:
+    """The record of what a file has."""
+    trials = tuple(Trial(**dict(trial)) for trial in block.trials)
+    return Alternative(**dict(block) | {"trials": trials})
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An integer-order problem and its minimum."""
+
+    problem: Problem
+    evaluation: Evaluation
+    integers: str
+    """``every order 1``."""
+    off: Mapping[str, float]
+    """The orders that were found off their integer values."""
+    own: tuple[str, ...] = ()
+    """What it frees beside what the fractional problem does."""
+    elements: tuple[str, ...] = ()
+    """What it has beside friction, in words."""
+
+    @property
+    def structure(self) -> str:
+        """``every order 1; b_theta, b_alpha free; a delay of alpha``."""
+        free = [f"{', '.join(self.own)} free"] * bool(self.own)
+        return "; ".join((self.integers, *free, *self.elements))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Its unknowns by name [SI]."""
+        return dict(zip(self.problem.names, self.evaluation.point.tolist(), strict=True))
+
+    def nested_in(self, problem: Problem) -> dict[str, float]:
+        """Where a problem is this model: its unknowns, the orders at their integers, springpots off."""
+        orders = {n: v for n, v in integer_values(problem).items() if isinstance(v, float | int)}
+        off = {n: problem.model.friction[n].off for n in springpots(problem)}
+        return {**self.values, **orders, **off}
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Those of what it frees; where each recording has its own, the first's."""
+        values: dict[str, float] = {}
+        for unknown, value in zip(self.problem.unknowns, self.evaluation.point.tolist(), strict=True):
+            values.setdefault(unknown.target, value)
+        return {n: values[n] for n in self.own if n in values}
 
 
 def integer_alternative(
@@ -97,12 +185,27 @@ def integer_alternative(
     >>> round(rival.parameters["coulomb_alpha"], 5), rival.gain < 0
     (0.002, True)
     """
-    order_values = {problem.unknowns[i].target: float(best.point[i]) for i in problem.order_indices}
-    off = {n: v for n, v in order_values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
+    rival = integer_rival(problem, best, widths, jobs=jobs)
+    if rival is None:
+        return None
+    n, gain = gain_over(rival, problem, best)
+    return Alternative(
+        rival.structure, (*rival.off, *(n for n, to in problem.ties.items() if to in rival.off)),
+        rival.evaluation.cost, rival.parameters, gain, n, warning_of(rival, best.cost, gain),
+        (Trial("friction" if rival.own else "the same model", rival.evaluation.cost, gain, gain <= STRONG),),
+        rival.nested_in(problem),
+    )  # fmt: skip
+
+
+def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1) -> Rival | None:
+    """Fit the problem with integer orders and its friction free; None as :func:`integer_alternative` has it."""
+    values = {problem.unknowns[i].target: float(best.point[i]) for i in claimable(problem)}
+    off = {n: v for n, v in values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
     if not off or best.residuals is None:
         return None
-    ranges = _seen(problem, best, freed_friction(problem))
-    rival = replace(problem, parameters={**problem.parameters, **ranges}, method="pi2", orders=integer_values(problem))
+    whole = without(problem, springpots(problem))
+    ranges = _seen(whole, best, freed_friction(whole)) if whole.names == problem.names else freed_friction(whole)
+    rival = replace(whole, parameters={**whole.parameters, **ranges}, method="pi2", orders=integer_values(whole))
     best_values = dict(zip(problem.names, best.point.tolist(), strict=True))
     as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
@@ -114,15 +217,41 @@ def integer_alternative(
         integer = rival.evaluate(rival.start)
     if integer.residuals is None:
         return None
-    values = dict(zip(rival.names, integer.point.tolist(), strict=True))
-    n, gain = _gain(problem, best, rival, integer)
-    friction = {name: values[name] for name in ranges}
     orders = _in_words(problem)
-    structure = f"{orders}; {', '.join(ranges)} free" if ranges else orders
-    return Alternative(
-        structure, (*off, *(n for n, to in problem.ties.items() if to in off)),
-        integer.cost, friction, gain, n, _warning(orders, off, friction, best.cost, integer.cost, gain),
-    )  # fmt: skip
+    return Rival(rival, integer, orders, off, tuple(ranges))
+
+
+def springpots(problem: Problem) -> tuple[str, ...]:
+    """The free parameters of springpots: fractional elements beside the orders.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> springpots(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0},
+    ...                    {"springpot_alpha": Free(1e-3, 0.0, 1.0)}))
+    ('springpot_alpha',)
+    """
+    kinds = problem.model.friction
+    return tuple(n for n, v in problem.parameters.items()
+                 if isinstance(v, Free) and n in kinds and kinds[n].rung == SPRINGPOT.rung)  # fmt: skip
+
+
+def claimable(problem: Problem) -> tuple[int, ...]:
+    """Which unknowns may be called fractional: the orders, and those of springpots.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> claimable(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}))
+    (0,)
+    """
+    kinds = problem.model.friction
+    own = [n for n in springpots(problem) if kinds[n].off > 0.0]
+    return tuple(i for i, u in enumerate(problem.unknowns) if i in problem.order_indices or u.target in own)
 
 
 def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
@@ -137,8 +266,26 @@ def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
     >>> is_off(problem, "mu", 0.97, 0.01), is_off(problem, "mu", 0.97, 0.05)
     (True, False)
     """
+    integers = integers_of(problem, order)
+    return bool(integers) and all(abs(value - integer) > max(OFF, half) for integer in integers)
+
+
+def integers_of(problem: Problem, order: str) -> tuple[float, ...]:
+    """Where an order is none: of a springpot a spring and a dashpot, else what the model says; empty where it has none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> integers_of(problem, "mu"), integers_of(problem, "springpot_order_alpha")
+    ((1.0,), (0.0, 1.0))
+    """
+    if order not in problem.orders:
+        return (0.0, 1.0)
     integer = problem.model.integer_order(order)
-    return integer is not None and abs(value - integer) > max(OFF, half)
+    return () if integer is None else (integer,)
 
 
 def integer_values(problem: Problem) -> dict[str, Value]:
@@ -198,7 +345,8 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         if not is_free or not isinstance(value, float | int):
             continue
         start = max(float(value), kind.begins * reach) if kind.begins else float(value)
-        most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else max(reach, 2 * start)
+        most = max((reach, 2 * start, *(10 * entry for entry in kind.entries)))
+        most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else most
         bounds = problem.model.parameter(name)
         least = bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
@@ -223,9 +371,10 @@ def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dic
     return observable
 
 
-def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Evaluation) -> tuple[float, float]:
+def gain_over(rival: Rival, problem: Problem, fractional: Evaluation) -> tuple[float, float]:
     """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion."""
-    better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival, integer.point)
+    integer = rival.evaluation
+    better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival.problem, integer.point)
     errors = better.errors(x)
     assert not isinstance(errors, Failure)
     n = effective_samples(errors)
@@ -234,25 +383,26 @@ def _gain(problem: Problem, fractional: Evaluation, rival: Problem, integer: Eva
         assert e.residuals is not None
         return schwarz(float(e.residuals @ e.residuals), unknowns, n, problem.cost_function)
 
-    return n, criterion(integer, len(rival.names)) - criterion(fractional, len(problem.names))
+    return n, criterion(integer, len(rival.problem.names)) - criterion(fractional, len(problem.names))
 
 
-def _warning(
-    integers: str, off: Mapping[str, float], friction: Mapping[str, float], cost: float, rival: float, gain: float
-) -> str:
-    if gain > STRONG:
+def warning_of(rival: Rival, cost: float, gain: float) -> str:
+    """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
+    if gain > STRONG and not rival.elements:
         return ""
-    orders = " and ".join(f"{n} = {v:.4g}" for n, v in off.items())
-    with_what = ", ".join(f"{n} = {v:.3g}" for n, v in friction.items())
-    if not friction:
+    orders, other = " and ".join(f"{n} = {v:.4g}" for n, v in rival.off.items()), rival.evaluation.cost
+    head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
+    if not parameters and not rival.elements:
         return (
-            f"{orders}: no evidence of fractional dynamics. With {integers} the same model explains the recordings "
-            f"as well: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
+            f"{head} With {rival.integers} the same model explains the recordings "
+            f"as well: it costs {other:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
         )
     conclusion = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
+    what = " and ".join(rival.elements) if rival.elements else "friction free"
+    with_what = f" ({', '.join(f'{n} = {v:.3g}' for n, v in parameters.items())})" if parameters else ""
+    lacking = "what the model lacks" if rival.elements else "friction that the model lacks or fixes"
+    free = f"; free {', '.join(parameters)}" if parameters else ""
     return (
-        f"{orders}: no evidence of fractional dynamics. The integer-order model with friction free ({with_what}) "
-        f"{conclusion}: it costs {rival:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders "
-        f"stand in "
-        f"for friction that the model lacks or fixes; free {', '.join(friction)}."
+        f"{head} The integer-order model with {what}{with_what} {conclusion}: it costs {other:.6g}, "
+        f"this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders stand in for {lacking}{free}."
     )

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.units import with_unit
 from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
 
 __all__ = [
     "DENSER",
-    "NEXT_TO_WHITE",
     "STANDS_OUT",
     "correlation_cause",
     "level_sentence",
@@ -25,9 +25,6 @@ __all__ = [
     "variance_sentence",
     "whiteness_sentence",
 ]
-
-NEXT_TO_WHITE = 0.75
-"""Where so large a part of the samples counts, correlation does not matter: it widens intervals by a seventh."""
 
 NORMAL = 0.985
 """PPCC from which on a shape is normal enough: Laplace's has 0.981, the uniform 0.977, a sine 0.949."""

@@ -56,6 +56,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
+from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
 from fracid.units import with_unit
 from fracid.validation.residual_records import (
@@ -72,7 +73,6 @@ from fracid.validation.residual_records import (
 )
 from fracid.validation.residual_sentences import (
     DENSER,
-    NEXT_TO_WHITE,
     STANDS_OUT,
     correlation_cause,
     level_sentence,

@@ -16,6 +16,7 @@ from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import file_stems
 from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
+from fracid.schemas.result import AlternativeBlock
 from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import Comparison, compare
 from fracid.selection.ladder import BUILT_IN, ladder
@@ -154,6 +155,8 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
     def fault(key: str, result: Any) -> str:
         if key.startswith("amplitude |"):
             return fault_of(result, AmplitudeBlock)
+        if key.startswith("alternatives |"):
+            return "" if result.get("alternative") is None else fault_of(result["alternative"], AlternativeBlock)
         there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there

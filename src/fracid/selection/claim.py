@@ -1,0 +1,216 @@
+r"""What is claimed of a rig: ``fractional``, ``integer`` or ``undecided``, with reasons.
+
+A tool for fractional orders is worth as much as its "no".  So **fractional** is said only where all of this holds:
+
+1. the 95 % interval of an order excludes its integer by more than :data:`FLOOR` of damping: an order q damps a swing
+   like a damping ratio of :math:`|ζ| = \tfrac{π}{2}|1 - q|`, and less than that a clock, a cable or a bearing may do;
+2. what is left over is noise or the encoder's rounding (:mod:`fracid.signals.left_over`): where a model lacks
+   something, its orders stand in for that;
+3. nothing of integer order does as well (:mod:`fracid.selection.integer_alternatives`);
+4. no other finding contradicts it, and recordings that were held out agree.
+
+**Integer** is said where the intervals of the orders hold their integers, or where an integer-order model does as well
+or better; **undecided** otherwise, with what would decide it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure
+from fracid.estimation.covariance import Uncertainty
+from fracid.problem import Experiment, Problem
+from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
+from fracid.signals.left_over import LeftOver, left_over
+from fracid.units import GREEK
+
+__all__ = ["FLOOR", "Claim", "OrderFound", "claim_of", "damping", "leftovers", "orders_found"]
+
+FLOOR = 0.02
+"""The damping ratio by which an order must differ from an integer, its interval taken off: 0.013 in an order."""
+
+KNOWN = 0.1
+"""An order whose interval is wider than this to each side is not known."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One of three words, and sentences."""
+
+    claim: Literal["fractional", "integer", "undecided"]
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class OrderFound:
+    """A free order at a minimum."""
+
+    name: str
+    value: float
+    half: float
+    """Half its 95 % interval; infinite where there is none."""
+    integers: tuple[float, ...] = (1.0,)
+    """Where it is none; empty where the model has no such value."""
+
+    @property
+    def nearest(self) -> float:
+        """The integer that it is nearest to."""
+        return min(self.integers, key=lambda i: abs(self.value - i))
+
+    @property
+    def off(self) -> bool:
+        """Whether its interval excludes the integers."""
+        return bool(self.integers) and abs(self.value - self.nearest) > max(OFF, self.half)
+
+    @property
+    def least_damping(self) -> float:
+        """The damping ratio that the near end of its interval stands for."""
+        return damping(abs(self.value - self.nearest) - self.half)
+
+    def __str__(self) -> str:
+        """``μ = 0.957 ± 0.003``."""
+        half = f" ± {self.half:.2g}" if math.isfinite(self.half) else ""
+        digits = max(3, 1 - math.floor(math.log10(self.half))) if 0 < self.half < 1 else 4
+        return f"{GREEK.get(self.name, self.name)} = {self.value:.{digits}f}{half}"
+
+
+def damping(off: float) -> float:
+    r"""The damping ratio that an order stands for: :math:`\tfrac{π}{2}|1 - q|`.
+
+    Examples
+    --------
+    >>> round(damping(0.05), 3)
+    0.079
+    """
+    return math.pi / 2 * off
+
+
+def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failure) -> tuple[OrderFound, ...]:
+    """The free orders at a minimum, those of springpots among them, with their intervals."""
+    found = []
+    for i in claimable(problem):
+        interval = None if isinstance(precision, Failure) else precision.interval(x, i)
+        half = math.inf if interval is None else (interval[1] - interval[0]) / 2
+        name = problem.unknowns[i].target
+        found.append(OrderFound(name, float(x[i]), half, integers_of(problem, name)))
+    return tuple(found)
+
+
+def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
+    """Recording and output, in words → what is left over of it; empty where a run fails."""
+    fitted = [problem.fitted(x, e) for e in problem.experiments]
+    return {
+        f"{e.name}, {output}": left_over(_scored(e, e.measured[:, k] - y[:, k]), e.measured[:, k])
+        for e, y in zip(problem.experiments, fitted, strict=True) if not isinstance(y, Failure)
+        for k, output in enumerate(problem.outputs)
+    }  # fmt: skip
+
+
+def _scored(e: Experiment, residual: FloatArray) -> FloatArray:
+    return residual if e.scored is None else np.where(e.scored, residual, np.nan)
+
+
+def claim_of(
+    orders: Sequence[OrderFound],
+    alternative: Alternative | None,
+    left_over: Mapping[str, LeftOver],
+    contradictions: Sequence[str] = (),
+    support: Sequence[str] = (),
+) -> Claim:
+    """What a fit's orders are evidence of.
+
+    Parameters
+    ----------
+    orders : sequence of OrderFound
+        Those that were free.
+    alternative : Alternative or None
+        The integer-order model that comes nearest.
+    left_over : mapping
+        Recording and output, in words → what is left over of it.
+    contradictions : sequence of str
+        Sentences, each of which forbids to call it fractional.
+    support : sequence of str
+        Sentences that are said beside a claim of fractional orders.
+
+    Examples
+    --------
+    >>> white = {"swing, alpha": LeftOver(1e-3, 0.0, 1.0)}
+    >>> claim_of([OrderFound("mu", 0.999, 0.002)], None, white).claim
+    'integer'
+    >>> claim_of([OrderFound("mu", 0.95, 0.002)], None, white).reasons
+    ('No integer-order model was held against μ = 0.9500 ± 0.002.',)
+    """
+    if not orders:
+        return Claim("undecided", ("No order was free: they were given, not found.",))
+    off = [order for order in orders if order.off]
+    if alternative is not None and any(t.as_well for t in alternative.trials):
+        return Claim("integer", (alternative.warning,))
+    if not off:
+        return _not_off(orders)
+    clear = [order for order in off if order.least_damping > FLOOR]
+    if not clear:
+        return Claim("undecided", (_too_little(off),))
+    unexplained = [_unexplained(where, e) for where, e in left_over.items() if not e.explained]
+    refuted = [*unexplained, *contradictions]
+    orders_off = " and ".join(map(str, clear))
+    if refuted:
+        return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *refuted,
+                                   "What would decide it: a model that leaves noise alone; fracid compare looks for "
+                                   "one."))  # fmt: skip
+    if alternative is None:
+        return Claim("undecided", (f"No integer-order model was held against {orders_off}.",))
+    return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *support))
+
+
+def _not_off(orders: Sequence[OrderFound]) -> Claim:
+    determined = [order for order in orders if order.half <= KNOWN and order.integers]
+    others = [order for order in orders if order not in determined]
+    unknown = [f"The recordings do not tell {GREEK.get(order.name, order.name)}." for order in others]
+    if not determined:
+        return Claim("undecided", (*unknown, "What would decide it: longer recordings, or larger swings."))
+    inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
+    beside = [order for order in determined if order not in inside]
+    next_to = [f"{order} is {order.nearest:g} to {OFF:g}." for order in beside]
+    return Claim("integer", (*_inside(inside), *next_to, *unknown))
+
+
+def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
+    if orders:
+        which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in orders))
+        several = "s" * (len(orders) > 1)
+        yield f"{' and '.join(map(str, orders))}: {which} lies within the interval{several}."
+
+
+def _too_little(off: Sequence[OrderFound]) -> str:
+    most = max(off, key=lambda order: order.least_damping)
+    return (
+        f"{' and '.join(map(str, off))}: off {most.nearest:g}, but by no more than a damping ratio of "
+        f"{damping(abs(most.value - most.nearest)):.2g} would do, and less than {FLOOR:g} beyond the interval "
+        "may be a clock, a cable or a bearing. No recording of this kind would decide it."
+    )
+
+
+def _unexplained(where: str, e: LeftOver) -> str:
+    times = f"{e.times:.2g} times the encoder's rounding, and" if math.isfinite(e.times) else "no noise:"
+    return f"What is left over of {where} is {times} correlated: the model lacks something."
+
+
+def _effect(order: OrderFound) -> str:
+    return (
+        f"{order} is off {order.nearest:g} by what a damping ratio of "
+        f"{damping(abs(order.value - order.nearest)):.2g} would do."
+    )
+
+
+def _beaten(alternative: Alternative) -> tuple[str, ...]:
+    tried = [t.name for t in alternative.trials if t.tried]
+    untried = [t.name for t in alternative.trials if not t.tried]
+    reasons = [f"No integer-order model does as well: tried were {', '.join(tried)}; the nearest "
+               f"({alternative.structure}) is worse by {alternative.gain:.3g} of BIC."]  # fmt: skip
+    return (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))

@@ -1,0 +1,272 @@
+r"""What else could it be?  Everything of integer order that a rig may have, and that orders may stand in for.
+
+An order below 1 damps and bends the phase; so does nearly all that a model may lack.  Where a fit finds orders off
+their integers, the same recordings are fitted with every order integer and, one after the other, with
+
+====================  ============================================  ====================================================
+what                  how the problem is changed                    where it could matter
+====================  ============================================  ====================================================
+friction              viscous and dry friction free                 where it is fixed and seen
+drag                  ``drag_…`` free                               where the model has it and it is fixed
+a cable               its stiffness free, and its rest              the same
+a delay               ``delay`` of one channel free                 with two channels, or an input that varies
+a low-pass            ``lowpass`` of one channel free               always
+a scale               ``gain`` of one channel free                  with two channels, or an input that varies
+what inputs do        held, or lines, between samples               where an input varies
+changing friction     ``friction_rate`` free                        where the model has it
+play                  ``play_…`` free                               where the model has it, and its joint moves
+presliding            ``presliding_…`` free                         the same
+Stribeck's friction   LuGre's model: ``stiction_…`` … free too      the same
+an elastic arm        ``arm_stiffness`` … free                      the same
+====================  ============================================  ====================================================
+
+each from the best of those before it, the cheap ones first.  What lowers Schwarz's criterion stays for those that
+follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
+the model take many times as long: they are tried where nothing else contradicts the orders.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from fracid.estimation.climbing import embedded, entries
+from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.optimise import Evaluation
+from fracid.problem import Free, Problem
+from fracid.problem.sensors import Quantity, Sensor
+from fracid.selection.bic import STRONG
+from fracid.selection.integer_rival import (
+    Alternative,
+    Rival,
+    Trial,
+    freed_friction,
+    gain_over,
+    integer_rival,
+    warning_of,
+)
+from fracid.solver.inputs import Between
+
+__all__ = ["ELEMENTS", "Element", "integer_alternatives"]
+
+LATE = 0.02
+"""A channel is looked for this much late or early [s]."""
+
+SLOW = 0.03
+"""The longest time constant of a channel's low-pass [s]."""
+
+SCALE = 0.05
+"""A channel is looked for this part too large or too small."""
+
+STILL = 1e-2
+"""A joint that moves by less than this part of what moves most stands still."""
+
+ROUGH = {"tolerance": 1e-3, "budget": 12}
+"""Least squares from each entry of an element."""
+
+FINE = {"tolerance": 1e-4, "budget": 12}
+"""From the best of them."""
+
+FAR, NEARER = 2.0, 0.9
+"""Times the cost of the fractional fit, and of the integer-order model before: who is above both is left."""
+
+SAME = 5e-3
+"""A cost that is higher by this part is as good: so much do solvers, clocks and encoders differ."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One thing that a rig may have."""
+
+    name: str
+    """``a delay of alpha``."""
+    problem: Problem
+    """The integer-order problem with it free."""
+    names: tuple[str, ...]
+    """What it frees."""
+    slow: bool = False
+    """Whether it adds states to the model."""
+
+
+Change = Callable[[Problem], Iterator[Element]]
+
+
+# --- the table -------------------------------------------------------------------------------------------
+
+
+def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = False) -> Iterator[Element]:
+    """Elements of the joints that move."""
+    moving = _moving(problem)
+    kinds = {n: k for n, k in problem.model.friction.items() if k.rung in rungs and k.joint in ("", *moving)}
+    ranges = freed_friction(problem, kinds)
+    if not any(kinds[n].rung == rungs[-1] for n in ranges):
+        return
+    own = {p.name: p.value for p in problem.model.parameters}
+    rests = {r: Free(own[r], own[r] - 1.0, own[r] + 1.0) for n in ranges for r in kinds[n].rests
+             if r not in problem.parameters}  # fmt: skip
+    yield Element(name, replace(problem, parameters={**problem.parameters, **ranges, **rests}), (*ranges, *rests), slow)
+
+
+def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> Iterator[Element]:
+    """A quantity of one channel; of the first output only beside an input that varies, for the start is free."""
+    together = not _driven(problem) and quantity != "lowpass"
+    for output in problem.outputs[together:]:
+        tables = [e.sensors.get(output, Sensor()) for e in problem.experiments]
+        if any(getattr(s, quantity) != getattr(Sensor(), quantity) for s in tables):
+            continue
+        experiments = tuple(
+            replace(e, sensors={**e.sensors, output: replace(s, **{quantity: value})})
+            for e, s in zip(problem.experiments, tables, strict=True)
+        )
+        changed = replace(problem, experiments=experiments, memo=None)
+        yield Element(name.format(output), changed, (f"{quantity}_{output}",))
+
+
+def _inputs(problem: Problem) -> Iterator[Element]:
+    if not _driven(problem):
+        return
+    ways: tuple[tuple[Between, str], ...] = (
+        ("hold", "inputs held between samples"),
+        ("line", "inputs in lines between samples"),
+    )
+    for between, words in ways:
+        now = {e.between.get(n, "line") for e in problem.experiments for n in problem.model.inputs}
+        experiments = tuple(replace(e, between=dict.fromkeys(problem.model.inputs, between))
+                            for e in problem.experiments)  # fmt: skip
+        if now != {between}:
+            yield Element(words, replace(problem, experiments=experiments, memo=None), ())
+
+
+def _moving(problem: Problem) -> list[str]:
+    size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
+    return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
+
+
+def _driven(problem: Problem) -> bool:
+    return any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments)
+
+
+ELEMENTS: tuple[Change, ...] = (
+    partial(_channel, quantity="delay", value=Free(0.0, -LATE, LATE, scale=1e-3), name="a delay of {}"),
+    partial(_channel, quantity="lowpass", value=Free(1e-3, 0.0, SLOW), name="a low-pass of {}"),
+    partial(_channel, quantity="gain", value=Free(1.0, 1 - SCALE, 1 + SCALE, scale=1e-2), name="a scale of {}"),
+    partial(_rung, name="drag", rungs=("drag",)),
+    partial(_rung, name="a cable", rungs=("cable",)),
+    _inputs,
+    partial(_rung, name="friction that changes with time", rungs=("fading",)),
+    partial(_rung, name="play", rungs=("play",), slow=True),
+    partial(_rung, name="presliding", rungs=("presliding",), slow=True),
+    partial(_rung, name="Stribeck's friction", rungs=("presliding", "LuGre"), slow=True),
+    partial(_rung, name="an elastic arm", rungs=("elastic arm",), slow=True),
+)
+"""What is tried after friction, in this order."""
+
+
+# --- the trials ------------------------------------------------------------------------------------------
+
+
+def integer_alternatives(
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1
+) -> Alternative | None:
+    """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Evaluation
+        Its minimum.
+    widths : mapping
+        Half the 95 % interval of each free order.
+    slow : bool
+        Whether what adds states to the model is tried too.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Alternative or None
+        The one that comes nearest, with all trials; None where every order is integer within its interval, or no run
+        of an integer-order model ends.
+
+    Examples
+    --------
+    Dry friction, and a model without:
+
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, parameters={"coulomb_alpha": 2e-3},
+    ...                       initial={"alpha": 0.5}, step=4e-3, end=4.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(0.97, 0.5, 1.2)}, initial_state="held")
+    >>> nearest = integer_alternatives(problem, problem.evaluate(problem.start), {"mu": 0.001})
+    >>> [(trial.name, trial.as_well) for trial in nearest.trials]
+    [('friction', True)]
+    """
+    here = integer_rival(problem, best, widths, jobs=jobs)
+    if here is None:
+        return None
+    n, gain = gain_over(here, problem, best)
+    name = "friction" if here.own else "the same model"
+    trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
+    for change in ELEMENTS:
+        for element in () if trials[-1].as_well else change(here.problem):
+            if element.slow and not slow:
+                trials.append(Trial(element.name, math.inf, math.inf))
+                continue
+            beside = _on_the_same_samples(problem, best, element)
+            there = None if beside is None else _fitted(element, here, beside.cost, jobs)
+            if there is None or beside is None:
+                continue
+            samples, gain_there = gain_over(there, problem, beside)
+            as_well = _as_well(gain_there, there.evaluation.cost, beside.cost)
+            trials.append(Trial(element.name, there.evaluation.cost, gain_there, as_well))
+            if as_well or gain_there < gain - STRONG:
+                here, n, gain = there, samples, gain_there
+            if as_well:
+                break
+    return Alternative(
+        here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
+        here.evaluation.cost, here.parameters, gain, n,
+        warning_of(here, best.cost, gain) if trials[-1].as_well else "", tuple(trials),
+        here.nested_in(problem),
+    )  # fmt: skip
+
+
+def _as_well(gain: float, cost: float, fractional: float) -> bool:
+    return gain <= STRONG or cost <= (1 + SAME) * fractional
+
+
+def _fitted(element: Element, here: Rival, goal: float, jobs: int) -> Rival | None:
+    """Least squares from the best integer-order model so far, with the element at each of its entries.
+
+    What is far from the goal, and hardly nearer than before, is left there.
+    """
+    problem = element.problem
+    kinds = [n for n in element.names if n in problem.model.friction] if element.slow else []
+    starts = [embedded(problem, {**here.values, **entry}) for entry in entries(problem, kinds)]
+    if not problem.names:
+        end = problem.evaluate(problem.start)
+    else:
+        ends = [uninterrupted(refined(problem, x, jobs, Watch(), **ROUGH)).best for x in starts]
+        end = min(ends, key=lambda e: e.cost)
+        if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
+            end = uninterrupted(refined(problem, end.point, jobs, Watch(), **FINE)).best
+    if end.residuals is None:
+        return None
+    return Rival(problem, end, here.integers, here.off, (*here.own, *element.names), (*here.elements, element.name))
+
+
+def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -> Evaluation | None:
+    """The fractional fit where the element is scored: a delay leaves out the first samples."""
+    pairs = zip(problem.experiments, element.problem.experiments, strict=True)
+    if all(a.samples == b.samples for a, b in pairs):
+        return best
+    same = replace(problem, experiments=element.problem.experiments, memo=None)
+    off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
+    evaluation = same.evaluate(embedded(same, off | dict(zip(problem.names, best.point.tolist(), strict=True))))
+    return replace(evaluation, point=best.point) if evaluation.residuals is not None else None

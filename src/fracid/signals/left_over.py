@@ -1,0 +1,82 @@
+"""What a fit leaves over of one output: noise, the encoder's rounding, or something that the model lacks."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.signals.correlation import correlation_time, longest_stretch, products_by_lag
+from fracid.signals.resolution import resolution
+
+__all__ = ["NEXT_TO_WHITE", "ROUNDING", "LeftOver", "left_over"]
+
+NEXT_TO_WHITE = 0.75
+"""Where so large a part of the samples counts, correlation does not matter: it widens intervals by a seventh."""
+
+ROUNDING = 2.0
+"""Times what rounding a motion leaves: up to there it may be rounding alone, for a rest is wrong by up to 1.7 times."""
+
+
+SHORT = 8
+"""Samples, of which fewer show no correlation."""
+
+NOTHING = 1e-5
+"""Part of the motion below which it is arithmetic."""
+
+
+class LeftOver(NamedTuple):
+    """The size and the correlation of a residual."""
+
+    rms: float
+    """In the output's unit."""
+    floor: float
+    """What the encoder's rounding leaves of a motion, a step over √12; 0 where no step is seen."""
+    part: float
+    """Of its samples that counts: 1 where it is white."""
+
+    @property
+    def white(self) -> bool:
+        """Whether neighbours know next to nothing of each other."""
+        return self.part >= NEXT_TO_WHITE
+
+    @property
+    def explained(self) -> bool:
+        """Whether it may be noise and rounding."""
+        return self.white or self.rms < ROUNDING * self.floor
+
+    @property
+    def times(self) -> float:
+        """How many times the rounding it is; infinite where no step is seen."""
+        return self.rms / self.floor if self.floor > 0.0 else math.inf
+
+
+def left_over(residual: FloatArray, measured: FloatArray) -> LeftOver:
+    """Size and correlation of the longest stretch of a residual without a gap.
+
+    Parameters
+    ----------
+    residual, measured : array, shape (n_samples,)
+        NaN where nothing was simulated; the encoder's step is read off the measured samples.
+
+    Examples
+    --------
+    A swing that is rounded, and the same with a swing left over:
+
+    >>> t = np.arange(0, 20, 0.01)
+    >>> y = np.exp(-t / 9) * np.cos(6 * t)
+    >>> counts = np.round(y / 1e-3) * 1e-3
+    >>> left_over(counts - y, counts).explained, left_over(counts - 1.02 * y, counts).explained
+    (True, False)
+    """
+    e = residual[longest_stretch(np.isfinite(residual))]
+    floor = (resolution(measured[np.isfinite(measured)]) or 0.0) / math.sqrt(12)
+    rms = float(np.sqrt(np.mean(e**2))) if e.size else math.inf
+    if rms <= NOTHING * float(np.std(measured)):
+        return LeftOver(rms, floor, 1.0)
+    if e.size < SHORT or np.ptp(e) == 0.0:
+        return LeftOver(rms, floor, 0.0)
+    ρ = products_by_lag(e - np.mean(e))[: e.size // 4 + 1]  # statsmodels, which has it too, is slow to load
+    return LeftOver(rms, floor, 1.0 / float(correlation_time(ρ / ρ[0])))

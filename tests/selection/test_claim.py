@@ -1,0 +1,83 @@
+"""What is claimed: fractional only where nothing of integer order, no finding and no residual speaks against it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fracid.selection.claim import FLOOR, OrderFound, claim_of, damping
+from fracid.selection.integer_rival import Alternative, Trial
+from fracid.signals.left_over import LeftOver, left_over
+
+STEP = 2 * math.pi / 4096
+NOISE = {"swing, alpha": LeftOver(1e-3, 0.0, 1.0)}
+MISFIT = {"swing, alpha": LeftOver(4e-3, STEP / math.sqrt(12), 0.01)}
+CLEAR = [OrderFound("mu", 0.95, 0.003)]
+
+
+def nearest(*, as_well=False, untried=()):
+    trials = (Trial("friction", 0.4, 300.0), Trial("a delay of alpha", 0.2, 5.0 if as_well else 80.0, as_well))
+    trials += tuple(Trial(name, math.inf, math.inf) for name in untried)
+    return Alternative("every order 1", ("mu",), 0.2, {}, 80.0, 900.0, "A delay does as well." * as_well, trials)
+
+
+def test_orders_that_nothing_of_integer_order_does_without_are_called_fractional_with_their_damping():
+    claim = claim_of(CLEAR, nearest(untried=["play"]), NOISE)
+    assert claim.claim == "fractional"
+    assert "damping ratio of 0.079" in claim.reasons[0]
+    assert "tried were friction, a delay of alpha" in claim.reasons[1]
+    assert claim.reasons[-1] == "Not excluded: play."
+
+
+def test_an_alternative_that_does_as_well_makes_the_claim_integer_whatever_is_left_over():
+    assert claim_of(CLEAR, nearest(as_well=True), MISFIT).claim == "integer"
+    assert claim_of(CLEAR, nearest(as_well=True), NOISE).reasons == ("A delay does as well.",)
+
+
+@pytest.mark.parametrize(
+    ("orders", "claim"),
+    [
+        ([OrderFound("mu", 0.999, 0.002)], "integer"),  # 1 is in the interval
+        ([OrderFound("mu", 0.9970, 0.0001)], "undecided"),  # off 1, by next to no damping
+        ([OrderFound("mu", 0.9995, 0.0001)], "integer"),  # off 1, by less than solvers are
+        ([OrderFound("mu", 0.9, 0.3)], "undecided"),  # not known
+        ([OrderFound("lambda", 1.0, math.inf), OrderFound("mu", 1.0, 0.01)], "integer"),  # one is not seen
+        ([OrderFound("q", 0.5, 0.01, ())], "undecided"),  # an order that has no integer value
+        ([], "undecided"),
+    ],
+)
+def test_orders_within_their_intervals_are_integer_and_what_is_not_known_is_undecided(orders, claim):
+    assert claim_of(orders, None, NOISE).claim == claim
+
+
+def test_where_the_model_lacks_something_its_orders_are_no_evidence():
+    claim = claim_of(CLEAR, nearest(), MISFIT)
+    assert claim.claim == "undecided"
+    assert "9 times the encoder's rounding, and correlated" in " ".join(claim.reasons)
+    assert claim.reasons[-1].startswith("What would decide it")
+
+
+def test_a_finding_that_contradicts_forbids_the_word_fractional():
+    assert claim_of(CLEAR, nearest(), NOISE, ["alpha may be 5 ms late."]).claim == "undecided"
+
+
+def test_the_floor_is_taken_from_the_near_end_of_the_interval():
+    far, near = OrderFound("mu", 0.98, 0.001), OrderFound("mu", 0.98, 0.010)
+    assert far.least_damping == pytest.approx(damping(0.019))
+    assert far.least_damping > FLOOR > near.least_damping
+    assert [claim_of([o], nearest(), NOISE).claim for o in (far, near)] == ["fractional", "undecided"]
+
+
+def test_a_springpots_order_is_none_at_both_ends():
+    orders = [OrderFound("springpot_order_alpha", v, 0.05, (0.0, 1.0)) for v in (0.5, 0.02, 0.97)]
+    assert [o.off for o in orders] == [True, False, False]
+
+
+def test_rounding_of_a_swing_and_of_a_rest_is_explained_and_a_swing_left_over_is_not():
+    t = np.arange(0, 20, 0.002)
+    y = 0.5 * np.exp(-t) * np.cos(6 * t)  # half the record is rest
+    counts = STEP * np.round((y + 0.4 * STEP) / STEP)
+    assert left_over(counts - y - 0.4 * STEP, counts).explained
+    assert not left_over(counts - 0.97 * y, counts).explained
+    assert left_over(1e-3 * np.random.default_rng(1).standard_normal(4000), y[:4000]).white
+    assert left_over(np.zeros(t.size), y).explained  # nothing left at all

@@ -1,0 +1,97 @@
+"""What of integer order explains recordings as well as orders do: each is found by name where it is the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.estimation.horizons import Watch, refined
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.sensors import Sensor
+from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_rival import claimable, integer_rival
+from twins import release
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+BOTH = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+FRICTION = {"b_theta": 2e-3, "b_alpha": 2e-4, "coulomb_theta": 1e-3, "coulomb_alpha": 2e-4}
+SURE = {"lambda": 1e-4, "mu": 1e-4}
+
+
+def swing(orders=(1.0, 1.0), more=None, *, end=4.0):
+    """A release with all of that friction and noise of half an encoder's step."""
+    return release(orders=dict(zip(BOTH, orders, strict=True)), parameters=FRICTION | (more or {}), alpha=0.5,
+                   step=4e-3, end=end, noise=8e-4, seed=1)  # fmt: skip
+
+
+def fitted(twin, more=None, **options):
+    """The problem with all friction free, and its minimum."""
+    free = {n: Free(v, 0.0, 100 * v) for n, v in FRICTION.items()} | (more or {})
+    problem = Problem(RIG, (twin,), **{"orders": BOTH, "parameters": free, "initial_state": "held"} | options)
+    return problem, refined(problem, problem.start, 1, Watch()).best
+
+
+def late(twin, samples):
+    """α is read some samples after θ."""
+    theta, alpha = twin.measured.T
+    return replace(twin, measured=np.column_stack([theta[samples:], alpha[:-samples]]))
+
+
+@pytest.mark.few(1)
+def test_a_signal_that_comes_late_is_found_in_place_of_the_orders():
+    problem, best = fitted(late(swing(), 2), initial_state="estimate")
+    nearest = integer_alternatives(problem, best, SURE, slow=False)
+    assert nearest.trials[0].name == "the same model"
+    assert not nearest.trials[0].as_well
+    assert (nearest.trials[-1].name, nearest.trials[-1].as_well) == ("a delay of alpha", True)
+    assert nearest.parameters["delay_alpha"] == pytest.approx(8e-3, rel=0.1)
+    assert "The integer-order model with a delay of alpha (delay_alpha = 0.0" in nearest.warning
+
+
+@pytest.mark.few(1)
+def test_orders_that_are_there_are_done_without_by_nothing_and_what_was_not_tried_is_named():
+    problem, best = fitted(swing((0.9, 0.95)))
+    nearest = integer_alternatives(problem, best, SURE, slow=False)
+    tried = {t.name: t for t in nearest.trials if t.tried}
+    assert {"the same model", "a delay of alpha", "a low-pass of theta", "a scale of alpha", "drag"} <= set(tried)
+    assert not any(t.as_well or t.gain < 10 for t in tried.values())
+    assert {t.name for t in nearest.trials} - set(tried) == {"play", "presliding", "Stribeck's friction",
+                                                             "an elastic arm"}  # fmt: skip
+    assert nearest.warning == ""
+    assert nearest.gain == min(t.gain for t in tried.values())
+
+
+def test_nothing_is_tried_of_a_channel_that_is_free_already_or_of_a_joint_that_stands_still():
+    twin = replace(swing(end=2.0), sensors={"alpha": Sensor(delay=Free(0.0, -5e-3, 5e-3))})
+    still = replace(twin, measured=twin.measured * [1e-4, 1.0])
+    problem, _ = fitted(still)
+    off = problem.evaluate(problem.start - 0.05 * (np.arange(problem.start.size) < 2))
+    names = [t.name for t in integer_alternatives(problem, off, SURE, slow=False).trials]
+    assert "a delay of alpha" not in names
+    assert "play" not in names
+
+
+def test_the_rival_of_a_springpot_has_none():
+    more = {"springpot_alpha": Free(1e-3, 0.0, 0.1), "springpot_order_alpha": Free(0.5, 0.01, 0.99)}
+    problem, _ = fitted(swing(end=1.0), more, orders={"lambda": 1.0, "mu": 1.0})
+    assert [problem.names[i] for i in claimable(problem)] == ["springpot_order_alpha"]
+    rival = integer_rival(problem, problem.evaluate(problem.start), {"springpot_order_alpha": 0.05})
+    assert rival.off == {"springpot_order_alpha": 0.5}
+    assert not any("springpot" in name for name in rival.problem.names)
+    assert rival.nested_in(problem)["springpot_alpha"] == 0.0
+    unsure = integer_rival(problem, problem.evaluate(problem.start), {"springpot_order_alpha": 0.6})
+    assert unsure is None
+
+
+def test_what_inputs_do_between_samples_is_tried_where_they_vary():
+    time = np.arange(0, 3, 0.02)
+    u = np.sign(np.sin(5 * time))[:, None]
+    model = RIG.with_parameters(**FRICTION)
+    run = fracid.simulate(model, orders={"lambda": 1.0, "mu": 1.0}, initial={}, step=0.02, end=float(time[-1]),
+                          inputs=u[:, 0], between="hold")  # fmt: skip
+    driven = Experiment("driven", 0.02, run.states[:, [0, 2]], u, between={"voltage": "line"})
+    problem, best = fitted(driven)
+    trials = integer_alternatives(problem, best, SURE, slow=False).trials
+    assert trials[-1].as_well
+    assert any(t.name == "inputs held between samples" for t in trials) or trials[-1].name.startswith("a delay")
