@@ -10,8 +10,9 @@ spring (order 0) nor that of a dashpot (order 1) but in between,
     x'' + c D^q x + k x + k3 x³ = u(t),      0 < q < 1,  per unit of mass.
 
 **As states.**  A model of fracid is D^{q_i} x_i = f_i(t, x, u, p).  With r = 1 − q the damper's D^q x is the integral
-of order r of the speed, so it is one state more:  D^r z = x',  z(0) = 0,  z = D^q x.  Position and speed have ordinary
-derivatives, whose order is the number 1.0; the order that is to be found has a name, "r".
+of order r of the speed, so it is one state more:  D^r z = x',  z(0) = 0,  z = D^q x.  The element ``springpot`` writes
+this line and returns c z.  Position and speed have ordinary derivatives, whose order is the number 1.0; the order that
+is to be found has a name, "r".
 """
 
 from dataclasses import replace
@@ -21,17 +22,17 @@ import numpy as np
 
 import fracid
 from fracid import Experiment, Free, Model, Parameter, Problem
+from fracid.models.joints import springpot
 
 # --- the model: what duffing.toml calls "duffing.py:model" ---------------------------------------------------
 
 
 def rhs(t, x, u, p, out):  # noqa: ARG001
     """Write D^{q_i} x_i into out[i]; plain Python that Numba can compile, parameters in the order given below."""
-    position, speed, damping = x[0], x[1], x[2]
+    position, speed = x[0], x[1]
     c, k, k3 = p[0], p[1], p[2]
     out[0] = speed
-    out[1] = u[0] - c * damping - k * position - k3 * position**3
-    out[2] = speed
+    out[1] = u[0] - springpot(x, out, 2, speed, c) - k * position - k3 * position**3
 
 
 model = Model(

@@ -10,17 +10,17 @@ torque −(k α + c D^q α), 0 < q < 1: a spring, and the damping of a polymer i
     J_hub θ''          = k_m V − b θ' − f tanh(θ'/v_s) + k α + c D^q α
     J_link (θ'' + α'') =                               − k α − c D^q α
 
-The input is the motor's voltage V, with known k_m [N m/V]; b holds the back-EMF.  As in duffing.py the fractional
-derivative is a state of its own: with r = 1 − q, D^r z = α', z(0) = 0, z = D^q α.
+The input is the motor's voltage V, with known k_m [N m/V]; b holds the back-EMF.  The joints are sums of elements: the
+hub's dry friction is ``sliding``, the clamp's polymer a ``springpot``, whose state is, as in duffing.py, z = D^q α.
 """
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 import fracid
 from fracid import Experiment, Free, Model, Parameter, Problem
+from fracid.models.joints import sliding, springpot
 
 SLIP = 0.1  # v_s: dry friction has its full size beyond this speed [rad/s]
 
@@ -29,15 +29,13 @@ SLIP = 0.1  # v_s: dry friction has its full size beyond this speed [rad/s]
 
 
 def rhs(t, x, u, p, out):  # noqa: ARG001
-    hub_speed, bend, bend_speed, damping = x[1], x[2], x[3], x[4]
+    hub_speed, bend, bend_speed = x[1], x[2], x[3]
     J_hub, J_link, b, f, k, c, k_m = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
-    clamp = k * bend + c * damping
-    hub_acceleration = (k_m * u[0] - b * hub_speed - f * math.tanh(hub_speed / SLIP) + clamp) / J_hub
-    out[0] = hub_speed
-    out[1] = hub_acceleration
-    out[2] = bend_speed
-    out[3] = -clamp / J_link - hub_acceleration
-    out[4] = bend_speed
+    clamp = k * bend + springpot(x, out, 4, bend_speed, c)
+    friction = b * hub_speed + sliding(hub_speed, f, 0.0, 1.0, SLIP)  # no stiction, so its speed does not matter
+    out[0], out[2] = hub_speed, bend_speed
+    out[1] = (k_m * u[0] - friction + clamp) / J_hub
+    out[3] = -clamp / J_link - out[1]
 
 
 model = Model(

@@ -17,12 +17,15 @@ for that gives a :class:`Failure` in its place.
 from __future__ import annotations
 
 import difflib
+import errno
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 from numbers import Integral, Real
 
 __all__ = [
+    "LARGEST",
+    "SMALLEST",
     "DataError",
     "Failure",
     "FailureReason",
@@ -32,8 +35,17 @@ __all__ = [
     "Unfinished",
     "at_least",
     "is_number",
+    "refuse_beyond",
     "unknown_name",
+    "unwritable",
 ]
+
+
+LARGEST = 1e100
+"""No quantity and no instrument has more, in whatever unit; squares of more have no number."""
+
+SMALLEST = 1 / LARGEST
+"""No size is less, in whatever unit; one over the square of less has no number."""
 
 
 class FracidError(Exception):
@@ -125,13 +137,13 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def at_least(name: str, value: int, least: int) -> int:
+def at_least(name: str, value: int, least: int, most: int | None = None) -> int:
     """Give a count back if it is one.
 
     Raises
     ------
     InputError
-        If it is below `least` or no whole number.
+        If it is below `least`, above `most`, or no whole number.
 
     Examples
     --------
@@ -140,4 +152,47 @@ def at_least(name: str, value: int, least: int) -> int:
     """
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise InputError(f"{name} = {value!r}; expected a whole number, {least} or more.")
+    if most is not None and value > most:
+        raise InputError(f"{name} = {value!r}; expected a whole number, {most:,} at most.")
     return int(value)
+
+
+def refuse_beyond(name: str, value: float, least: float = 0.0) -> None:
+    """Refuse a number that no quantity has, in whatever unit: its square, or one over it, would be none.
+
+    Parameters
+    ----------
+    least : float
+        Above 0 for a size, which is not less than that, nor than the smallest that there is.
+
+    Raises
+    ------
+    InputError
+        Naming the limit.
+
+    Examples
+    --------
+    >>> refuse_beyond("scale", 1e-320, 1e-12)
+    Traceback (most recent call last):
+    fracid.errors.InputError: scale = 9.99989e-321 is beyond what can be computed with; expected 1e-12 … 1e+100.
+    """
+    low = max(least, SMALLEST) if least else -LARGEST
+    if not low <= value <= LARGEST:
+        raise InputError(f"{name} = {value:g} is beyond what can be computed with; expected {low:g} … {LARGEST:g}.")
+
+
+def unwritable(what: str, error: OSError, remedy: str) -> FracidError:
+    """Return the error for what cannot be written: where the disk is full no other place on it is better.
+
+    Examples
+    --------
+    >>> print(unwritable("The folder runs/rig", OSError(errno.ENOSPC, "No space left on device"), "Give another."))
+    The folder runs/rig cannot be written: the disk is full. Make room, then type the same again; what was done is kept.
+    >>> print(unwritable("The folder /etc/rig", OSError(errno.EACCES, "Permission denied"), "Give another: --out DIR."))
+    The folder /etc/rig cannot be written: Permission denied. Give another: --out DIR.
+    """
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return Unfinished(
+            f"{what} cannot be written: the disk is full. Make room, then type the same again; what was done is kept."
+        )
+    return InputError(f"{what} cannot be written: {error.strerror or error}. {remedy}")

@@ -36,7 +36,7 @@ use = "validate"
 [fit]
 initial_state = "held"
 """
-QUICK = ("--keep", "drag_theta", "--keep", "drag_alpha")
+QUICK = ("--keep", "drag_theta", "--keep", "drag_alpha", "--rung", "viscous", "--rung", "Coulomb")
 
 
 def write_swing(file, angle, seed, end=3.0):

@@ -16,6 +16,7 @@ PAGES = (
     "docs/export.md",
     "docs/figures.md",
     "docs/recording.md",
+    "docs/friction.md",
     "docs/limits.md",
     "docs/honesty.md",
     "README.md",

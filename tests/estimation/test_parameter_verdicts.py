@@ -1,5 +1,7 @@
 """What the data can tell of each unknown, in words; the cost over the plane of the orders."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ import fracid
 from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.cost_profile import profile
+from fracid.estimation.covariance import uncertainty
 from fracid.estimation.parameter_verdicts import identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.models import Model, Parameter
+from fracid.models.joints import presliding
 from fracid.problem import Experiment, Free, Problem
 from twins import release
 
@@ -146,6 +150,81 @@ def test_upright_angles_are_not_halved():
     p = twin(rig, alpha=np.pi - 0.05, parameters={"C6": Free(4e-3, 1e-5, 1e-1)}, sd=0.05)
     found = verdicts(p)["C6"]
     assert "power" not in found.sentence
+
+
+JOINTS = {
+    "a joint that slides tells little of what it gives": (
+        1.0, 1e-2, {"coulomb_alpha": 3e-4, "presliding_alpha": 1e-4},
+        {"coulomb_alpha": "identifiable", "presliding_alpha": "alpha slides, and only 0.013 % of its motion is"},
+    ),
+    "nor of its damping": (
+        1.0, 1e-2, {"presliding_alpha": 1e-3, "presliding_damping_alpha": 1e-5},
+        {"presliding_damping_alpha": "alpha slides, and only 0.12 % of its motion is presliding"},
+    ),
+    "a joint that sticks knows friction over what it gives alone": (
+        0.1, 5e-2, {"coulomb_theta": 1.0, "presliding_theta": 0.4},
+        {"presliding_theta": "theta hardly breaks away, 100 % of its motion is presliding, which knows friction over"},
+    ),
+    "a joint that does both tells both": (
+        1.0, 1e-4, {"coulomb_alpha": 3e-4, "presliding_alpha": 1e-2},
+        {"coulomb_alpha": "identifiable", "presliding_alpha": "identifiable"},
+    ),
+    "a springpot of order near 0 is a spring": (
+        1.0, 1e-1, {"springpot_theta": 3e-3, "springpot_order_theta": 0.02},
+        {"springpot_order_theta": "cannot be told from a spring: its order, of a spring 0 and of a dashpot 1, has the"},
+    ),
+    "and of order near 1 a dashpot": (
+        1.0, 2e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.98, "b_theta": 2.4e-3},
+        {"springpot_order_theta": "cannot be told from a dashpot: its order"},
+    ),
+    "of another order it is itself": (
+        1.0, 1e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.5},
+        {"springpot_theta": "identifiable", "springpot_order_theta": "identifiable"},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", JOINTS)
+def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
+    alpha, sd, values, words = JOINTS[case]
+    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=3e-4).with_parameters(**values)
+    swing = release("swing", rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=alpha, step=4e-3, end=4.0, noise=sd)
+    within = {n: (0.01, 0.99) if "order" in n else (v / 10, 10 * v) for n, v in values.items()}
+    unknown = {n: Free(v, *within[n]) for n, v in values.items()}
+    p = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, unknown, initial_state="held")
+    found = verdicts(p, x=p.start)
+    for name, sentence in words.items():
+        assert sentence in found[name].sentence
+        assert found[name].kind == ("identifiable" if sentence == "identifiable" else "practically not")
+
+
+def test_a_presliding_joint_of_ones_own_needs_to_say_nothing_of_itself():
+    def rhs(t, x, u, p, out):
+        friction = presliding(x, out, 2, x[1], p[0], 0.0, 1.0, p[1], 0.0)
+        out[0], out[1] = x[1], -friction - x[0]
+
+    parameters = (Parameter("f", "N", 0.01, "friction"), Parameter("delta", "m", 1e-4, "what it gives", lower=1e-9))
+    own = Model(name="block", zero="", source="a test", states=("q", "v", "z"), orders=("mu", "mu", 1.0),
+                outputs={"q": 0}, inputs=(), rhs=rhs, parameters=parameters, relaxing={"z": "delta"})  # fmt: skip
+    run = fracid.simulate(own, orders={"mu": 1.0}, initial={"q": 0.1}, step=0.02, end=4.0)
+    q = run.states[:, :1] + 0.1 * np.random.default_rng(1).standard_normal((201, 1))
+    block = Experiment("block", 0.02, q, np.zeros((1, 0)), initial={"q": 0.1})
+    p = Problem(own, (block,), {"mu": 1.0}, {"delta": Free(1e-4, 1e-6, 1e-2)}, outputs=("q",), initial_state="held")
+    assert identifiability(p, p.start)["delta"].kind in ("practically not", "not at all")
+
+
+def test_where_a_presliding_joint_began_is_forgotten_and_spoils_no_others_interval():
+    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=3e-4, presliding_alpha=1e-3)
+    swing = release("swing", rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=0.4, step=4e-3, end=2.0, noise=1e-3)
+    p = Problem(
+        rig, (replace(swing, initial={"D^mu alpha": 0.0}),), {"lambda": 1.0, "mu": 1.0}, initial_state="estimate"
+    )
+    x = np.array([{"alpha(0) [swing]": 0.4}.get(name, 0.0) for name in p.names])
+    precision = uncertainty(p, x)
+    half = dict(zip(p.names, 1.96 * precision.standard_error, strict=True))
+    assert half["alpha(0) [swing]"] < 1e-3
+    verdict = identifiability(p, x, precision)["z_alpha(0) [swing]"]
+    assert verdict.sentence == "forgotten: once the joint has moved by presliding_alpha"
 
 
 def test_what_does_nothing_is_not_known_at_all():

@@ -8,7 +8,7 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.horizons import Watch
+from fracid.estimation.horizons import Watch, horizons
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
@@ -24,8 +24,10 @@ from fracid.optimise import (
     sobol_points,
 )
 from fracid.plots import waterfall
-from fracid.problem import Free, Problem
+from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.safety.schema import as_json
+from fracid.schemas.result import StartBlock
 from fracid.tasks.journal import Journal
 from twins import release
 
@@ -213,6 +215,13 @@ def test_a_waterfall_shows_every_start_once_by_its_final_cost():
     assert axes.get_ylabel() == "final RMSE [rad]"
 
 
+def test_what_a_climb_came_to_is_drawn_and_written_as_a_start():
+    climb = [start("given", 0.3), start("the simpler structure", 0.2), start("windows", 0.1)]
+    drawn = [n for line in waterfall(climb).axes[0].get_lines() if not (n := line.get_label()).startswith("_")]
+    assert drawn == [s.origin for s in climb]
+    assert [as_json(StartBlock, vars(s) | {"point": {}, "end": {}})["origin"] for s in climb] == drawn
+
+
 def test_a_waterfall_of_which_nothing_arrived_is_still_a_figure():
     axes = waterfall([start("given", np.inf)]).axes[0]
     assert axes.get_title() == "0 of 1 starts at the lowest cost; 1 left for their cost"
@@ -264,3 +273,13 @@ def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
     p = stiff(swing(end=2.0), parameters=TRUE, cost_function=own)
     with pytest.raises(InputError, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
         search(p, MULTISTART, np.random.default_rng(1), starts=2, executor="processes")
+
+
+def test_the_first_horizon_holds_every_release():
+    time = np.arange(300) * 0.01
+    for when in (0.7, Free(0.4, 0.1, 0.7)):
+        e = Experiment("late", 0.01, np.cos(20 * time)[:, None], np.zeros((1, 1)), release_time=when)
+        problem = Problem(RIG, (e,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, outputs=("alpha",),
+                          initial_state="rest")  # fmt: skip
+        lengths = [problem.until(horizon).experiments[0].time[-1] for horizon in horizons(problem)]
+        assert min(lengths) >= 1.4

@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
-from fracid.export.matlab import matlab_model
+from fracid.export.matlab import matlab_model, no_program
 from fracid.export.recursion import Case, Recursion
 from fracid.models import Parameter
 from fracid.runs.saved import load_run
@@ -312,6 +313,16 @@ def test_a_users_own_model_has_no_program(tmp_path):
     problem = fracid.Problem(own_model(None), (swing,), {"mu": 0.9}, outputs=("alpha",), initial_state="held")
     with pytest.raises(InputError, match="is no rotary pendulum"):
         matlab_model(*tables_and_case(problem), "run")
+
+
+def test_a_springpot_of_another_order_in_each_recording_has_no_program():
+    rig = fracid.rotary_pendulum(springpot_theta=1e-3)
+    e = fracid.Experiment("twin", 2e-3, np.zeros((100, 2)), np.zeros((1, 1)))
+    order = {"springpot_order_theta": fracid.Free(0.5, 0.1, 0.9)}
+    for names, words in ((["springpot_order_theta"], "Each recording has its own springpot_order_theta"), ([], "")):
+        p = fracid.Problem(rig, (e, replace(e, name="other")), {"lambda": 1.0, "mu": 1.0}, order, per_recording=names)
+        assert no_program(SimpleNamespace(problem=p)).startswith(words)
+        assert (no_program(SimpleNamespace(problem=p)) == "") is not bool(names)
 
 
 # --- the command -----------------------------------------------------------------------------------

@@ -601,3 +601,8 @@ def test_least_squares_stops_where_no_unknown_changes_anything():
     found = minimise(lambda x: Evaluation(x, 1.0, np.array([1.0, 0.0])), least_squares(SPACE, None))
     assert found.outcome is Outcome.CONVERGED
     assert found.best.point.tolist() == SPACE.start.tolist()
+
+
+def test_least_squares_stops_at_a_start_that_fits_to_the_last_bit():
+    found = minimise(lambda x: Evaluation(x, 0.0, np.append(x - SPACE.start, 0.0)), least_squares(SPACE, None))
+    assert (found.outcome, found.best.point.tolist()) == (Outcome.CONVERGED, SPACE.start.tolist())

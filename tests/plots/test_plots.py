@@ -16,7 +16,7 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from scipy import stats
 
-from fracid.errors import InputError
+from fracid.errors import InputError, Unfinished
 from fracid.estimation.records import RecordingFit
 from fracid.plots import cost_plane, fitted_over_time, recording_overview, residual_plots, save
 from fracid.plots.appearance import BINS, outline
@@ -391,7 +391,7 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    with pytest.raises(InputError, match="cannot be written: No space left on device"):
+    with pytest.raises(Unfinished, match="cannot be written: the disk is full"):
         save(cost_plane(LAMBDA, MU, 2 * VALLEY), tmp_path, "plane", ("svg",))
     assert old.read_bytes() == content
     assert list(tmp_path.iterdir()) == [old]

@@ -237,3 +237,16 @@ def test_a_header_with_the_sampling_rate_is_the_clock_of_a_single_column(tmp_pat
     draft = draft_project(path, folder=tmp_path)
     assert draft.columns["alpha"]["column"] == 0
     assert draft.columns["alpha"]["unit"] == "deg"
+
+
+@pytest.mark.parametrize("delta", [0.0, 0.05])
+def test_presliding_is_proposed_where_small_swings_are_quicker(tmp_path, delta):
+    rig = fracid.rotary_pendulum("stepper-freeswing", b_alpha=1e-5, coulomb_alpha=1e-4, presliding_alpha=delta)
+    run = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.3}, step=5e-3, end=25.0)
+    alpha = counted(run.states[:, 2], 2 * np.pi / 4096)
+    np.savetxt(
+        tmp_path / "clamped.csv", np.column_stack([run.time, alpha]), delimiter=",", header="time,alpha", comments=""
+    )
+    text = draft_project(tmp_path / "clamped.csv").text
+    assert ("\npresliding_alpha = {" in text) == (delta > 0)
+    assert ("# presliding_alpha" in text) == (delta == 0)

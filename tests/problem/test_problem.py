@@ -113,6 +113,19 @@ def test_only_scored_outputs_have_a_free_start():
     assert p.names[2:] == ("alpha(0) [swing]", "D^mu alpha(0) [swing]")
 
 
+def test_a_joint_that_slides_at_the_start_resists_by_its_sliding_friction():
+    delta, f, s, v_st = 0.01, 2e-4, 4e-4, 2.0
+    rig = fracid.rotary_pendulum("srv02-rotpen", presliding_alpha=delta, coulomb_alpha=f, stiction_alpha=s,
+                                 stribeck_speed_alpha=v_st)  # fmt: skip
+    swing = twin(alpha=0.4)
+    moving = replace(swing, measured=swing.measured[60:])
+    p = Problem(rig, (moving,), {"lambda": 1.0, "mu": 1.0}, {"presliding_alpha": Free(delta, 1e-3, 0.1)})
+    assert not any(n.startswith("z_alpha") for n in p.names)
+    *_, x0 = p.unpack(p.start, moving)
+    g = f + s * math.exp(-((x0[3] / v_st) ** 2))
+    assert x0[4] == pytest.approx(math.copysign(delta * g / (f + s), x0[3]))
+
+
 def positions_first(t, x, u, p, out):
     out[0] = x[2]
     out[1] = x[3]

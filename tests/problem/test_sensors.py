@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 import fracid
 from fracid import Experiment, Free, InputError, Problem, Recording, Sensor
+from fracid.estimation.horizons import horizons
+from fracid.estimation.windows import in_windows
 from fracid.problem.costs import COSTS
 from fracid.problem.portable import Portable
 from fracid.solver.inputs import low_passed
@@ -194,9 +196,21 @@ def test_a_horizon_is_counted_in_samples_that_are_scored():
 
 
 def test_a_problem_with_sensors_travels():
-    p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.zeros((1, 1)),
-                sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
-    assert pickle.loads(pickle.dumps(Portable(p))).problem.names == p.names
+    p = Problem(fracid.rotary_pendulum(), (Experiment("a", STEP, np.zeros((9, 2)), np.ones((9, 1)),
+                sensors={"alpha": Sensor(delay=Free(0, -0.01, 0.01))}, actuators={"voltage": Sensor(lowpass=0.01)},
+                between={"voltage": "hold"}, mask=((0.0, 0.01),)),), {"lambda": 1.0, "mu": 1.0})  # fmt: skip
+    x = p.start + 1e-3
+    for back in (pickle.loads(pickle.dumps(Portable(p))).problem, pickle.loads(pickle.dumps(p))):
+        assert (back.names, back.cost(x)) == (p.names, p.cost(x))
+
+
+@pytest.mark.parametrize(("sensor", "mask"), [(Sensor(delay=-2.5), ()), (Sensor(delay=2.5), ()), (None, ((0.0, 3.0),))])
+def test_delays_longer_than_a_swing_and_masks_longer_than_a_window_leave_pieces_to_begin_with(sensor, mask):
+    p = problem(swing(T), sensor, mask=mask)
+    assert all(part.samples >= 100 for h in horizons(p) for part in p.until(h).experiments)
+    pieces = in_windows(p).experiments
+    assert pieces
+    assert all(4 * part.samples >= len(part.measured) for part in pieces)
 
 
 # --- inputs ----------------------------------------------------------------------------------------------

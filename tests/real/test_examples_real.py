@@ -74,6 +74,16 @@ def test_one_start_of_the_release_reaches_a_fifth_of_a_degree_on_both_angles(exa
     assert fit.alternative is None  # all friction is free, the orders are 1 within their intervals
 
 
+def test_with_joints_that_give_before_they_slide_the_residual_is_one_encoder_step(example):
+    fit = example("srv02-presliding.toml")
+    assert fit.outcome.startswith("converged")
+    assert max(degrees(fit.recordings["release 92°"]).values()) <= 0.10
+    assert max(degrees(fit.recordings["release 16°"]).values()) <= 0.13  # held out
+    assert fit.discretisation.warning == ""
+    low, high = fit.parameters["cable_stiffness"].interval95
+    assert low < 0.0 < high  # what looked like a cable's spring was presliding
+
+
 def test_many_starts_of_the_release_come_to_the_same_minimum(example):
     fit = example("srv02-release.toml", starts=4)
     assert max(degrees(fit.recordings["release 92°"]).values()) <= 0.22

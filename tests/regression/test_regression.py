@@ -373,3 +373,14 @@ def test_a_real_release_gives_what_output_error_gives_for_the_pendulum_and_nearl
     # the arm sticks, which no regression sees: 15 to 20 % below output error's 1.44e-2, 4.9e-3, 0.13, 0.042
     for n, output_error in {"J_theta": 1.44e-2, "C3": 4.9e-3, "b_theta": 0.13, "coulomb_theta": 0.042}.items():
         assert found.parameters[n].value == pytest.approx(output_error, rel=0.25)
+
+
+def test_a_motion_that_shows_none_of_the_free_constants_is_no_start_of_a_search():
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    t = np.arange(120) / 50
+    measured = np.column_stack([0.1 * np.sin(5 * t), 0.0025 * np.exp(-0.1 * t) * np.cos(5 * t)])
+    orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+    arm = Experiment("arm", 0.02, measured, np.zeros((1, 1)))
+    problem = Problem(rig, (arm,), orders, {"C4": Free(1e-3, 1e-5, 2e-3)}, initial_state="rest")
+    with pytest.raises(InputError, match="The motion shows none of the constants that are free"):
+        start_values(problem)

@@ -293,6 +293,8 @@ RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional
 FIT_ONLY = {"a": said().result["recordings"]["a"]}
 POOR = {"a": FIT_ONLY["a"] | {"fit_percent": {"alpha": 3.0}}}
 
+FORGOTTEN = {"a": FIT_ONLY["a"] | {"initial_state": {"z_alpha": estimate(0.3, 1.0, kind="forgotten")}}}
+
 LINES = {
     "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
@@ -326,6 +328,9 @@ LINES = {
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of the 2 values that were left free; not, or not for sure: C1",
+    ),
+    "where a joint began, which nobody misses": (
+        "Values", {"recordings": FORGOTTEN}, True, "The recordings tell all 2 values that were left free.",
     ),
     "a search that ended": ("Checks", {}, True, "The search converged. Solved at half the step, no order moves"),
     "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search ended so: interrupted"),
@@ -790,11 +795,11 @@ def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the
     assert part.measured[output].base is not None  # a view
     assert np.shares_memory(part.measured[output], r.measured[output])
     assert first_part(r) is r
+    assert "of the first" not in report_page(material)
     monkeypatch.setattr("fracid.report.material.first_part", lambda r: first_part(r, few))
     long = replace(material)  # nothing looked at yet
     assert long.analyses[name][output].samples <= few
     assert f"of the first {long.analyses[name][output].samples}" in report_page(long)
-    assert "of the first" not in report_page(material)
 
 
 def test_a_recording_that_was_used_whole_is_not_read_again(material):

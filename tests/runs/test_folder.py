@@ -11,7 +11,7 @@ import pytest
 
 import fracid
 import fracid.cli
-from fracid.errors import InputError
+from fracid.errors import InputError, Unfinished
 from fracid.files import write_text
 from fracid.problem.project import load_project
 from fracid.runs.environment import versions
@@ -70,7 +70,7 @@ def test_a_disk_that_takes_nothing_is_told(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("fracid.runs.folder.write_text", full)
-    with pytest.raises(InputError, match="cannot be written: No space left on device"):
+    with pytest.raises(Unfinished, match=r"cannot be written: the disk is full\. Make room"):
         open_folder(tmp_path / "run")
 
 

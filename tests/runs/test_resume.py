@@ -1,6 +1,7 @@
 """A run killed at any moment and resumed repeats nothing and ends as if it had not been killed."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 import fracid
 from fracid.cli.app import main
-from fracid.errors import InputError
+from fracid.errors import InputError, Unfinished
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, run_state
 from fracid.tasks.simulation_cache import Memo
 
@@ -197,6 +198,37 @@ def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, 
     fitted(project, tmp_path / "run", resume=True, observer=fracid.Observer(said.append))
     assert "cannot be used: the program has changed, or the machine was restarted" in said[-1]
     assert result(tmp_path / "run") == whole[0]
+
+
+@pytest.mark.parametrize("where", ["runs/rig", "rig"])
+def test_a_project_and_its_run_that_were_moved_together_are_gone_on_with(project, whole, tmp_path, where):
+    old, new = tmp_path / "old", tmp_path / "new"
+    shutil.copytree(project.parent, old)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Memo, "get", _cut_after(40))
+        with pytest.raises(Unfinished):
+            fracid.run(old / "rig.toml", out=old / where)
+    old.rename(new)
+    (new / "other").mkdir()
+    (new / "other" / "rig.toml").write_text("# another of that name")
+    finished = fracid.resume_run(new / where)
+    assert finished.resumed
+    assert finished.project.path == new / "rig.toml"
+    assert run_state(new / where).finished
+
+
+def _cut_after(calls):
+    """A memo whose disk is full after so many simulations."""
+    get = Memo.get
+
+    def limited(self, *arguments):
+        nonlocal calls
+        calls -= 1
+        if calls < 0:
+            raise Unfinished("the disk is full")
+        return get(self, *arguments)
+
+    return limited
 
 
 def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):

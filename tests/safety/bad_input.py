@@ -20,6 +20,7 @@ import os
 import struct
 import subprocess
 import sys
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
@@ -251,6 +252,35 @@ def parquet(**columns: object) -> Callable[[], bytes]:
     return make
 
 
+def npz_twice() -> bytes:
+    """An archive with two members of one name, as one that was appended to has."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as packed:
+        for name, x in (("t", T), ("alpha", ALPHA), ("theta", THETA)):
+            packed.writestr(zipfile.ZipInfo(f"{name}.npy"), saved(np.save, x))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            packed.writestr(zipfile.ZipInfo("alpha.npy"), saved(np.save, THETA))
+    return file.getvalue()
+
+
+def h5_lists(h: object) -> None:
+    import h5py
+
+    lists = h.create_dataset("lists", (400,), h5py.vlen_dtype(np.float64))  # type: ignore[attr-defined]
+    lists[0] = T[:3]
+
+
+def parquet_twice() -> bytes:
+    import pyarrow
+    from pyarrow import parquet as format_
+
+    table = pyarrow.Table.from_arrays(
+        [pyarrow.array(x) for x in (T, THETA, ALPHA, ALPHA)], ["t", "u", "alpha", "alpha"]
+    )
+    return saved(lambda f: format_.write_table(table, f))
+
+
 def cut(raw: Callable[[], bytes]) -> Callable[[], bytes]:
     """The first half."""
 
@@ -325,6 +355,8 @@ TEXTS = [
         "log.csv, line 3, column 1 (theta): '9999999999999999999999999999999999999999...' is not a number.", 3),
     Row("a name of 300,000 characters", "log.csv", text(head="t," + "sampl" * 60_000 + ",alpha"),
         "good: 400 samples", 0),
+    Row("hundreds of columns", "log.csv", text(head="t," + ",".join(f"c{k}" for k in range(200)),
+        columns=(T, *(ALPHA + k for k in range(200)))), "and 150 more signals: add --json for all", 0),
     Row("time from left to right", "log.csv", lambda: (",".join(["1"] * 20_000) + "\n").encode() * 3,
         "log.csv has a line of 20000 cells; fracid reads 10000 columns at most. Time must run downwards", 3),
     Row("a terminal's commands in the header", "log.csv", text(head="t,\x1b[31mtheta,alpha"), r"\x1b[31mtheta", 0),
@@ -344,6 +376,8 @@ SAMPLES = [
         "time does not increase: 0 stamps repeat and 1 go back, the first at 0.19 s.", 3),
     Row("time that runs backwards", "log.csv", text(columns=(T[::-1], THETA, ALPHA)),
         "time does not increase: 0 stamps repeat and 399 go back", 3),
+    Row("a clock whose name has its unit", "log.csv", text(head="t_ms,theta,alpha", columns=(1000 * T, THETA, ALPHA)),
+        "Time is in ms, as the name 't_ms' ends.", 0),
     Row("infinite time stamps", "log.csv", text(columns=with_column(0, 7, np.inf)),
         "1 of 400 rows have no time stamp and were left out.", 0),
     Row("time as no clock has it", "log.csv", text(head="t,alpha", columns=(T, ALPHA), change=lambda lines: lines.
@@ -415,6 +449,7 @@ BINARY = [
     Row("Python objects", "run.npz", npz({"t": np.array([1, "a"], dtype=object)}),
         "t holds Python objects, which fracid does not open: that would run code", 3),
     Row("complex", "run.npz", npz({**GOOD, "alpha": ALPHA * 1j}), f"Left out: alpha {COMPLEX}.", 0),
+    Row("two arrays of one name", "run.npz", npz_twice, "Left out: alpha is the name of 2; give each its own.", 0),
     Row("dates as time", "run.npz", npz({"t": np.datetime64("2024-01-01") + np.arange(400) * np.timedelta64(10, "ms"),
                                          "alpha": ALPHA}), "Time is counted from the first stamp", 0),
     Row("pickled objects", "run.npy", lambda: saved(np.save, np.array([1, "a"], dtype=object), allow_pickle=True),
@@ -438,6 +473,8 @@ BINARY = [
     Row("complex", "run.h5", hdf5(lambda h: h.__setitem__("z", ALPHA * 1j)), f"Left out: z {COMPLEX}.", 0),
     Row("text and nothing else", "run.h5", hdf5(lambda h: h.__setitem__("who", "me"), good=False),
         "run.h5 holds no arrays of numbers. What it holds: who is text.", 3),
+    Row("a list of numbers for each sample", "run.h5", hdf5(h5_lists),
+        "Left out: lists holds a list of numbers for each sample; save one number for each.", 0),
     Row("empty", "run.parquet", lambda: b"", f"run.parquet {EMPTY}", 3, "Parquet"),
     Row("cut off", "run.parquet", cut(parquet(**GOOD)), "run.parquet is damaged or is no Parquet file", 3),
     Row("text", "run.parquet", text(), "run.parquet is damaged or is no Parquet file", 3),
@@ -445,6 +482,7 @@ BINARY = [
     Row("no rows", "run.parquet", parquet(t=T[:0], alpha=T[:0]),
         "run.parquet holds no arrays of numbers. What it holds: t is empty; alpha is empty.", 3),
     Row("missing samples", "run.parquet", parquet(t=T, alpha=[None, *ALPHA[1:]]), "alpha misses 1 sample at 0 s.", 3),
+    Row("two columns of one name", "run.parquet", parquet_twice, "Left out: alpha is the name of 2; give each its own.", 0),
     Row("words", "run.parquet", parquet(t=T, alpha=ALPHA, who=["me"] * 400),
         "Left out: who is no column of numbers.", 0),
 ]  # fmt: skip
@@ -468,6 +506,8 @@ FILES = [
     Row("a device, which never ends", "swing.csv", lambda path: path.symlink_to("/dev/zero"),
         "is no plain file but a pipe or a device; save the recording to a file.", 2),
     Row("a link that leads to itself", "swing.csv", _link_to_itself, "cannot be read: Too many levels of symbolic links.", 2),
+    Row("a link to a file of the system", "swing.csv", lambda path: path.symlink_to("/etc/passwd"),
+        "swing.csv is a link to /etc/passwd, which is no recording; what stands there is not quoted.", 3),
     Row("no permission", "swing.csv", _unreadable, "swing.csv cannot be read: Permission denied.", 2),
     Row("a name of 300 letters", "x" * 300 + ".csv", lambda _: None, "cannot be read: File name too long.", 2),
 ]  # fmt: skip
@@ -488,6 +528,8 @@ RECORDINGS = [*_grouped(TEXTS, "Text"), *_grouped(SAMPLES, "Samples"), *_grouped
 # --- projects -------------------------------------------------------------------------------------------
 
 ONE = '[[recording]]\nfile = "swing.csv"\ntime = { column = "t" }\nalpha = { column = "alpha" }\n'
+
+FREE = ONE.replace("{", "{{").replace("}", "}}") + "[model.orders]\nmu = {{ {} }}"
 
 
 def toml(words: str) -> Callable[[], bytes]:
@@ -535,6 +577,34 @@ PROJECTS = [
             "mu: start = 2, lower = 0.8, upper = 1.2: expected lower <= start <= upper and lower < upper."),
     project("a value outside of physics", ONE + "[model.parameters]\nC1 = -1.0", "is outside its physical bounds"),
     project("orders tied in a circle", ONE + '[model.orders]\nlambda = "mu"\nmu = "lambda"', "goes in a circle"),
+    project("a range of two neighbouring numbers", FREE.format("start = 1.0, lower = 1.0, upper = 1.0000000000000002"),
+            "mu: lower = 1.0, upper = 1.0000000000000002: the range is too narrow to search in; widen it, or fix the value "
+            "by the number alone, 1.0."),
+    project("a range beyond all numbers", ONE + "[model.parameters]\nb_alpha = { start = 0.0, lower = -1e308, upper = 1e308 }",
+            "b_alpha: lower = -1e+308 is beyond what can be computed with; expected -1e+100 … 1e+100."),
+    project("a scale of next to nothing", FREE.format("start = 1.0, lower = 0.8, upper = 1.2, scale = 1e-320"),
+            "mu: scale = 9.99989e-321 is beyond what can be computed with; expected 1.2e-12 … 1e+100."),
+    project("a scale far beyond the range", FREE.format("start = 1.0, lower = 0.8, upper = 1.2, scale = 1e12"),
+            "mu: scale = 1e+12 is far beyond the range from 0.8 to 1.2; expected a size within it."),
+    project("a prior as narrow as that",
+            FREE.format("start = 1.0, lower = 0.8, upper = 1.2, prior = { mean = 1.0, sd = 1e-320 }"),
+            "mu: the prior's sd = 9.99989e-321 is beyond what can be computed with; expected 1e-12 … 1e+100."),
+    project("a channel's scale beyond all numbers", ONE.replace('"alpha" }', '"alpha", scale = 1e308 }'),
+            "scale = 1e+308 is beyond what can be computed with; expected 1e-100 … 1e+100."),
+    *(project(f"an angle in {unit}", ONE.replace('"alpha" }', f'"alpha", unit = "{unit}" }}'),
+              f"swing: alpha is an angle of this model, and its unit is {unit}; expected unit = one of 'rad' 'deg'")
+      for unit in ("V", "N m", "rad/s")),
+    project("a torque in volts", "[model]\nactuation = 'torque'\n" + ONE + 'torque = { column = "theta", unit = "V" }',
+            "swing: torque is a quantity in N m of this model, and its unit is V; expected unit = one of 'N m'."),
+    project("a voltage in degrees", ONE + 'voltage = { column = "theta", unit = "deg" }',
+            "swing: voltage is a quantity in V of this model, and its unit is rad; expected unit = one of 'V' 'mV'."),
+    project("a voltage of which nobody says a unit", ONE + 'voltage = { column = "theta" }', "", 0),
+    project("more starts than can be made", ONE + "[fit]\nstarts = 1000000000000",
+            "[fit] starts = 1000000000000; expected 100000 at most."),
+    project("no outputs", ONE + "[fit]\noutputs = []", "outputs is empty: score at least one of theta, alpha."),
+    project("an output twice", ONE + '[fit]\noutputs = ["alpha", "alpha"]', "outputs names 'alpha' twice"),
+    project("a parameter of its own twice", ONE + '[fit]\nper_recording = ["alpha_rest", "alpha_rest"]',
+            "per_recording names 'alpha_rest' twice; name it once."),
     project("an output that no recording has", ONE + '[fit]\noutputs = ["theta"]',
             "swing has no signal 'theta'; it has alpha. Type theta = "),
     project("a column that is not there", ONE.replace('"alpha" }', '"alfa" }'),
@@ -547,6 +617,8 @@ PROJECTS = [
     project("the recording that was fitted as validation", both('use = "fit"', 'use = "validate"'),
             "one and two are the same samples of swing.csv from 0 to 3.99 s", 0),
     project("two recordings of one name", ONE + ONE, "two recordings are named 'swing'; give each its own name."),
+    project("three thousand copies of one recording", ONE * 3000,
+            "3,000 recordings are named 'swing'; give each its own name."),
     project("a delay beyond the record", of_alpha("delay = 7.5"), "swing: alpha has a delay of 7.5 s, beyond the record of 3.99 s"),
     project("a range of delays beyond the record", of_alpha("delay = { start = 0.0, lower = -9.0, upper = 9.0 }"),
             "swing: alpha has a delay of -9 s, beyond the record of 3.99 s"),
@@ -557,6 +629,11 @@ PROJECTS = [
             "alpha: gain = -1 … 2 holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."),
     project("a low-pass below 0", of_alpha("lowpass = -0.01"),
             "alpha: lowpass = -0.01 s is not possible; expected a time constant of 0 or more."),
+    *(project(f"a {name} beyond all numbers", of_alpha(f"{name} = -1e308"),
+              f"swing.csv: alpha: {name} = -1e+308 is beyond what can be computed with; expected -1e+100 … 1e+100.")
+      for name in ("delay", "gain", "bias", "lowpass")),
+    project("a gain of next to nothing", of_alpha("gain = 1e-320"),
+            "alpha: gain's size = 9.99989e-321 is beyond what can be computed with; expected 1e-100 … 1e+100."),
     project("a delay that is each recording's own where it is none", of_alpha("gain = 1.0") + '[fit]\nper_recording = ["delay_alpha"]\n',
             "unknown rotary-pendulum parameter 'delay_alpha'"),
     project("an unknown way between samples", ONE + 'voltage = { column = "theta", unit = "V", between = "held" }\n',
@@ -590,7 +667,9 @@ What is wrong with a file, what fracid says of it, and the exit code. Each row i
 written from those tests: `python tests/safety/bad_input.py --write`.
 
 Exit codes: **0** the file is used, and the sentence is a note on it; **2** the caller's mistake; **3** a recording that
-is damaged or unfit. Never a traceback. `…` stands for words left out.
+is damaged or unfit; **1** work was cut short: a full disk, too little memory, Ctrl-C. Never a traceback: what nobody has
+foreseen ends with **4** and one line that says what to send us; `FRACID_TRACEBACK=1` before the command shows all of it.
+`…` stands for words left out.
 
 Three rules are behind the rows.
 
@@ -618,7 +697,8 @@ A file that changes while it is read is refused: `log.csv changed while it was r
 
 `make fuzz` makes hostile files of good ones — bits flipped, lengths made 4 GiB, ends cut off, parts of other
 files spliced in, also inside of what is packed — and reads them. Each must end as a recording or as one line that can
-be printed, within 5 s of processor time and 1 GiB of memory. A reader that dies takes only its own process with it, and is
+be printed, within 5 s of processor time and 1 GiB of memory. `search` writes whole projects with numbers at the edge of what can
+be computed with, and goes on to the checks and the first steps of the search; one in forty is fitted to the end. A reader that dies takes only its own process with it, and is
 counted. Inputs are made from their numbers, so that each is found again:
 
 ```

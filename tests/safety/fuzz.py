@@ -1,5 +1,5 @@
 # ruff: noqa: T201  (a command: it prints)
-"""Fuzzing of every reader and of the project file: hostile files in, a recording or a sentence out.
+"""Fuzzing of every reader, of the project file and of what follows it: hostile files in, a result or a sentence out.
 
 ::
 
@@ -16,6 +16,9 @@ message is one printable line.  Anything else is a failure:
 * another exception, a warning, a word on standard output or error;
 * more than 5 s of processor time, or more than 1 GiB of memory beyond what the idle process has;
 * the death of the process.
+
+``search`` goes on from a project: the checks before a search, and its first steps, as ``fracid fit`` takes them; every
+:data:`WHOLE_FITS`-th goes on to the end of :func:`fracid.identify`, as a file of JSON.
 
 The inputs are run in child processes that hold to these limits; one that dies is replaced, and the input that killed
 it is told.  Counts and failures are kept in ``runs/fuzz/READER.json``, beside a digest of the readers' source:
@@ -39,12 +42,13 @@ import traceback
 import unicodedata
 import warnings
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import READERS, input_of
+from fuzz_inputs import READERS, input_of, swings
 
 __all__ = ["Tally", "fuzz", "judge"]
 
@@ -53,6 +57,10 @@ SECONDS = 5.0
 """Of processor time, for one input."""
 MEMORY = 1 << 30
 """Beyond the idle process's [bytes]; asking for four times as much, without touching it, is refused by the system."""
+STEPS = 25
+"""Evaluations after which a search has taken its first steps."""
+WHOLE_FITS = 40
+"""One input in so many is fitted to the end."""
 BATCH = 300.0
 """Seconds after which counts are kept; a child needs some to import all that it reads with."""
 LONGEST = 700
@@ -87,9 +95,11 @@ def _read(reader: str, number: int, file: Path) -> None:
     from fracid.problem.project import project_from_text
     from fracid.recording import load_recording
 
-    if reader == "project":
+    if reader in ("project", "search"):
         # what load_project does, but that all bytes are a text
-        project_from_text(file.read_bytes().decode("utf-8", "replace"), file)
+        project = project_from_text(file.read_bytes().decode("utf-8", "replace"), file)
+        if reader == "search":
+            _search(project, whole=number % WHOLE_FITS == WHOLE_FITS - 1)
         return
     ways: list[dict[str, Any]] = [
         {},
@@ -101,6 +111,37 @@ def _read(reader: str, number: int, file: Path) -> None:
     _assert_whole(recording)
     json.dumps(recording.report.to_dict(), allow_nan=False)
     assert recording.report.verdict.isprintable()
+
+
+class _Enough(Exception):
+    """A search has taken its first steps."""
+
+
+def _search(project: Any, *, whole: bool) -> None:
+    """What ``fracid fit`` does with a project, up to the first steps of its search; or all of it."""
+    import numpy as np
+
+    from fracid.estimation.horizons import Watch
+    from fracid.estimation.search import search
+    from fracid.identification import identify
+    from fracid.optimise import optimiser_from_name
+    from fracid.validation.before_search import before
+
+    def stop(best: Any, evaluations: int) -> None:
+        assert not np.isnan(best.cost)
+        if evaluations >= STEPS:
+            raise _Enough
+
+    starts = min(project.starts, 3)
+    if whole and project.optimiser in ("multistart", "least-squares"):
+        fit = identify(project, starts=starts)
+        json.dumps(fit.to_json(), allow_nan=False)
+        return
+    findings = before(project.problem, {r.name: r.report for r in project.recordings}, validation=project.validation)
+    assert all(str(f).isprintable() for f in findings)
+    with suppress(_Enough):
+        optimiser = optimiser_from_name(project.optimiser)
+        search(project.problem, optimiser, np.random.default_rng(1), starts=starts, watch=Watch(callback=stop))
 
 
 def _assert_whole(recording: Any) -> None:
@@ -214,8 +255,7 @@ def fuzz(reader: str, numbers: range, seconds: float, keep: Path | None = None) 
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=memory) as scratch:
         folder = Path(scratch)
-        if reader == "project":
-            (folder / "swing.csv").write_bytes(READERS["text"][1]()[0])
+        _lay_out(reader, folder)
         while start < numbers.stop and time.monotonic() < end:
             start = _one_child(reader, range(start, numbers.stop), end, at, folder, tally)
         for number in tally.failures if keep else ():
@@ -223,6 +263,11 @@ def fuzz(reader: str, numbers: range, seconds: float, keep: Path | None = None) 
             keep.mkdir(parents=True, exist_ok=True)
             (keep / f"{reader}-{number}{ending}").write_bytes(raw)
     return tally, start
+
+
+def _lay_out(reader: str, folder: Path) -> None:
+    """The recording that projects name."""
+    (folder / "swing.csv").write_bytes(swings() if reader == "search" else READERS["text"][1]()[0])
 
 
 def _one_child(reader: str, numbers: range, end: float, at: mmap.mmap, folder: Path, tally: Tally) -> int:
@@ -280,6 +325,7 @@ SOURCES = {
     "hdf5": ("hdf5", "content", "arrays", "table"),
     "parquet": ("parquet", "content", "arrays", "table"),
     "project": ("../../problem/project",),
+    "search": ("../../problem/project", "../../problem/unknowns", "../../estimation/search"),
 }
 """The modules that read; what comes after them, from channel to report, runs too, and changes without a new count."""
 
@@ -377,7 +423,7 @@ def main() -> None:
 def _run_again(reader: str, number: int) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / "swing.csv").write_bytes(READERS["text"][1]()[0])
+        _lay_out(reader, folder)
         ending, raw = input_of(reader, number)
         (folder / f"input{ending}").write_bytes(raw)
         print(f"{reader} {number}: {len(raw)} bytes, {ending}\n{raw[:400]!r}")

@@ -14,6 +14,9 @@ text           a cell, a separator, a line, an encoding changed; characters that
 .npz .mat      the same *inside* the packing, which is then packed again, so that its checksum holds
 project file   a value, a key, a line, a table changed for another; brackets a thousand deep
 =============  =====================================================================================
+
+A search, ``input_of("search", 1234)``, begins with a project that is written anew: all its keys are ones that there
+are, most of its values are sensible, and some are numbers at the edge of what can be computed with.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-__all__ = ["READERS", "input_of"]
+__all__ = ["READERS", "input_of", "swings"]
 
 EXTREMES = (0, 1, 2, 7, 8, 127, 128, 255, 256, 4096, 65535, 65536, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**63 - 1)
 T = np.arange(40) / 100
@@ -447,6 +450,123 @@ def _changed_project(raw: bytes, rng: random.Random, seeds: list[bytes]) -> byte
     return b"\n".join(lines)
 
 
+# --- projects that a search begins with -----------------------------------------------------------------
+
+EDGES = (
+    "0.0", "-0.0", "5e-324", "1e-320", "1e-300", "1e-154", "1e-101", "1e-100", "1e-50", "1e-12", "1e-6", "-1e-6",
+    "0.9999999999999999", "1.0", "1.0000000000000002", "-1.0", "2.0", "3.5", "1e3", "-1e3", "1e6", "1e12", "1e50",
+    "1e99", "1e100", "1e101", "1e154", "-1e154", "1e200", "1e300", "1e308", "-1e308", "1.7976931348623157e308",
+)  # fmt: skip
+WHOLE = ("0", "1", "2", "3", "7", "100", "4096", "65536", "1000000", "2147483648", "1000000000000", "9" * 18)
+CONSTANTS = (
+    "C1", "C3", "C4", "C6", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "drag_alpha", "cable_stiffness",
+    "theta_rest", "alpha_rest", "J_theta", "stiction_theta", "stribeck_speed_theta", "presliding_theta",
+    "presliding_alpha", "presliding_damping_alpha", "springpot_alpha", "springpot_order_alpha", "play_theta",
+    "arm_stiffness", "hub_inertia", "back_emf", "dead_zone",
+)  # fmt: skip
+
+
+def swings() -> bytes:
+    """The recording of these projects: a pendulum that swings out, its arm, and a voltage."""
+    t = np.arange(120) / 50
+    columns = zip(t, 0.1 * np.sin(5 * t), 0.8 * np.exp(-0.1 * t) * np.cos(5 * t), np.sign(np.sin(t)), strict=True)
+    return "\n".join(["t,theta,alpha,u", *(",".join(f"{x:.6f}" for x in row) for row in columns), ""]).encode()
+
+
+def _search(rng: random.Random) -> bytes:
+    """Tables of keys that there are; of their values a few are at an edge."""
+    edgy = rng.choice((0.02, 0.1, 0.3))
+
+    def number(*usual: str) -> str:
+        return rng.choice(EDGES) if rng.random() < edgy else rng.choice(usual)
+
+    def whole(*usual: str) -> str:
+        return rng.choice(WHOLE) if rng.random() < edgy else rng.choice(usual)
+
+    def maybe(chance: float, *lines: str) -> list[str]:
+        return [*lines] if rng.random() < chance else []
+
+    def free(centre: str, width: str) -> str:
+        middle, half = float(centre), float(width)
+        low, start, high = (float(number(repr(x))) for x in (middle - half, middle, middle + half))
+        if rng.random() < 0.9:
+            low, start, high = sorted((low, start, high))
+        table = f"start = {start!r}, lower = {low!r}, upper = {high!r}"
+        table += f", scale = {number('1e-3', '1.0')}" * (rng.random() < 0.2)
+        prior = f", prior = {{ mean = {start!r}, sd = {number('1e-3', '0.1')} }}" * (rng.random() < 0.2)
+        return f"{{ {table}{prior} }}"
+
+    def value(centre: str, width: str, tie: str = "") -> str:
+        kind = rng.random()
+        return free(centre, width) if kind < 0.7 else f'"{tie}"' if kind < 0.8 and tie else number(centre)
+
+    def sensor() -> list[str]:
+        """What may stand between a channel and the model."""
+        usual = {
+            "delay": ("0.01", "0.009"),
+            "gain": ("1.0", "0.5"),
+            "bias": ("0.0", "0.1"),
+            "lowpass": ("0.02", "0.01"),
+        }
+        some = rng.sample([*usual], rng.choice((1, 1, 2)))
+        return [f"{name} = {value(*usual[name])}" for name in some] if rng.random() < 0.2 else []
+
+    lines = ["[model]", *maybe(0.5, 'rig = "srv02-rotpen"'), *maybe(0.2, 'zero = "upright"')]
+    lines += [*maybe(0.2, f'actuation = "{rng.choice(("torque", "voltage"))}"'), "[model.parameters]"]
+    for name in rng.sample(CONSTANTS, rng.choice((0, 0, 1, 2, 3))):
+        centre, width = ("0.0", "0.5") if "rest" in name else ("1e-3", "0.99e-3")
+        lines.append(f"{name} = {value(centre, width, rng.choice(CONSTANTS))}")
+    lines.append("[model.orders]")
+    lines += maybe(0.6, f"lambda = {value('1.0', '0.4', 'mu')}") + maybe(0.6, f"mu = {value('1.0', '0.2')}")
+    release = rng.random() < 0.2
+    for part in range(rng.choice((1, 1, 1, 2))):
+        lines += ["[[recording]]", f'name = "swing {part}"', 'file = "swing.csv"', 'time = { column = "t" }']
+        for signal in ("alpha", "theta")[: rng.choice((1, 2, 2))]:
+            more = maybe(0.3, f"scale = {number('0.99', '2.0')}") + maybe(0.3, f"zero = {number('0.1', '3.14159')}")
+            more += maybe(0.2, "sign = -1") + maybe(0.2, "unwrap = true")
+            counts = f'unit = "counts", counts_per_turn = {whole("4096")}'
+            fields = ", ".join(
+                [
+                    f'column = "{signal}"',
+                    *more,
+                    *sensor(),
+                    *maybe(0.3, rng.choice(('unit = "deg"', 'unit = "rad"', counts))),
+                ]
+            )
+            lines.append(f"{signal} = {{ {fields} }}")
+        if rng.random() < 0.3:
+            kind = rng.choice(("hold", "line", "band-limited"))
+            table = ['column = "u"', *maybe(0.5, 'unit = "V"'), *sensor(), *maybe(0.5, f'between = "{kind}"')]
+            lines.append(f"voltage = {{ {', '.join(table)} }}")
+        lines += maybe(0.15, f"mask = [[{number('0.0', '0.5')}, {number('1.0', '2.0')}]]")
+        lines += maybe(0.3, f"from = {number('0.2', '1.0')}", *maybe(0.3, 'history = "measured"'))
+        lines += maybe(0.2, f"to = {number('1.5', '2.0')}")
+        lines += maybe(0.2, f"weight = {number('2.0', '0.5')}") + maybe(0.2, f"initial = {{ alpha = {number('0.8')} }}")
+        lines += maybe(release, f"release_time = {value('0.1', '0.05')}")
+        lines += maybe(0.15, f"resample = {number('0.02', '0.01')}")
+        lines += maybe(0.3 * part, 'use = "validate"')
+    lines.append("[fit]")
+    for key, choices in (
+        ("cost", ("rmse", "ise", "huber", "iae", "itse", "itae")),
+        ("weights", ("equal", "noise")),
+        ("initial_state", ("rest", "held") if release else ("estimate", "rest", "measured", "held")),
+        ("method", ("pi2", "gl", "gl-sequential", "gl-paper", "bdf2", "pi2-implicit")),
+        ("memory", ("full", "compressed", "short(100)", "short(1000000000000)")),
+        ("optimiser", ("multistart", "least-squares", "differential-evolution", "cma", "nelder-mead", "genetic")),
+    ):
+        lines += maybe(1.0 if release and key == "initial_state" else 0.25, f'{key} = "{rng.choice(choices)}"')
+    lines += maybe(0.2, f"tolerance = {number('1e-8', '1e-3')}")
+    lines += maybe(0.2, f"substeps = {rng.choice(('2', '3', '3', '1000000000000'))}")
+    lines += maybe(0.2, f"starts = {whole('2', '3')}") + maybe(0.2, f"seed = {whole('5')}")
+    own, outputs = (
+        ('["alpha_rest"]', '["theta_rest", "alpha_rest"]', '["C4"]'),
+        ('["alpha"]', '["theta", "alpha"]', "[]"),
+    )
+    lines += maybe(0.15, f"per_recording = {rng.choice(own)}") + maybe(0.15, f"outputs = {rng.choice(outputs)}")
+    lines += maybe(0.1, 'preset = "paper"')
+    return "\n".join([*lines, ""]).encode()
+
+
 # --- the table ------------------------------------------------------------------------------------------
 
 READERS: dict[str, tuple[tuple[str, ...], Callable[[], list[bytes]], Callable[[random.Random], bytes]]] = {
@@ -457,6 +577,7 @@ READERS: dict[str, tuple[tuple[str, ...], Callable[[], list[bytes]], Callable[[r
     "hdf5": ((".h5", ".hdf5"), _hdf5_seeds, _hdf5),
     "parquet": ((".parquet",), _parquet_seeds, _parquet),
     "project": ((".toml",), _project_seeds, _project),
+    "search": ((".toml",), _project_seeds, _search),
 }
 """Reader to endings, seeds, and what makes an input from a generator of random numbers."""
 

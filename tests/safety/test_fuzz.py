@@ -22,11 +22,11 @@ def test_an_input_is_found_again_by_its_number(reader):
 
 @pytest.mark.parametrize("reader", READERS)
 def test_some_inputs_are_taken_and_most_are_refused_in_a_line(reader, tmp_path):
-    (tmp_path / "swing.csv").write_bytes(READERS["text"][1]()[0])
-    outcomes = [fuzz.judge(reader, number, tmp_path) for number in range(60)]
+    fuzz._lay_out(reader, tmp_path)
+    outcomes = [fuzz.judge(reader, number, tmp_path) for number in range(20 if reader == "search" else 60)]
     assert [o for o in outcomes if o.startswith("!")] == []
     assert outcomes.count("taken") > 0
-    assert outcomes.count("InputError") + outcomes.count("DataError") > 10
+    assert outcomes.count("InputError") + outcomes.count("DataError") > len(outcomes) / 6
 
 
 def broken(how):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
+from fracid.errors import InputError, Unfinished
 from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
@@ -190,9 +190,9 @@ def drawn_so(monkeypatch, draw):
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
-        (InputError("run/figures cannot be written: No space left on device."), 2, "No space left on device."),
-        (OSError(28, "No space left on device"), 2, "No space left on device"),
-        (MemoryError(), 2, "There is not enough memory for the figures."),
+        (Unfinished("run/figures cannot be written: the disk is full."), 1, "the disk is full."),
+        (OSError(28, "No space left on device"), 1, "No space left on device"),
+        (MemoryError(), 1, "There is not enough memory for the figures."),
         (KeyboardInterrupt(), 1, "Interrupted while the figures were drawn."),
     ],
     ids=lambda v: type(v).__name__ if isinstance(v, BaseException) else "",
@@ -277,7 +277,7 @@ SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters
 @pytest.mark.parametrize(
     ("changed", "says"),
     [
-        ({"initial": np.ma.masked_array([1.0], [True])}, "some values are masked"),
+        ({"initial": np.ma.masked_array([1.0], [True])}, "initial: 1 of 1 values are masked"),
         ({"inputs": np.ones((101, 1), complex)}, "expected numbers"),
         ({"inputs": np.ones((1, 101))}, "Turn it round: inputs.T."),
         ({"inputs": np.full((101, 1), np.nan)}, "every value must be a finite number"),

@@ -9,7 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fracid
-from fracid.signals.swing import FEWEST, common_period, half_swings, swing_count, swing_period, swing_start
+from fracid.signals.swing import (
+    FEWEST,
+    common_period,
+    half_swings,
+    quickening,
+    swing_count,
+    swing_period,
+    swing_start,
+)
 
 TIME = np.arange(4000) / 200  # 20 s at 200 Hz
 PERIOD = 150.0  # samples
@@ -74,3 +82,19 @@ def test_swings_are_counted_and_their_period_is_found_at_any_scale_and_offset(pe
     assert swing_period(signal) == pytest.approx(period, rel=0.05)
     assert swing_count(signal) == pytest.approx(4000 / period, abs=1.5)
     assert swing_start(signal) <= 0.3 * period + 1
+
+
+@pytest.mark.parametrize(
+    ("friction", "quicker"),
+    [
+        ({"coulomb_alpha": 1e-4}, 0.0),
+        ({"b_alpha": 2e-5}, 0.0),
+        ({"coulomb_alpha": 1e-4, "presliding_alpha": 0.05}, 0.063),
+    ],
+    ids=["sliding", "viscous", "presliding"],
+)
+def test_small_swings_are_quicker_only_where_a_joint_gives_before_it_slides(friction, quicker):
+    rig = fracid.rotary_pendulum("stepper-freeswing", **{"b_alpha": 1e-5, **friction})
+    swing = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.3}, step=2e-3, end=25.0)
+    count = 2 * np.pi / 4096
+    assert quickening(count * np.round(swing.states[:, 2] / count), 8 * count) == pytest.approx(quicker, abs=5e-3)

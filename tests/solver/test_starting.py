@@ -170,3 +170,9 @@ def test_the_order_of_a_state_that_stands_still_does_not_show_in_the_others(meth
         for q in (0.5, 0.8)
     )
     np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("third", [False, True])
+def test_an_order_of_next_to_nothing_adds_no_exponent_and_writes_nowhere_else(third):
+    with_it, without = (exponents.py_func(np.array(q), np.array([0.3]), third) for q in ([1e-20, 0.45, 5e-10], [0.45]))
+    assert with_it.tolist() == without.tolist()

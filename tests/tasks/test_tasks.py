@@ -14,6 +14,7 @@ import pytest
 from fracid.errors import InputError, Unfinished
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
+from fracid.tasks.local import follow_parent
 from fracid.tasks.tasks import run_tasks
 
 HERE = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}
@@ -338,3 +339,21 @@ def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worke
             run_tasks(kills_once, tasks, executor=address, journal=journal, progress=kill)
         assert len(journal.done) >= 10
         assert run_tasks(drawn, [Task(t.key, (i,)) for i, t in enumerate(tasks)], journal=journal) == found
+
+
+def test_a_worker_whose_parent_died_while_it_started_ends_at_once(monkeypatch):
+    class Gone:
+        def is_alive(self):
+            return False
+
+    def ended(code):
+        raise SystemExit(code)
+
+    monkeypatch.setattr("multiprocessing.parent_process", Gone)
+    monkeypatch.setattr("os._exit", ended)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        with pytest.raises(SystemExit, match="1"):
+            follow_parent()
+    finally:
+        signal.signal(signal.SIGINT, before)

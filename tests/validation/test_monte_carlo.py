@@ -326,7 +326,7 @@ def test_the_figure_has_a_row_for_each_unknown_and_a_mark_for_each_cell():
             {"truth": np.array([0.9])},
             "The truth has the shape .1,.; expected 2 finite numbers, one for each of lambda, mu",
         ),
-        ({"truth": np.array([0.9, np.nan])}, "expected 2 finite numbers"),
+        ({"truth": np.array([0.9, np.nan])}, "every value must be a finite number"),
         ({"truth": np.array([0.9, 1.4])}, "mu = 1.4 lies outside the bounds 0.5 … 1.2, so no search can find it"),
     ],
 )

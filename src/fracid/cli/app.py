@@ -4,8 +4,10 @@ A command is one short file beside this one: parse, one call of the library, tex
 for programs.  To add one, write ``cli/NAME.py`` with a function under ``@app.command`` and import it in
 ``cli/__init__.py``.
 
-Exit codes: 0 it did what was asked; 2 the caller's mistake; 3 a recording that fails its
-checks.  With ``--json`` standard output holds JSON alone, and all else goes to standard error.
+Exit codes: 0 it did what was asked; 1 long work was cut short, or there is no memory or disk for it; 2 the caller's
+mistake; 3 a recording that fails its checks; 4 a fault of fracid itself, told in one sentence with what to send
+(``FRACID_TRACEBACK=1`` shows all of it).  With ``--json`` standard output holds JSON alone, and all else goes to
+standard error.
 
 Heavy modules are imported inside the command that needs them: ``fracid --help`` and
 ``fracid check`` answer in less than half a second.
@@ -24,7 +26,7 @@ from typing import Annotated, Any
 import typer
 
 from fracid._version import __version__
-from fracid.errors import DataError, FracidError, InputError, NotTrusted
+from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
 
@@ -47,6 +49,15 @@ __all__ = [
     "table",
     "typed",
 ]
+
+TRACEBACK = "FRACID_TRACEBACK"
+"""Set in the environment, a fault of fracid itself ends in its traceback."""
+
+FAULT = 4
+"""The exit code of a fault of fracid itself."""
+
+PLACES = 8
+"""Lines of our own code that a fault names, the last ones."""
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 """Processors that this process may use: the default of --jobs."""
@@ -83,7 +94,7 @@ def main(arguments: list[str] | None = None) -> None:
     Raises
     ------
     SystemExit
-        Always: 0 done, 2 the caller's mistake, 3 a recording that fails its checks.
+        Always, with one of the codes at the top.
 
     Examples
     --------
@@ -101,6 +112,33 @@ def main(arguments: list[str] | None = None) -> None:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
         sys.stderr.write(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}\n")
         raise SystemExit(error.exit_code) from None
+    except MemoryError as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        sys.stderr.write(f"error: there is not enough memory. {printable(str(error))}\n")
+        raise SystemExit(Unfinished.exit_code) from None
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        sys.stderr.write(f"error: {_last_resort(error)}\n")
+        raise SystemExit(FAULT) from None
+
+
+def _last_resort(error: Exception) -> str:
+    """What nobody has foreseen, in a line that says where it happened: it may never happen again."""
+    import platform
+    from traceback import extract_tb
+
+    ours = [f for f in extract_tb(error.__traceback__) if "fracid" in Path(f.filename).parts]
+    places = ", ".join(f"{Path(f.filename).name}:{f.lineno}" for f in ours[-PLACES:])
+    what = " ".join(str(error).split())
+    what = what if len(what) <= 300 else f"{what[:300]} …"
+    machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
+    return printable(
+        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, "
+        f"{machine}). Please send the maintainers this line, what you typed and, if you may, the files it reads. "
+        f"{TRACEBACK}=1 before the command shows the whole traceback."
+    )
 
 
 def _with_trust(error: FracidError, arguments: list[str] | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -176,8 +177,9 @@ def print_check(recording: Recording, figure: Path | None) -> None:
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
     _print_signals(console, report)
     print_sketches(console, recording)
-    for note in report.notes:
+    for note in islice(report.notes, MOST):
         console.print(f"  • {escape(note)}", soft_wrap=True)
+    _print_rest(console, len(report.notes), "notes")
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
     console.print(f"[bold {colour}]{escape(report.verdict)}[/]", soft_wrap=True)
     console.print(f"figure: {escape(str(figure))}" if figure else "[dim]figure: add --out DIR[/dim]", soft_wrap=True)
@@ -187,7 +189,7 @@ def _print_signals(console: Console, report: Report) -> None:
     """A table; where the terminal is too narrow for one, a line each."""
     from rich.markup import escape
 
-    rows = report.signal_rows()
+    rows = report.signal_rows()[:MOST]
     narrowest = sum(
         2 + max(len(row[name]) for row in (*rows, {n: n for n in rows[0]})) for name in rows[0] if name != "rest"
     )
@@ -202,15 +204,24 @@ def _print_signals(console: Console, report: Report) -> None:
     console.print(table)
 
 
+def _print_rest(console: Console, count: int, what: str) -> None:
+    if count > MOST:
+        console.print(f"  and {count - MOST:,} more {what}: add --json for all", soft_wrap=True)
+
+
 def print_sketches(console: Console, recording: Recording) -> None:
     """Draw each signal over time in a few lines of text."""
     from rich.markup import escape
 
     wide = max(map(len, recording.signals))
-    for name, signal in recording.signals.items():
+    for name, signal in islice(recording.signals.items(), MOST):
         for k, line in enumerate(_sketch(recording.time, signal, max(20, min(100, console.width - wide - 4)))):
             console.print(f"  {escape(name if k == 0 else ''):{wide}} [cyan]{line}[/cyan]", soft_wrap=True)
+    _print_rest(console, len(recording.signals), "signals")
 
+
+MOST = 50
+"""Signals, and notes, that are shown: nobody reads thousands."""
 
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 """Braille: the bit of each dot, by column of two and row of four."""

@@ -26,7 +26,7 @@ from fracid.cli.app import (
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.cli.progress import on_terminal
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.units import with_unit
 
@@ -124,12 +124,12 @@ def tell_fit(run: FinishedRun, *, json_: bool) -> None:
 
 
 def say_undrawn(run: FinishedRun) -> None:
-    """Say what is there and what is not, and end with 1 after Ctrl-C, else with 2."""
+    """Say what is there and what is not, and end with 1: the work was cut short."""
     sys.stderr.write(
         f"{printable(run.undrawn)} The result is whole, in {run.folder / 'result.json'}; its figures or the report are "
         f"missing. To draw them: {typed('resume', run.folder, *['--trust'] * bool(run.project.own_code))}\n"
     )
-    raise typer.Exit(1 if run.interrupted else InputError.exit_code)
+    raise typer.Exit(Unfinished.exit_code)
 
 
 def _say_next(run: FinishedRun, console: Console) -> None:

@@ -101,7 +101,7 @@ def _show(analysis: FinishedProfiles, console: Console) -> None:
     for note in (*analysis.profiles.notes, *few, *(spread["sentences"] if spread else ())):
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
     for name, verdict in analysis.verdicts.items():
-        if verdict.sentence != "identifiable":
+        if verdict.sentence != "identifiable" and verdict.kind != "forgotten":
             console.print(f"[yellow]![/yellow] {escape(name)}: {escape(verdict.sentence)}", soft_wrap=True)
     figure = next(path for path in analysis.figures if path.suffix == ".png")
     console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)

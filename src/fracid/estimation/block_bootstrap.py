@@ -43,6 +43,7 @@ from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import BootstrapBlock
+from fracid.solver.trajectory import vector
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
@@ -172,7 +173,7 @@ def bootstrap(
     length = round(residual_bandwidth(errors)) + 1 if block is None else at_least("block", block, 1)
     length = min(length, min(map(len, errors)))
     streams = np.random.default_rng(seed).spawn(draws)
-    x = np.asarray(x, dtype=np.float64)
+    x = vector("x", x)
     estimates: Sequence[FloatArray | None]
     if variant == "refit":
         estimates = _refitted(problem, x, errors, length, streams, Execution(executor, jobs, journal, progress))

@@ -59,6 +59,7 @@ from fracid.figures import Style, draw
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
+from fracid.solver.trajectory import vector
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -259,7 +260,7 @@ def profile(
     pair = None if joint is None else _pair(problem, joint)
     at_least("points", points, 4)
     at_least("jobs", jobs, 1)
-    x, notes = problem.start if x is None else np.asarray(x, dtype=np.float64), list[str]()
+    x, notes = problem.start if x is None else vector("x", x), list[str]()
     for _ in range(3):
         surface = _minimum(problem, x, at, jobs)
         walks, (x, lower) = _walks(surface, at, points, jobs)

@@ -418,7 +418,7 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
 
     A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
     """
-    priors = [problem.unknowns[i].range.prior for i in free]
+    priors = [problem.unknowns[i].prior for i in free]
     if not any(priors):
         return np.zeros(len(free)), 0.0
     loss, weights = _loss(problem), problem.criterion.sample_weights(errors)

@@ -25,7 +25,7 @@ from fracid.optimise import (
     lockstep,
     minimise,
 )
-from fracid.problem import Experiment, Problem
+from fracid.problem import Experiment, Free, Problem
 
 __all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
 
@@ -171,6 +171,10 @@ def horizons(problem: Problem) -> Iterator[float]:
 
 
 def _first_horizon(e: Experiment) -> float:
-    """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings."""
+    """One swing [s], of which a whole number fills the record; a sixteenth of a record of less than three swings.
+
+    As long as is needed, too, for every release and every delay to lie in its first half."""
     swings = round(e.swings)
-    return float(e.time[-1]) / (swings if swings >= 3 else 16)
+    of = e.release_time
+    late = max(e.longest_delay, *map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
+    return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * late + e.step) * (late > 0))

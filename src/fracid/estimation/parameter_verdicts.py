@@ -14,7 +14,11 @@ practically not     the sensitivities see it, and not enough: its profile is fla
                     (a clamped arm), or it shows only in large swings (an inertia term of sin²α at small angles)
 not at all          nothing that was measured depends on it
 at its bound        the search would have gone on, had it been allowed to
+forgotten           where a presliding joint began, which nothing shows once it slides, and which nobody misses
 ==================  ==========================================================================================
+
+A presliding joint has reasons of its own: a motion may be all within what it gives, or next to none of it; and so has a
+springpot, whose order at 0 is a spring's and at 1 a dashpot's.
 
 How a sensitivity grows with the swing is found by halving all angles: a term that is linear in the motion falls
 by 2, one of its third power by 8.
@@ -28,6 +32,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -36,15 +41,21 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
-from fracid.problem import Problem
+from fracid.models.friction import LUGRE
+from fracid.problem import Problem, Unknown
 from fracid.units import with_unit
 
 __all__ = ["Verdict", "identifiability"]
 
-Kind = Literal["identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "unknown"]
+Kind = Literal[
+    "identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "forgotten", "unknown"
+]
 
 WIDE_ORDER = 0.1
 """Half an interval of an order that is too wide to use: it matters by its distance from 1."""
+
+WIDE_PART = 0.5
+"""The same for what a presliding joint has given at the start, of all that it gives."""
 
 WIDE_ANGLE = 0.05
 """The same for an angle of rest [rad], which may well be 0."""
@@ -57,6 +68,9 @@ NONLINEAR = 1.5
 
 TIGHT = 0.2
 """A ratio whose interval is below this part of its parts' is what the data know."""
+
+SLIDES, STICKS = 0.05, 0.8
+"""Parts of a joint's motion that presliding takes up: below the one it hardly shows, above the other nothing else."""
 
 KNOWN = 0.5
 """Half the interval of a ratio that is worth naming, relative."""
@@ -135,7 +149,6 @@ class _View:
         self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, precision, profiles, jobs
         self.names = problem.names
         self._powers: FloatArray | None = None
-        self._travels: dict[str, float] = {}
 
     def half(self, i: int) -> float:
         """Half the sandwich's interval."""
@@ -144,7 +157,9 @@ class _View:
     def too_wide(self, i: int, half: float | None = None) -> bool:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
         if u.kind == "parameter":
-            return half > (WIDE_ANGLE if u.unit == "rad" else abs(float(self.x[i])))
+            return half > (WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i])))
+        if u.complete:
+            return half > WIDE_PART
         if u.kind == "initial":
             return half > max(self.travels()[u.target], WIDE_ANGLE)
         return u.kind == "order" and half > WIDE_ORDER
@@ -156,11 +171,26 @@ class _View:
 
     def travels(self) -> dict[str, float]:
         """How far each state moves, the most over the recordings [rad, rad/s^order]."""
-        if not self._travels:
-            runs = [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
-            states = enumerate(self.problem.model.states)
-            self._travels = {n: max(float(np.ptp(run[:, i])) for run in runs) for i, n in states}
-        return self._travels
+        return {n: max(float(np.ptp(run[:, i])) for run in self.runs)
+                for i, n in enumerate(self.problem.model.states)}  # fmt: skip
+
+    @cached_property
+    def runs(self) -> list[FloatArray]:
+        """The states of each recording."""
+        return [self.problem.simulate(self.x, e).states for e in self.problem.experiments]
+
+    def presliding(self, state: str) -> tuple[str, float]:
+        """The joint of such a state, and which part of all of its motion the state takes up; NaN where none is told."""
+        model = self.problem.model
+        kind = model.friction.get(model.relaxing[state])
+        joint = kind.joint if kind else ""
+        if joint not in model.output_states:
+            return joint, math.nan
+        z, q = (
+            sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs)
+            for i in (model.states.index(state), model.output_states[joint])
+        )
+        return joint, z / q if q > 0 else math.nan
 
     def swings(self) -> dict[str, float]:
         """The same of the model's outputs that are states, and how far the others were measured to."""
@@ -185,6 +215,11 @@ class _View:
         return float(self._powers[i])
 
 
+def _is_angle(problem: Problem, u: Unknown) -> bool:
+    """Whether a parameter is where something rests; what a joint gives or the play of a gear is a size [rad]."""
+    return u.unit == "rad" and u.kind == "parameter" and u.target not in problem.model.friction
+
+
 def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
     """log₂ of how much each column of J falls when all angles are halved, shape (n_unknowns,)."""
     if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
@@ -193,7 +228,7 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
         replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
                 initial={n: 0.5 * v for n, v in e.initial.items()}) for e in problem.experiments
     ))  # fmt: skip
-    angles = np.array([u.kind == "initial" or u.unit == "rad" for u in problem.unknowns])
+    angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
     everything = np.arange(len(x))
     J, J_half = jacobian(problem, x, everything, jobs=jobs), jacobian(smaller, np.where(angles, 0.5 * x, x), everything)
     if isinstance(J, Failure) or isinstance(J_half, Failure):
@@ -232,11 +267,33 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
 def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
     if not view.known.at_bound[i]:
         return
-    still = _because(view, i) if view.problem.unknowns[i].kind == "order" else ""
+    still = _because(view, i) if view.problem.unknowns[i].kind == "order" else _of_presliding(view, i)
     if still:  # nothing holds it: the bound is where the search happened to stop
         yield Verdict(view.names[i], "practically not", still.removeprefix("; "))
     else:
         yield Verdict(view.names[i], "at its bound", f"{view.bound(i):.4g}; widen it, or the model lacks something")
+
+
+def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:
+    """Where it began: a part of what it gives, known if at all while it sticks."""
+    u = view.problem.unknowns[i]
+    if u.complete and (view.known.at_bound[i] or view.too_wide(i)):
+        delta = view.problem.model.relaxing[u.target]
+        yield Verdict(u.name, "forgotten", f"once the joint has moved by {delta}")
+
+
+def _of_a_springpot(view: _View, i: int) -> Iterator[Verdict]:
+    """Its order, where that is another element's."""
+    u, x = view.problem.unknowns[i], float(view.x[i])
+    model = view.problem.model
+    if u.kind != "parameter" or u.target not in {model.parameter_names[k] for _, k in model.complements}:
+        return
+    half, own = view.half(i), view.known.at_bound[i]
+    low, high = (x < 0.1, x > 0.9) if own else (x - half <= 0, x + half >= 1)  # at a bound there is no interval
+    if other := " or a ".join(["spring"] * low + ["dashpot"] * high):
+        which = f"is at its bound, {x:.2g}" if own else f"has the interval {x:.2g} ± {half:.2g}"
+        reason = f"the springpot cannot be told from a {other}: its order, of a spring 0 and of a dashpot 1, {which}"
+        yield Verdict(u.name, "practically not", reason)
 
 
 def _unseen(view: _View, i: int) -> Iterator[Verdict]:
@@ -245,7 +302,7 @@ def _unseen(view: _View, i: int) -> Iterator[Verdict]:
         return
     name, direction = view.names[i], directions[0]
     others = [int(k) for k in np.flatnonzero(direction) if k != i]
-    if not others:
+    if not others or _of_presliding(view, i):
         reason = _because(view, i).removeprefix("; ") or "nothing that was measured depends on it"
         yield Verdict(name, "not at all", reason)
         return
@@ -311,6 +368,8 @@ def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
 
 def _because(view: _View, i: int) -> str:
     """A reason in the motion, where there is one: what hardly moves, or does not move far enough."""
+    if sentence := _of_presliding(view, i):
+        return sentence
     u, swings = view.problem.unknowns[i], view.swings()
     most = max(swings, key=lambda n: swings[n])
     if u.kind == "order":
@@ -330,6 +389,29 @@ def _because(view: _View, i: int) -> str:
     return ""
 
 
+def _of_presliding(view: _View, i: int) -> str:
+    """What of a joint's friction a motion cannot tell that is all presliding, or next to none of it."""
+    u, model = view.problem.unknowns[i], view.problem.model
+    kind = model.friction.get(u.target) if u.kind == "parameter" else None
+    if kind is None:
+        return ""
+    for state, delta in model.relaxing.items():
+        joint, part = view.presliding(state)
+        own = u.target == delta or delta in model.parameter(u.target).needs
+        strength = kind.dry or (kind.rung == LUGRE.rung and not own)
+        if kind.joint == joint and own and part < SLIDES:
+            return (
+                f"; {joint} slides, and only {100 * part:.2g} % of its motion is presliding: record more reversals and "
+                f"the end of a swing, or fix {u.name}"
+            )
+        if kind.joint == joint and part > STICKS and (u.target == delta or strength):
+            return (
+                f"; {joint} hardly breaks away, {100 * min(part, 1.0):.3g} % of its motion is presliding, which knows "
+                f"friction over {delta} alone: release it from further out, or fix {u.name}"
+            )
+    return ""
+
+
 def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
     u = view.problem.unknowns[i]
     own = view.moved_by(u.target) if u.kind == "order" else ()
@@ -339,6 +421,6 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
-    _by_its_profile, _at_a_bound, _unseen, _too_wide, _identifiable,
+    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _too_wide, _identifiable,
 )  # fmt: skip
 """The first that gives a verdict has the word."""

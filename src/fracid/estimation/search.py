@@ -39,7 +39,7 @@ from fracid.errors import InputError, at_least
 from fracid.estimation.climbing import climbed
 from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
 from fracid.estimation.starts import Start
-from fracid.optimise import Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
+from fracid.optimise import MOST_STARTS, Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
@@ -98,7 +98,7 @@ def search(
         result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
         return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
     points = [("given", problem.start)]
-    if at_least("starts", starts, 1) > 1:
+    if at_least("starts", starts, 1, MOST_STARTS) > 1:
         points += _regression_start(problem)
         points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
     if executor != "threads" and starts > 1:

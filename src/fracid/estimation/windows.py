@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -33,6 +34,9 @@ SWINGS = 3
 WINDOWS = 12
 """Of all recordings together; of a long one they lie apart."""
 
+LEAST = 0.25
+"""Of a window's samples so many count: beside masks, bridged gaps and delays little may be left."""
+
 
 def in_windows(problem: Problem) -> Problem:
     """The same problem on windows of its recordings, which share all but their initial states.
@@ -47,7 +51,7 @@ def in_windows(problem: Problem) -> Problem:
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> pieces = in_windows(Problem(rig, (swing,), {"lambda": Free(1.0, 0.5, 1.2), "mu": 1.0}))
     >>> len(pieces.experiments), pieces.orders, len(pieces.experiments[0].time) * 4e-3 < 4.0
-    (7, {'lambda': 1.0, 'mu': 1.0}, True)
+    (9, {'lambda': 1.0, 'mu': 1.0}, True)
     """
     count = max(1, WINDOWS // len(problem.experiments))
     windows = tuple(w for e in problem.experiments for w in _windows(e, count))
@@ -70,24 +74,34 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
     pieces = []
     for e in problem.experiments:
         ends = np.linspace(0, len(e.measured), parts + 1).astype(int).tolist()
-        pieces += [_piece(e, f"part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
+        pieces += [_piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
-    return replace(problem, experiments=tuple(pieces), per_recording=names, initial_state="estimate", memo=Recent())
+    return replace(
+        problem,
+        experiments=tuple(p for p in pieces if p.samples),
+        per_recording=names,
+        initial_state="estimate",
+        memo=Recent(),
+    )
 
 
 def _windows(e: Experiment, most: int) -> list[Experiment]:
-    """Windows of a recording, evenly spread; the recording itself where it is no longer than one."""
-    samples = len(e.measured)
-    length = min(samples, round(SWINGS * samples / max(e.swings, SWINGS)))
+    """Windows of a recording, evenly spread; the recording itself where it is no longer than one, or none counts.
+
+    Every delay lies in the first half of a window."""
+    samples, late = len(e.measured), e.longest_delay
+    length = round(SWINGS * samples / max(e.swings, SWINGS))
+    length = min(samples, max(length, math.ceil(2 * late / e.step) + 2 if late > 0 else 0))
     count = min(most, samples // length)
     firsts = np.linspace(0, samples - length, count).astype(int) if count > 1 else [0]
-    return [_piece(e, f"window {k + 1}", a, a + length) for k, a in enumerate(map(int, firsts))]
+    windows = [_piece(e, f"{e.name}, window {k + 1}", a, a + length) for k, a in enumerate(map(int, firsts))]
+    return [w for w in windows if w.samples >= LEAST * length] or [_piece(e, e.name, 0, samples)]
 
 
 def _piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
     """Some samples of a recording, which begin in motion."""
     return replace(
-        e, name=f"{e.name}, {name}", past=None, past_inputs=None, release_time=0.0, initial={},
+        e, name=name, past=None, past_inputs=None, release_time=0.0, initial={},
         measured=e.measured[first:end], inputs=e.inputs if len(e.inputs) == 1 else e.inputs[first:end],
         start=e.start + first * e.step,
     )  # fmt: skip

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.errors import InputError, unknown_name
+from fracid.errors import unknown_name, unwritable
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -85,7 +85,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
                 else:
                     notes.append(thing)
     except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
 
 

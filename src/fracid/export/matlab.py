@@ -37,8 +37,14 @@ def no_program(run: SavedRun) -> str:
     >>> no_program.__name__
     'no_program'
     """
-    code = run.problem.model.written
-    if code is not None and code.code:
+    model, own = run.problem.model, run.problem.parametrisation.own_parameters
+    for order in (model.parameter_names[k] for _, k in model.complements):
+        if order in own and len(run.problem.experiments) > 1:
+            return (
+                f"Each recording has its own {order}, and a program has one memory, of one order: there is no model.m "
+                "and no C function. Fit the recordings apart, or with one order."
+            )
+    if model.written is not None and model.written.code:
         return ""
     return (
         f"The model {run.problem.model.name!r} is a Python program of yours, which fracid does not translate: there is "

@@ -74,8 +74,9 @@ def _own_states(c: Any, model: Model, joint: str, ω: Any) -> Iterator[tuple[Any
     letter, _ = JOINTS[joint]
     if f"z_{joint}" in model.states:
         z, δ = c.sub("z", letter), c(f"presliding_{joint}")
-        rest, sliding = _breakaway(c, joint), _stribeck(c, joint, ω)
-        part = c.ratio(rest, c.row(δ, sliding)) if c.there(f"stiction_{joint}") else c.ratio(c.n("1"), δ)
+        part = c.ratio(c.n("1"), δ)
+        if c.there(f"stiction_{joint}"):
+            part = c.ratio(_breakaway(c, joint), c.row(δ, _stribeck(c, joint, ω)))
         yield c.D(c.n("1"), z), c.row(ω, c.o("−"), part, c.size(ω), z)
     if f"y_{joint}" in model.states:
         order = c.row(c.n("1"), c.o("−"), c(f"springpot_order_{joint}"))
@@ -93,7 +94,7 @@ def _friction(c: Any, model: Model, joint: str, ω: Any) -> Iterator[tuple[Any, 
         yield from c.term("−", f"presliding_damping_{joint}", c.D(c.n("1"), z))
     elif c.there(f"stiction_{joint}"):
         yield c.o("−"), c.row(_stribeck(c, joint, ω), c.tanh(ω, c("slip_speed")))
-    else:
+    elif c.there(f"coulomb_{joint}"):
         yield from c.term("−", f"coulomb_{joint}", c.tanh(ω, c("slip_speed")))
     if f"y_{joint}" in model.states:
         yield from c.term("−", f"springpot_{joint}", c.sub("y", letter))
@@ -139,7 +140,7 @@ def _shaft(c: Any, J_h: Any, θ: Any, θ_a: Any, ω_θ: Any, ω_a: Any) -> Itera
         turn = c.row(turn, c.o("−"), _within(c, "play_theta", turn))
     own = c.row(c.squared(c.bracket(c.row(c.n("120"), c.i("π"), c.text("/s")))), J_h)
     yield c.o("+"), c.row(c("arm_stiffness") if c.there("arm_stiffness") else own, c.bracket(turn))
-    when = [c.text(" in contact")] if c.there("play_theta") else []
+    when = [c.text("\N{NO-BREAK SPACE}in contact")] if c.there("play_theta") else []
     yield from c.term("+", "arm_damping", c.bracket(c.row(ω_θ, c.o("−"), ω_a)), *when)
 
 

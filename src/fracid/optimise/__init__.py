@@ -27,10 +27,11 @@ from fracid.optimise.cma import cma
 from fracid.optimise.differential_evolution import differential_evolution
 from fracid.optimise.genetic import genetic
 from fracid.optimise.least_squares import least_squares
-from fracid.optimise.lockstep import Path, lockstep, sobol_points
+from fracid.optimise.lockstep import MOST_STARTS, Path, lockstep, sobol_points
 from fracid.optimise.nelder_mead import nelder_mead
 
 __all__ = [
+    "MOST_STARTS",
     "OPTIMISERS",
     "Ask",
     "Entry",

@@ -8,6 +8,9 @@ stays where it is for that step.  Beside a cliff of failing runs it may therefor
 The method is given the triangle R of :math:`[r\ J] = QR` in place of residuals and Jacobian (:mod:`fracid.qr`):
 the same steps, without its copies of what is as tall as the recordings.
 
+Rows are taken in units of the first residuals' norm, rounded to a power of two so that no digit changes: the method
+takes sixth powers of them, which of 10⁵² or 10⁻⁵² are no numbers.
+
 The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
 wide as y is long, and in x a search from zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and
 call that converged.
@@ -19,12 +22,13 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import SMALLEST, InputError, at_least
 from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
 from fracid.qr import BLOCK, triangle
 
@@ -32,6 +36,9 @@ __all__ = ["OPTIMISER", "least_squares", "sizes"]
 
 DIFFERENCE = 1e-6
 """Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
+
+LEAST = -100
+"""Of a unit for the rows, the power of two."""
 
 
 def least_squares(
@@ -70,6 +77,7 @@ def least_squares(
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
+        unit = 0.0
 
         def physical(y: FloatArray) -> FloatArray:
             return np.clip(space.start + (y - size), space.lower, space.upper)
@@ -79,20 +87,22 @@ def least_squares(
             return np.append(np.inf if rows is None else np.linalg.norm(rows), np.zeros(len(size)))
 
         def residuals(x: FloatArray) -> FloatArray | None:
-            nonlocal x_good, good
+            nonlocal x_good, good, unit
             e = evaluate(x)[0]
             if e.residuals is None and not good.size:
                 raise _StartFails(e)
-            if e.residuals is not None:
-                x_good, good = e.point, e.residuals
-            return e.residuals
+            if e.residuals is None:
+                return None
+            unit = unit or _power_of_two(float(np.linalg.norm(e.residuals)))
+            x_good, good = e.point, e.residuals / unit
+            return good
 
         def other_columns(y: FloatArray) -> FloatArray:
             x = physical(y)
             if not np.array_equal(x_good, x):
                 residuals(x)
-            R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x)))))
-            if not np.any(R[:, 1:]):
+            R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x))), unit))
+            if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])
 
@@ -115,12 +125,19 @@ def least_squares(
     return as_generator(run)
 
 
-def _rows(base: FloatArray, x: FloatArray, batch: list[Evaluation]) -> Iterator[FloatArray]:
-    """Parts of [r J] at x, J by differences; 0 where one fails."""
+def _power_of_two(size: float) -> float:
+    """Not above the size, and less than a factor 2 below it; a start that fits to 10⁻³⁰ is no unit for what follows."""
+    return math.ldexp(1.0, max(math.frexp(size)[1] - 1, LEAST)) if size > 0 else 1.0
+
+
+def _rows(base: FloatArray, x: FloatArray, batch: list[Evaluation], unit: float) -> Iterator[FloatArray]:
+    """Parts of [r J] at x, in a unit as `base` is, J by differences; 0 where one fails."""
     for first in range(0, len(base), BLOCK):
         at = slice(first, first + BLOCK)
         r = base[at]
-        J = [0 * r if e.residuals is None else (e.residuals[at] - r) / (e.point - x)[i] for i, e in enumerate(batch)]
+        rows = [None if e.residuals is None else e.residuals[at] / unit for e in batch]
+        h = [(e.point - x)[i] for i, e in enumerate(batch)]
+        J = [0 * r if s is None else (s - r) / step for s, step in zip(rows, h, strict=True)]
         yield np.column_stack([r, *J])
 
 
@@ -139,7 +156,7 @@ def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
 
 
 class _Flat(Exception):
-    """No unknown changes anything."""
+    """No unknown changes the rows, or there is nothing left of them."""
 
 
 class _StartFails(Exception):

@@ -24,7 +24,10 @@ from fracid.arrays import FloatArray
 from fracid.optimise.base import Entry, Evaluation, Optimiser, Outcome, Space
 from fracid.optimise.least_squares import sizes
 
-__all__ = ["OPTIMISER", "Path", "lockstep", "sobol_points"]
+__all__ = ["MOST_STARTS", "OPTIMISER", "Path", "lockstep", "sobol_points"]
+
+MOST_STARTS = 100_000
+"""Weeks of work: more is a slip, and the points alone would not go into memory."""
 
 SAME = 0.02
 """Two fits whose residuals differ by less than this part of the better one's residual are the same minimum."""

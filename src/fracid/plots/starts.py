@@ -65,11 +65,13 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
         "given": ("o", appearance.BLUE),
         "regression": ("s", appearance.VERMILLION),
         "Sobol": ("D", appearance.GREEN),
+        "the simpler structure": ("^", appearance.ORANGE),
+        "windows": ("v", appearance.INK),
     }
     for kind, (marker, colour) in kinds.items():
         for duplicate in (False, True):
             mine = [(i + 1, cost) for i, (cost, s) in enumerate(ranking)
-                    if s.origin.split()[0] == kind and (s.joined is not None) == duplicate]  # fmt: skip
+                    if s.origin.rstrip(" 0123456789") == kind and (s.joined is not None) == duplicate]  # fmt: skip
             label = f"{kind}, left in another's minimum" if duplicate else kind
             if mine:
                 axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,

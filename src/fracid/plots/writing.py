@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError
+from fracid.errors import InputError, unwritable
 from fracid.files import write_whole
 from fracid.plots import appearance
 
@@ -83,7 +83,7 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
         for path, content in contents.items():
             write_whole(path, content)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written: {error.strerror or error}. Give another folder.") from None
+        raise unwritable(str(folder), error, "Give another folder.") from None
     return tuple(contents)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from typing import get_args
 
 import numpy as np
 
-from fracid.errors import InputError, unknown_name
+from fracid.errors import SMALLEST, InputError, refuse_beyond, unknown_name
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
@@ -20,6 +21,9 @@ from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
 __all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
+
+MOST_STEPS = 10**8
+"""Of a run: gigabytes, and a minute."""
 
 
 def check_parametrisation(p: Parametrisation) -> None:
@@ -38,6 +42,12 @@ def check_simulator(simulator: Simulator) -> None:
     check_choice("method", simulator.method, METHODS)
     if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
         raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
+    for e in simulator.parametrisation.experiments:
+        if simulator.steps(e) > MOST_STEPS:
+            raise InputError(
+                f"{e.name}: {len(e.measured)} samples with substeps = {simulator.substeps} make "
+                f"{simulator.steps(e):.3g} steps a run; expected {MOST_STEPS:.0e} at most. Give fewer substeps."
+            )
 
 
 def check_criterion(criterion: Criterion) -> None:
@@ -66,10 +76,13 @@ def refuse_twins(experiments: Sequence[Experiment]) -> None:
     --------
     >>> refuse_twins([])
     """
-    names = [e.name for e in experiments]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+    if name := _twice([e.name for e in experiments]):
+        raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+
+
+def _twice(names: Iterable[str]) -> str:
+    """The first name that comes twice; "" for none."""
+    return next((name for name, count in Counter(names).items() if count > 1), "")
 
 
 def check_choice(what: str, name: str, choices: Collection[str]) -> None:
@@ -109,6 +122,8 @@ def _check_bounds(p: Parametrisation) -> None:
                 f"{name} is free in {free.lower:g} … {free.upper:g} {constant.unit}, but means something only in "
                 f"{constant.lower:g} … {constant.upper:g}: bring {whose} lower and upper into that."
             )
+    if name := _twice(p.per_recording):
+        raise InputError(f"per_recording names {name!r} twice; name it once.")
     for name in p.per_recording:
         if name in p.ties:
             raise InputError(f"per_recording names {name!r}, which is tied: name {p.ties[name]!r} instead.")
@@ -124,6 +139,8 @@ def _check_outputs(p: Parametrisation) -> None:
         raise InputError(f"outputs is empty: score at least one of {', '.join(p.model.outputs)}.")
     for name in p.outputs:
         check_choice("output", name, p.model.outputs)
+    if name := _twice(p.outputs):
+        raise InputError(f'outputs names {name!r} twice; to weigh outputs by their noise type weights = "noise".')
 
 
 def _check_experiments(p: Parametrisation) -> None:
@@ -145,6 +162,9 @@ def _check_experiments(p: Parametrisation) -> None:
                 f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
                 'left out, or validates: use = "validate".'
             )
+        refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
+        for name, value in e.initial.items():
+            refuse_beyond(f"{e.name}: initial {name}", value)
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
 

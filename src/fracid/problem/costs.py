@@ -90,9 +90,16 @@ def _smooth_abs(e: FloatArray) -> FloatArray:
     return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
 
 
-SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
+def _twice(e: FloatArray) -> FloatArray:
+    return 2 * e
 
-ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _density_at_zero(e), _smooth_abs, "median", 2)
+
+def _two(_: FloatArray) -> float:
+    return 2.0
+
+
+def _abs_curvature(e: FloatArray) -> float:
+    return 2 * _density_at_zero(e)
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -102,7 +109,20 @@ def _huber(e: FloatArray) -> FloatArray:
     return np.asarray(small * (2 * size - small))
 
 
-HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
+def _huber_psi(e: FloatArray) -> FloatArray:
+    return np.asarray(2 * np.clip(e, -HUBER, HUBER))
+
+
+def _huber_curvature(e: FloatArray) -> float:
+    return 2 * float(np.mean(np.abs(e) <= HUBER))
+
+
+# functions with names alone: with a lambda no problem would go to another process
+SQUARE = Loss(np.square, _twice, _two, np.square)
+
+ABSOLUTE = Loss(np.abs, np.sign, _abs_curvature, _smooth_abs, "median", 2)
+
+HUBERS = Loss(_huber, _huber_psi, _huber_curvature, _huber)
 
 
 @dataclass(frozen=True)
@@ -183,7 +203,7 @@ class Cost:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
         if self.loss is None or self.weight is None:
             return None
-        if self.loss is SQUARE:
+        if self.loss == SQUARE:  # another process has a copy
             return np.asarray((np.sqrt(self.weights(time, scored))[:, None] * residual).ravel())
         squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())

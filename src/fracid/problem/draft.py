@@ -50,6 +50,7 @@ from fracid.models import RIGS, rotary_pendulum
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.measures import FAMILIAR_COUNTS
 from fracid.recording.readers.table import Table, read_table
+from fracid.signals.swing import quickening
 
 __all__ = ["Draft", "draft_project", "guess_columns", "guess_file"]
 
@@ -80,6 +81,10 @@ LIKE = 1.5
 
 TOP = math.radians(150)
 """Beyond this it is near upright, where a hair decides how it falls."""
+
+QUICK, COUNTS = 5e-3, 8
+"""Small swings that are quicker by this part show a joint that gives; those below so many of the encoder's steps show
+nothing."""
 
 LEVELS = 12
 """A column that has no more values than this, and keeps each for long, is a command."""
@@ -441,6 +446,7 @@ class _Page:
             viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
             lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
             lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, gravity, dry))
+            lines.append(self._presliding(joint))
         if self.arm:
             lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
             lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
@@ -454,6 +460,18 @@ class _Page:
         fast = math.degrees(self.swing) > 45
         drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
         return [*lines, drag if fast else f"# {drag}"]
+
+    def _presliding(self, joint: str) -> str:
+        """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""
+        line = _range(f"presliding_{joint}", 1e-2, 0.0, 0.5, f"what the {_joint(joint)} gives before it slides [rad]")
+        if joint == "theta" or self.arm or self.driven:  # an arm that sticks quickens the pendulum too
+            return f"# {line}"
+        y = np.nan_to_num(self.recording.signals["alpha"] - self.reports["alpha"].rest)
+        first = 0 if self.recording.report.release is None else int(
+            np.searchsorted(self.recording.time, self.recording.report.release))  # fmt: skip
+        part = quickening(y[first:], COUNTS * (self.reports["alpha"].resolution or 0.0))
+        why = f"; its small swings are {100 * part:.1f} % quicker"
+        return f"{line}{why}" if part > QUICK else f"# {line}"
 
     def _inertia(self, gravity: float) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""

@@ -17,8 +17,10 @@ from fracid.models import Model
 from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
+from fracid.recording.channel import UNITS
 from fracid.signals.swing import common_period
 from fracid.solver.inputs import Between
+from fracid.solver.trajectory import refuse_masked
 
 __all__ = ["Experiment", "held_inputs"]
 
@@ -61,6 +63,14 @@ class Experiment:
     mask: tuple[tuple[float, float], ...] = ()
     """From when to when samples are not scored, both included, on the recording's own clock [s]."""
 
+    def __post_init__(self) -> None:
+        """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
+        for name in ("measured", "inputs", "past", "past_inputs"):
+            values = getattr(self, name)
+            if values is not None:
+                refuse_masked(f"{self.name}: {name}", values)
+                object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
+
     @classmethod
     def of(
         cls,
@@ -81,8 +91,8 @@ class Experiment:
         Raises
         ------
         InputError
-            If an output is not among its signals, it is not on a uniform grid, a state is unknown, or a mask is outside
-            of it.
+            If an output is not among its signals, a signal has a unit that the model's has not, it is not on a uniform
+            grid, a state is unknown, or a mask is outside of it.
 
         Examples
         --------
@@ -91,12 +101,15 @@ class Experiment:
         >>> Experiment.of(twin, fracid.rotary_pendulum(), ["alpha"]).measured.shape
         (3, 1)
         """
+        if not outputs:
+            raise InputError(f"outputs is empty: score at least one of {', '.join(model.outputs)}.")
         for name in outputs:
             if name not in recording.signals:
                 raise InputError(
                     f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
                     f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
                 )
+        _refuse_other_dimensions(recording, model)
         if recording.step is None:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         for name in initial or {}:
@@ -132,6 +145,12 @@ class Experiment:
     def swings(self) -> float:
         """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
         return (len(self.time) - 1) / common_period(self.measured)
+
+    @property
+    def longest_delay(self) -> float:
+        """By how much any of its channels may be late, or early [s]."""
+        sensors = (*self.sensors.values(), *self.actuators.values())
+        return max((max(s.latest, s.earliest) for s in sensors), default=0.0)
 
     @cached_property
     def scored(self) -> NDArray[np.bool_] | None:
@@ -191,6 +210,29 @@ class Experiment:
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    try:
+        if np.asarray(values).dtype.kind not in "fiub":
+            raise TypeError
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is no array of real numbers: of angles radians, shape (n_samples, n).") from None
+
+
+def _refuse_other_dimensions(recording: Recording, model: Model) -> None:
+    """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which."""
+    inputs = {n: (u, "1") for n, u in model.input_units.items() if n not in recording.assumed}
+    for name, possible in ({n: ("rad", "1") for n in model.angles} | inputs).items():
+        unit = recording.units.get(name, possible[0])
+        if unit not in possible:
+            what = "an angle" if name in model.angles else f"a quantity in {possible[0]}"
+            right = " ".join(repr(u) for u, (_, si) in UNITS.items() if si == possible[0])
+            raise InputError(
+                f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
+                f"{right}. Is it another column?"
+            )
 
 
 def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:

@@ -17,7 +17,9 @@ unknowns x, in this order, are
 ``held``       nothing is free: outputs as measured, rates 0: the paper's release
 =============  ====================================================================================
 
-What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.
+What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 of ``presliding_…``.  Where the joint
+slides already nothing is free: z is where what it gains and what it forgets are in balance, sliding friction's part of
+the breakaway torque.
 States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
 experiment's ``initial`` at its value there.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
@@ -40,8 +42,12 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
 from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
+from fracid.solver.right_hand_side import compile_rhs
 
 __all__ = ["Parametrisation", "RunValues"]
+
+SOON = 10
+"""A joint that goes further than its δ in so many samples slides from the start: what it had given is forgotten."""
 
 TURNS = 100.0
 """No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
@@ -157,7 +163,10 @@ class Parametrisation:
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
         if self.initial_state == "estimate":
             for z, delta in self._deflections:
-                initial[z] *= 1.0 if self.model.states[z] in e.initial else parameters[delta]
+                if self.model.states[z] in e.initial:
+                    continue
+                slides = self._fixed[e.name][2][z] != 0.0
+                initial[z] = self._balance(z, initial, parameters) if slides else initial[z] * parameters[delta]
         for name, other in self.model.follows.items():
             if name not in e.initial:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
@@ -256,13 +265,14 @@ class Parametrisation:
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
-            reach |= {z: (1.0, self.model.parameter_names[delta]) for z, delta in self._deflections}
+            reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
         unknowns = []
         for i, (width, unit) in sorted(reach.items()):
             state = self.model.states[i]
             if state not in e.initial:
                 around = Free(guess[i], guess[i] - width, guess[i] + width)
-                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around))
+                part = state in self.model.relaxing
+                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around, part))
         return unknowns
 
     @cached_property
@@ -270,6 +280,23 @@ class Parametrisation:
         """Of each presliding element its state, and the parameter that is its δ."""
         states, names = self.model.states, self.model.parameter_names
         return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
+
+    def _slides(self, e: Experiment, x0: FloatArray, delta: int) -> float:
+        """±1, by its direction, where a joint goes further than its δ in the first few samples; else 0."""
+        row = self.model.parameters[delta]
+        kind = self.model.friction.get(row.name)
+        rate = self.rates.get(self.model.output_states.get(kind.joint if kind else "", -1))
+        reach = self.parameter_starts.get(row.name, row.value)
+        v = 0.0 if rate is None else float(x0[rate])
+        return math.copysign(1.0, v) if abs(v) * SOON * e.step > reach else 0.0
+
+    def _balance(self, z: int, x0: FloatArray, parameters: FloatArray) -> float:
+        """The deflection of a joint that slides as fast as at the start: of ż = v − rate·z, v over the rate."""
+        x, out = x0.copy(), np.zeros(2 * len(x0))
+        x[z] = 0.0
+        compile_rhs(self.model.rhs)(0.0, x, np.zeros(max(1, len(self.model.inputs))), parameters, out)
+        v, rate = out[z], out[len(x0) + z]
+        return float(v / rate) if rate > 0.0 else 0.0
 
     def _initial_guess(self, e: Experiment, parameters: FloatArray) -> FloatArray:
         """The state at the start as measured: outputs, and the slopes for their rates, or what the past says."""
@@ -286,6 +313,10 @@ class Parametrisation:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
             x0[self.model.states.index(name)] = value
+        if self.initial_state == "estimate":
+            for z, delta in self._deflections:
+                if self.model.states[z] not in e.initial:
+                    x0[z] = self._slides(e, x0, delta)
         return x0
 
     @cached_property

@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial
+from typing import Any
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
@@ -106,6 +107,11 @@ class Problem:
         model, parameters = with_sensors(self.model, self.parameters, sensors, units)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "parameters", parameters)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle: the fields; what was simulated before, and what is computed once, stay behind."""
+        parts = {f.name: getattr(self, f.name) for f in fields(self)}
+        return partial(Problem, **parts | {"memo": None}), ()
 
     # --- the three parts ---------------------------------------------------------------------------
 

@@ -53,7 +53,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
-from fracid.optimise import optimiser_from_name
+from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import Experiment, held_inputs
 from fracid.problem.presets import PRESETS
@@ -151,6 +151,8 @@ class _Recording(_Table):
     weight: float = 1.0
     release_time: float | _Range = 0.0
     history: _History | None = None
+    amplifier: Literal["on", "off"] | None = None
+    """Whether the motor brakes by its back-EMF; off where nothing is said."""
     mask: list[list[float]] = []
     """From when to when samples are not scored, on the recording's own clock [s]."""
 
@@ -167,7 +169,7 @@ class _Fit(_Table):
     tolerance: float = 1e-10
     substeps: int = Field(default=1, ge=1)
     optimiser: str = "multistart"
-    starts: int = Field(default=1, ge=1)
+    starts: int = Field(default=1, ge=1, le=MOST_STARTS)
     seed: int = Field(default=1, ge=0)
     preset: str | None = None
 
@@ -321,19 +323,19 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     model, parameters = _model(content.model, path.parent)
     orders = _orders(content.model.orders, model)
     pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in content.recording]
+    _refuse_twins(content.recording)
     channels = [_channels(r, model) for r in content.recording]
     pairs = [
         _load(r, c, model, path.parent, past) for r, c, past in zip(content.recording, channels, pasts, strict=True)
     ]
     recordings = tuple(recording for recording, _ in pairs)
-    _refuse_twins(recordings)
-    outputs = tuple(fit.outputs or _common_outputs(model, recordings))
+    outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
             r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
-            mask=s.mask,
+            mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
         )
         for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
     ]  # fmt: skip
@@ -460,7 +462,7 @@ def _load(
             f"[[recording]] {spec.name or spec.file} names no signal; type for example "
             f'{signals[-2] if len(signals) > 1 else signals[0]} = {{ column = 1, unit = "deg" }}.'
         )
-    name = refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
+    name = _name(spec)
     if past and spec.start is None:
         raise InputError(
             f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
@@ -479,10 +481,25 @@ def _load(
     return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
 
 
-def _refuse_twins(recordings: tuple[Recording, ...]) -> None:
-    name, count = Counter(r.name for r in recordings).most_common(1)[0]
+def _switched_off(recording: str, amplifier: str | None, model: Model) -> tuple[str, ...]:
+    """The switches of a model that are off in a recording: the amplifier's, where it does not say that it is on."""
+    switches = tuple(dict.fromkeys(p.switch for p in model.parameters if p.switch))
+    if amplifier is not None and "amplifier" not in switches:
+        raise InputError(f"{recording}: amplifier = {amplifier!r}, but no parameter of the model {model.name} goes by "
+                         "an amplifier: leave it out.")  # fmt: skip
+    return tuple(name for name in switches if name != "amplifier" or amplifier != "on")
+
+
+def _name(spec: _Recording) -> str:
+    return refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
+
+
+def _refuse_twins(specs: list[_Recording]) -> None:
+    """Before any is loaded: a thousand copies of one table are a slip, too."""
+    name, count = Counter(map(_name, specs)).most_common(1)[0]
     if count > 1:
-        raise InputError(f"two recordings are named {name!r}; give each its own name.")
+        number = "two" if count == 2 else f"{count:,}"
+        raise InputError(f"{number} recordings are named {name!r}; give each its own name.")
 
 
 def _shared(recordings: tuple[Recording, ...]) -> list[str]:
@@ -541,6 +558,7 @@ def _in_folder(cost: str, folder: Path) -> str:
 TABLES = EXPECTED | {
     "dict_type": "a table {{ ... }}",
     "greater_than_equal": "{ge} or more",
+    "less_than_equal": "{le} at most",
     "list_type": "a list [...]; for recordings type [[recording]]",
     "model_type": "a table {{ {keys} }}",
     "string_type": 'a text in "..."',

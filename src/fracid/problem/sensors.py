@@ -21,7 +21,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from fracid.errors import InputError
+from fracid.errors import SMALLEST, InputError, refuse_beyond
 from fracid.models import Model, Parameter
 from fracid.problem.unknowns import Free, Value
 
@@ -57,7 +57,7 @@ class Sensor:
     Raises
     ------
     InputError
-        For a value that is no finite number, a gain of 0, a time constant below 0.
+        For a value that is no finite number or beyond all quantities, a gain of 0, a time constant below 0.
 
     Examples
     --------
@@ -82,12 +82,16 @@ class Sensor:
             low, high = self.range(name)
             if not (math.isfinite(low) and math.isfinite(high)):
                 raise InputError(f"{name} = {_text(low, high)} is not possible; expected finite numbers.")
+            for value in (low, high):
+                refuse_beyond(name, value)
         if (gain := self.range("gain"))[0] <= 0 <= gain[1]:
             raise InputError(
                 f"gain = {_text(*gain)} is not possible, nothing would be left of the signal; expected e.g. gain = 1.0."
                 if gain[0] == gain[1]
                 else f"gain = {_text(*gain)} holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."
             )
+        for value in gain:
+            refuse_beyond("gain's size", abs(value), SMALLEST)
         if self.range("lowpass")[0] < 0:
             raise InputError(
                 f"lowpass = {_text(*self.range('lowpass'))} s is not possible; expected a time constant of 0 or more."

@@ -278,9 +278,9 @@ def _evenly(y: FloatArray, times: FloatArray, run: Trajectory) -> tuple[slice, F
     base = math.floor(place)
     s = place - base
     begin = max(0, -((base - EDGE) // every))
-    count = max(0, (len(y) - 3 - base) // every + 1 - begin)
+    count = (len(y) - 3 - base) // every + 1 - begin
     first = base + every * begin - 1
     weights = (-s * (s - 1) * (s - 2) / 6, (s * s - 1) * (s - 2) / 2, -s * (s + 1) * (s - 2) / 2, s * (s * s - 1) / 6)
-    count = min(count, len(times) - begin)
+    count = max(0, min(count, len(times) - begin))
     values = sum(w * y[first + k :: every][:count] for k, w in enumerate(weights))
     return slice(begin, begin + count), np.asarray(values)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from fracid.errors import InputError
+from fracid.errors import SMALLEST, InputError, refuse_beyond
 
 __all__ = ["Free", "InitialState", "Prior", "Tied", "Unknown", "Value", "Weights", "root_of", "start_of"]
 
@@ -19,6 +19,12 @@ Weights = Literal["equal", "noise"]
 
 FAR = 5.0
 """A search does not start further than this from a prior's mean [standard deviations]."""
+
+NARROWEST = 1e-9
+"""A range is at least this part of its bounds: derivatives are differences of values within it."""
+
+FINEST = 1e-12
+"""A typical size and a standard deviation are at least this part of the value: a step of that size must change it."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,8 @@ class Prior:
                 f"prior = {{ mean = {self.mean:g}, sd = {self.sd:g} }}: expected finite numbers, and sd above 0 "
                 "(to fix a value give the number alone)."
             )
+        refuse_beyond("the prior's mean", self.mean)
+        refuse_beyond("the prior's sd", self.sd, FINEST * abs(self.mean))
 
 
 @dataclass(frozen=True)
@@ -61,8 +69,25 @@ class Free:
                 f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
                 "expected lower <= start <= upper and lower < upper."
             )
-        if self.scale is not None and not 0 < self.scale < math.inf:
-            raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
+        finite = {n: v for n, v in (("lower", self.lower), ("start", self.start), ("upper", self.upper))
+                  if math.isfinite(v)}  # fmt: skip
+        for name, value in finite.items():
+            refuse_beyond(name, value)
+        largest = max(map(abs, finite.values()))
+        if self.upper - self.lower < max(NARROWEST * largest, SMALLEST):
+            raise InputError(
+                f"lower = {self.lower!r}, upper = {self.upper!r}: the range is too narrow to search in; widen it, or "
+                f"fix the value by the number alone, {self.start!r}."
+            )
+        if self.scale is not None:
+            if not 0 < self.scale < math.inf:
+                raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
+            refuse_beyond("scale", self.scale, FINEST * largest)
+            if self.upper - self.lower < NARROWEST * self.scale:
+                raise InputError(
+                    f"scale = {self.scale:g} is far beyond the range from {self.lower:g} to {self.upper:g}; expected a "
+                    "size within it."
+                )
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
             raise InputError(
                 f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "
@@ -98,6 +123,14 @@ class Unknown:
     experiment: str | None
     """The recording that it belongs to; None where all share it."""
     range: Free
+    complete: bool = False
+    """Whether nothing but the range is possible: a presliding joint's part of what it gives."""
+
+    @property
+    def prior(self) -> Prior | None:
+        """What intervals take for known beforehand: its prior, or a complete range as the normal of its variance."""
+        middle, width = (self.range.lower + self.range.upper) / 2, self.range.upper - self.range.lower
+        return self.range.prior or (Prior(middle, width / math.sqrt(12)) if self.complete else None)
 
 
 def start_of(value: Value) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, InputError
+from fracid.errors import LARGEST, SMALLEST, DataError, InputError, refuse_beyond
 from fracid.signals.swing import tail
 
 __all__ = ["UNITS", "Channel", "measurable"]
@@ -112,7 +112,10 @@ class Channel:
         _require(isinstance(self.unwrap, bool), "unwrap", self.unwrap, "true or false")
         _require(self.sign in (1, -1), "sign", self.sign, "1 or -1")
         _require(_is_finite(self.scale) and self.scale != 0, "scale", self.scale, "a number other than 0")
+        refuse_beyond("scale", abs(self.scale), SMALLEST)
         _require(self.zero == "rest" or _is_finite(self.zero), "zero", self.zero, 'a number [rad] or "rest"')
+        if not isinstance(self.zero, str):
+            refuse_beyond("zero", self.zero)
         _require(self.fill in (None, "hold"), "fill", self.fill, '"hold"')
         counts = self.counts_per_turn
         _require(
@@ -228,17 +231,14 @@ def _require(condition: bool, field: str, value: Any, expected: str) -> None:
         raise InputError(f"{field} = {value!r} is not possible; expected {expected}.")
 
 
-LARGEST = 1e100
-"""No instrument gives more, in whatever unit; squares of more have no number."""
-
-
-def measurable(raw: FloatArray) -> tuple[FloatArray, str]:
-    """Return the samples without those that no instrument gives, and a sentence on them."""
-    beyond = int(np.count_nonzero(np.abs(raw) > LARGEST))  # infinite ones too; NaN is not
+def measurable(raw: FloatArray, scale: float = 1.0) -> tuple[FloatArray, str]:
+    """Return the samples without those that no instrument gives, as they stand or scaled, and a sentence on them."""
+    limit = LARGEST / max(1.0, abs(scale))
+    beyond = int(np.count_nonzero(np.abs(raw) > limit))  # infinite ones too; NaN is not
     if not beyond:
         return raw, ""
     plural = "s are" if beyond > 1 else " is"
     return (
-        np.where(np.abs(raw) > LARGEST, np.nan, raw),
-        f"{beyond} sample{plural} infinite or beyond {LARGEST:g}, and taken as missing.",
+        np.where(np.abs(raw) > limit, np.nan, raw),
+        f"{beyond} sample{plural} infinite or beyond {limit:g}, and taken as missing.",
     )

@@ -92,7 +92,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         return (*_from_rate(table, rate)[:2], _Said(None, (f"The rate is {rate:g} Hz, as the header says.",)))
     guessed = not spec
     column = _guess_time(table) if guessed else table.find(spec["column"])
-    header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column])
+    header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column]) or _name_unit(table.names[column])
     unit = spec.get("unit") or (header if header in SECONDS else "s")
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
@@ -106,6 +106,8 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         sentences.append(
             f"The header has time in {short_text(header)!r}, which is no unit of time here: it is taken as s."
         )
+    if header and not table.units[column] and "unit" not in spec:
+        sentences.append(f"Time is in {header}, as the name {short_text(table.names[column])!r} ends.")
     if not rows.all():
         sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
     if abs(stamps[0]) > CLOCK_STAMP:
@@ -113,6 +115,13 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         stamps = stamps - stamps[0]
     _refuse_no_clock(stamps, table)
     return stamps, rows, _Said(column, tuple(sentences))
+
+
+def _name_unit(name: str) -> str:
+    """The unit that a name of time ends in, ``t_ns``; "" for none."""
+    head, _, end = name.strip().lower().rpartition("_")
+    unit = TIME_SPELLINGS.get(end, end)
+    return unit if unit in SECONDS and TIME_NAME.search(head[-LONGEST_NAME:]) else ""
 
 
 def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import DataError, InputError
-from fracid.recording.channel import Channel, measurable
+from fracid.recording.channel import Channel, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
 from fracid.recording.readers.table import read_table
@@ -140,10 +140,11 @@ def inspect_recording(
     if columns is not None:
         refuse_shared(table, channels, source.column)
     reading = [*table.notes, *source.sentences, *more]
-    signals, units, holds = {}, {}, set()
+    signals, units, holds, assumed = {}, {}, set(), set()
     for signal, channel in channels.items():
+        stated = channel.unit or header_unit(table.units[table.find(channel.column)])
         channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
-        raw, beyond = measurable(table.values[:, table.find(channel.column)])
+        raw, beyond = measurable(table.values[:, table.find(channel.column)], channel.scale)
         reading += [f"{signal}: {beyond}"] if beyond else []
         if channel.fill == "hold":
             raw, filled = hold_blanks(raw, signal, channel)
@@ -151,6 +152,8 @@ def inspect_recording(
             holds.add(signal)
         signals[signal] = channel.convert(raw[rows].copy(), signal)
         units[signal] = channel.signal_unit
+        if not stated and channel.unit != "counts":
+            assumed.add(signal)
         reading += [unit_said] if unit_said else []
     report = measure(clock, signals, units, tuple(reading))
     report = replace(report, findings=(*source.findings, *report.findings))
@@ -158,7 +161,10 @@ def inspect_recording(
     digest = _digest(path)
     if _state(path) != before:
         raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
-    whole = Recording(name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds))
+    whole = Recording(
+        name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds),
+        assumed=frozenset(assumed),
+    )  # fmt: skip
     return whole if start is None and stop is None else whole.trim(start, stop)
 
 

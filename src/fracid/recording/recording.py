@@ -45,6 +45,8 @@ class Recording:
     """Signals that keep their value between samples (commands), so are never interpolated linearly."""
     bridged: tuple[tuple[float, float], ...] = ()
     """From when to when :meth:`resample` bridged a gap [s]: no sample of it was measured."""
+    assumed: frozenset[str] = frozenset()
+    """Signals of which neither the caller nor the file says a unit."""
 
     @property
     def step(self) -> float | None:
@@ -246,8 +248,9 @@ class Recording:
         digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
         report = measure(time, arrays, signal_units)
         return cls(
-            name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report
-        )
+            name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report,
+            assumed=frozenset(arrays.keys() - (units or {}).keys()),
+        )  # fmt: skip
 
 
 def demand_fitness(recording: Recording) -> None:

@@ -386,6 +386,8 @@ def _independent(
     """Take out what cannot be told apart (it keeps the model's value), and find the equations' scales."""
     near = scales = system.scales(own)
     basic, dependent = base_parameters(system, gauge.free, scales)
+    if not basic:
+        raise InputError("The motion shows none of the constants that are free: free another, or record more of it.")
     fixed = gauge.fixed.copy()
     fixed[list(dependent)] = own[list(dependent)]
     gauge = Gauge(tuple(basic), fixed)

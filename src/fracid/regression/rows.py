@@ -18,6 +18,7 @@ from fracid.models.pendulum import LINEAR_TERMS
 from fracid.recording import Recording
 from fracid.signals.noise import noise_level
 from fracid.solver.operators import derivative
+from fracid.solver.trajectory import refuse_masked
 
 __all__ = ["LUMPED", "TERMS", "regressor", "terms_of"]
 
@@ -95,6 +96,8 @@ def regressor(
     >>> bool(np.abs(pendulum[200:-20] @ beta).max() < 1e-3 * gravity)
     True
     """
+    for name, values in (("theta", theta), ("alpha", alpha), ("drive", drive)):
+        refuse_masked(name, values)
     theta, alpha = np.asarray(theta, dtype=np.float64), np.asarray(alpha, dtype=np.float64)
     u = None if drive is None else np.asarray(drive, dtype=np.float64)
     scale = pendulum_parameters(model)["time_scale"]

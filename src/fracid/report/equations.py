@@ -17,7 +17,7 @@ is a program alone, each state with its order.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
@@ -27,7 +27,7 @@ from fracid.report.sentences import digits, letter
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["Writer", "equations"]
+__all__ = ["Writer", "equations", "named"]
 
 
 def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str, Markup]:
@@ -59,11 +59,35 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str
     """
     if model.written is None:
         return {"Its states": _block(_states(model, result["orders"]))}
-    constants = {**result["parameters"], **_of_each_recording(result)}
-    symbols = {p.name: p.symbol or (p.name, "") for p in model.parameters}
-    symbols_and_numbers = (Writer(constants, symbols, numbers) for numbers in (False, True))
+    symbols_and_numbers = (_writer(model, result, numbers=numbers) for numbers in (False, True))
     lines = (model.written.equations(write, model, result["orders"], driven) for write in symbols_and_numbers)
     return dict(zip(("With symbols", "With the numbers found"), map(_block, lines), strict=True))
+
+
+def named(model: Model, result: Mapping[str, Any], driven: bool) -> frozenset[str]:
+    """The constants that stand in the equations; of a model that is not ours all of them.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> rig = fracid.rotary_pendulum(b_alpha=2e-4)
+    >>> result = {"orders": {n: {"value": 0.9, "free": True} for n in ("lambda", "mu")},
+    ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters},
+    ...           "recordings": {}}
+    >>> sorted(named(rig, result, driven=False))
+    ['C1', 'C3', 'C4', 'C6', 'J_theta', 'b_alpha', 'b_theta']
+    """
+    if model.written is None:
+        return frozenset(model.parameter_names)
+    write = _writer(model, result, numbers=False)
+    for _ in model.written.equations(write, model, result["orders"], driven):
+        pass
+    return frozenset(write.named)
+
+
+def _writer(model: Model, result: Mapping[str, Any], *, numbers: bool) -> Writer:
+    constants = {**result["parameters"], **_of_each_recording(result)}
+    return Writer(constants, {p.name: p.symbol or (p.name, "") for p in model.parameters}, numbers)
 
 
 def _of_each_recording(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -198,6 +222,8 @@ class Writer:
     symbols: Mapping[str, tuple[str, str]]
     """Letter and index of each."""
     numbers: bool
+    named: set[str] = field(default_factory=set)
+    """Those that were written as symbols."""
 
     def there(self, name: str) -> bool:
         """Whether it is in the equations: left free, or not zero."""
@@ -209,6 +235,7 @@ class Writer:
         e = self.constants.get(name)
         if self.numbers and e and e["value"] is not None:
             return _number(digits(e), brackets=e["value"] < 0)
+        self.named.add(name)
         return _sub(*self.symbols[name])
 
     def order(self, name: str, estimate: Mapping[str, Any]) -> Markup:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import InputError
+from fracid.errors import unwritable
 from fracid.files import json_number, write_text
-from fracid.report.equations import equations
+from fracid.report.equations import equations, named
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
 from fracid.report.sentences import digits, half_width, joined, letter, number, unit
@@ -94,7 +94,7 @@ def write_report(
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     except OSError as error:
-        raise InputError(f"The report {path} cannot be written: {error.strerror}. Give another: --out FILE.") from None
+        raise unwritable(f"The report {path}", error, "Give another: --out FILE.") from None
     return path
 
 
@@ -247,7 +247,7 @@ def _profiles(material: Material) -> dict[str, Any] | None:
 
 def _context(material: Material) -> dict[str, Any]:
     result, project = material.result, material.project
-    lines = verdict(material)
+    lines, off = verdict(material), _off(material)
     return {
         "title": f"{project.problem.model.name}: {_names(list(result['recordings']))}",
         "open_at_most": OPEN,
@@ -261,7 +261,8 @@ def _context(material: Material) -> dict[str, Any]:
         "own_model": project.problem.model.written is None,
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
-        "fixed": [row for row in _parameters(material) if not row["free"]],
+        "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
+        "off": [row for row in _parameters(material) if row["name"] in off],
         "per_recording": list(_per_recording(material)),
         "residuals": [_residual(material, a) for outputs in material.analyses.values() for a in outputs.values()],
         "shown": material.shown,
@@ -329,6 +330,14 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
         yield {"name": name, "says": says.get(name, ""), **e}
 
 
+def _off(material: Material) -> list[str]:
+    """Constants that were given and stand in no equation, of elements that are off."""
+    model, constants = material.project.problem.model, material.result["parameters"]
+    there = named(model, material.result, _driven(material))
+    acts = {"time_scale"} if constants.get("time_scale", {}).get("value", 1.0) != 1.0 else set()
+    return [n for n, e in constants.items() if n in model.parameter_names and not e["free"] and n not in there | acts]
+
+
 def _whose(model: Any, order: str) -> str:
     outputs = [letter(n) for n, i in model.output_states.items() if model.orders[i] == order]
     return f"derivatives of {joined(outputs)}" if outputs else "states that have it"
@@ -339,12 +348,14 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
         for block, suffix in (("parameters", ""), ("initial_state", " at the start")):
             for name, e in r[block].items():
                 if e["free"]:
-                    yield {"name": f"{_state(name)}{suffix}", "says": recording, **e}
+                    shown = _state(name) if block == "initial_state" else letter(name)
+                    yield {"name": f"{shown}{suffix}", "says": recording, **e}
 
 
 def _state(name: str) -> str:
-    """``D^lambda theta`` as D^λ θ."""
-    return " ".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in name.split())
+    """``D^lambda theta`` as D^λ θ, ``z_theta`` as z_θ."""
+    return " ".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
+                    for word in name.split())  # fmt: skip
 
 
 def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:

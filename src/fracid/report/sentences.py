@@ -91,7 +91,7 @@ def unit(text: str) -> str:
     >>> unit("kg m^2"), unit("N m s^2/rad^2")
     ('kg m²', 'N m s²/rad²')
     """
-    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], text)
+    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], text.replace("^nu", "^ν"))
 
 
 def joined(words: list[str], last: str = "and") -> str:

@@ -169,7 +169,8 @@ def _prediction(material: Material) -> Line:
 def _values(material: Material) -> Line:
     free = {n: e for n, e in (*material.result["orders"].items(), *material.result["parameters"].items()) if e["free"]}
     own = [e for r in material.used("fit").values() for b in ("parameters", "initial_state") for e in r[b].values()]
-    flags = [e["identifiable"] == "identifiable" for e in (*free.values(), *(e for e in own if e["free"]))]
+    kinds = (e["identifiable"] for e in (*free.values(), *(e for e in own if e["free"])))
+    flags = [kind == "identifiable" for kind in kinds if kind != "forgotten"]
     non_identifiable = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
     if all(flags):
         return Line("Values", f"The recordings tell all {len(flags)} values that were left free.", True)

@@ -33,7 +33,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError
+from fracid.errors import FracidError, InputError, unwritable
 from fracid.files import write_text
 from fracid.runs.environment import machine, versions
 from fracid.safety.schema import as_json, read_as
@@ -56,6 +56,7 @@ __all__ = [
     "RunState",
     "cut_short",
     "inputs_of",
+    "moved_project",
     "open_folder",
     "open_run",
     "refuse_anothers",
@@ -82,6 +83,12 @@ FIGURE = re.compile(
 """Names of the figures that runs and studies draw."""
 
 STARTS = f"starts/{JOURNAL}"
+
+NEAR = 3
+"""Folders above a run's in which a project is looked for that was moved together with it: runs/rig lies two below."""
+
+LARGEST_PROJECT = 2**24
+"""Of such a project [bytes]."""
 
 LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
 """What else lies in a run folder and is no longer true of a new run."""
@@ -169,7 +176,9 @@ def open_run(
     _refuse_strangers(folder)
     with FolderLock(folder):
         if resume:
-            _refuse_another(folder, run_state(folder), now)
+            before = run_state(folder)
+            _refuse_another(folder, before, now)
+            now = replace(now, options=before.options)  # where the project was, too: its journals go by that
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
             open_folder(folder, command)
@@ -223,9 +232,45 @@ def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapp
         return False
     now = RunState(kind, json.loads(json.dumps(options)), dict(inputs))
     try:
-        return run_state(folder) == now
+        before = run_state(folder)
     except InputError:
         return False
+    return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
+
+
+def moved_project(folder: Path, state: RunState) -> Path:
+    """Where the project of a run lies: where it lay, or, moved together with the run, near the folder, by its hash.
+
+    Parameters
+    ----------
+    folder : Path
+    state : RunState
+        Of a fit, whose options name the project.
+
+    Examples
+    --------
+    >>> moved_project(Path("runs/rig"), RunState("fit", {"project": "/nowhere/rig.toml"}, {})).as_posix()
+    '/nowhere/rig.toml'
+    """
+    named = Path(str(state.options["project"]))
+    digest = state.inputs.get(f"the project file {named.name}")
+    near = (place / named.name for place in (folder, *folder.resolve().parents[:NEAR]))
+    return named if named.is_file() else next((p for p in near if _has_digest(p, digest)), named)
+
+
+def _has_digest(path: Path, digest: str | None) -> bool:
+    """As :func:`inputs_of` has it, of the text."""
+    try:
+        is_small = path.is_file() and path.stat().st_size <= LARGEST_PROJECT
+        return is_small and sha256(path.read_text(encoding="utf-8-sig").encode()).hexdigest() == digest
+    except (OSError, ValueError):
+        return False
+
+
+def _same(before: RunState, now: RunState) -> bool:
+    """Whether two ask for the same, wherever the project lies: what it says is among the inputs."""
+    options = [{n: v for n, v in state.options.items() if n != "project"} for state in (before, now)]
+    return before.kind == now.kind and options[0] == options[1]
 
 
 def refuse_used(folder: Path) -> None:
@@ -285,7 +330,7 @@ def inputs_of(project: Project) -> dict[str, str]:
 
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     """Go on with the same alone."""
-    if (before.kind, before.options) != (now.kind, now.options):
+    if not _same(before, now):
         raise InputError(f"{folder} holds another run: {before.kind} with {dict(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
@@ -337,8 +382,8 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
     return folder
 
 
-def _unwritable(folder: Path, error: OSError) -> InputError:
-    return InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.")
+def _unwritable(folder: Path, error: OSError) -> FracidError:
+    return unwritable(f"The folder {folder}", error, "Give another: --out DIR.")
 
 
 def _refuse_strangers(folder: Path) -> None:
@@ -393,5 +438,5 @@ def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, 
         write_text(folder / "result.json", json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
         write_text(folder / "project.toml", project.text)
     except OSError as error:
-        raise InputError(f"The result cannot be written to {folder}: {error.strerror}.") from None
+        raise unwritable(f"The result in {folder}", error, "Allow it, then type fracid resume.") from None
     return result

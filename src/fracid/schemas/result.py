@@ -24,7 +24,7 @@ __all__ = [
     "TrialBlock",
 ]
 
-Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9})$")]
+Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
 
 
 class EstimateBlock(Block):

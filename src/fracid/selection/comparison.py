@@ -50,7 +50,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
-from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows
+from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
@@ -468,7 +468,14 @@ def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], job
         x = structure.embed(values)
         ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
                      f"from the optimum of {origin}"))  # fmt: skip
-    names = late_rungs(problem).get(structure.top, ())
+    late = late_rungs(problem)
+    names = late.get(structure.top, ())
+    if not names:  # a drag or a cable came in last: it may matter more than all that came before
+        simple = without(problem, [n for rung in late.values() for n in rung])
+        lowest = growing(simple, simple.start, jobs, watch).best
+        x = structure.embed(dict(zip(simple.names, lowest.point.tolist(), strict=True)))
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
+                     "from the simpler structure"))  # fmt: skip
     if names and not structure.fractional:
         (origin, values), *_ = below.items()
         start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))

@@ -195,9 +195,10 @@ def ladder(
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.5}, step=4e-3, end=3.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
-    >>> found = ladder(Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held"))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
+    >>> found = ladder(problem, rungs=["viscous", "Coulomb", "presliding"])
     >>> found.frictions
-    ('viscous', 'viscous + Coulomb', 'viscous + Coulomb + drag', 'viscous + Coulomb + drag + cable')
+    ('viscous', 'viscous + Coulomb', 'viscous + Coulomb + presliding')
     >>> found["viscous + Coulomb, orders free"].problem.names
     ('mu', 'b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha')
     """

@@ -27,7 +27,7 @@ from fracid.errors import InputError, unknown_name
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS
-from fracid.solver.trajectory import vector
+from fracid.solver.trajectory import refuse_masked, vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
@@ -238,6 +238,7 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
     """Lowest and highest value of each state, shape (n_states, 2); None for no bounds."""
     if bounds is None:
         return None
+    refuse_masked("bounds", bounds)
     try:
         box = np.array(bounds, dtype=np.float64)
     except (TypeError, ValueError):

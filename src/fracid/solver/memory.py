@@ -44,6 +44,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -148,14 +149,14 @@ def short(length: int) -> Memory:
     if not (isinstance(length, int | np.integer) and length >= 1):
         raise InputError(f"short({length!r}): the length must be a whole number of lags, 1 or more; "
                          "type for example memory='short(2000)'.")  # fmt: skip
+    return Memory(f"short({length})", partial(_short_kernel, length=int(length)))
 
-    def build(family: str, order: float, steps: int) -> Kernel:
-        exact = exact_kernel(family, order, min(int(length), steps))
-        if family == "gl" or steps <= length:
-            return exact
-        return Kernel(exact.weights, exact.start, np.zeros(1), exact.weights[-1:], np.full(1, 0.5))
 
-    return Memory(f"short({length})", build)
+def _short_kernel(family: str, order: float, steps: int, length: int) -> Kernel:
+    exact = exact_kernel(family, order, min(length, steps))
+    if family == "gl" or steps <= length:
+        return exact
+    return Kernel(exact.weights, exact.start, np.zeros(1), exact.weights[-1:], np.full(1, 0.5))
 
 
 def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
@@ -192,7 +193,11 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
         raise InputError(f"compressed(lags={lags!r}): the exact lags must be a whole number from {EXACT_LAGS} to "
                          f"{WHOLE}; type for example lags=16.")  # fmt: skip
     name = f"compressed({tolerance:g})" if lags == EXACT_LAGS else f"compressed({tolerance:g}, lags={lags})"
-    return Memory(name, lambda *run: compressed_kernel(*run, float(tolerance), int(lags)))
+    return Memory(name, partial(_compressed_kernel, tolerance=float(tolerance), lags=int(lags)))
+
+
+def _compressed_kernel(family: str, order: float, steps: int, tolerance: float, lags: int) -> Kernel:
+    return compressed_kernel(family, order, steps, tolerance, lags)
 
 
 def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:

@@ -65,6 +65,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.solver.trajectory import refuse_masked
 
 __all__ = ["derivative", "gl_weights", "gl_weights_order_derivative", "mittag_leffler"]
 
@@ -270,6 +271,7 @@ def _number(name: str, value: Any) -> float:
 
 
 def _signal(signal: ArrayLike) -> FloatArray:
+    refuse_masked("signal", signal)
     try:
         values = np.asarray(signal)
         if not np.can_cast(values.dtype, float, "same_kind"):
@@ -290,6 +292,7 @@ def _signal(signal: ArrayLike) -> FloatArray:
 
 
 def _points(z: ArrayLike) -> NDArray[Any]:
+    refuse_masked("z", z)
     try:
         points = np.asarray(z)
         finite = points.dtype.kind in "biufc" and np.isfinite(points).all()

@@ -271,6 +271,7 @@ def _keep_relaxing(relaxing, x, f, start):
     for k in range(len(relaxing)):
         i = relaxing[k]
         a = f[len(x) + i]
+        start[k, 4] = start[k, 0]
         start[k, 0], start[k, 1], start[k, 2] = x[i], f[i] + a * x[i], a
 
 
@@ -390,8 +391,11 @@ def step_pi2(rhs, run, third, out):
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
-    relax_start = np.zeros((len(relaxing), 4))  # z0, c0, a0, and room for Newton
+    relax_start = np.zeros((len(relaxing), 5))  # z0, c0, a0, room for Newton, and the z before
     _keep_relaxing(relaxing, x, f, relax_start)
+    _keep_relaxing(relaxing, x, f, relax_start)
+    if len(relaxing) and corrections > 0:
+        corrections += 1  # costs less than Newton's method, which one sweep alone would often need
     for r in relaxing:
         newest[r] = 0.0
     k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
@@ -416,7 +420,7 @@ def step_pi2(rhs, run, third, out):
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
         for r in range(len(relaxing) if n >= first_free else 0):
-            x[relaxing[r]] = relax_start[r, 0]
+            x[relaxing[r]] = 2 * relax_start[r, 0] - relax_start[r, 4]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
@@ -494,7 +498,7 @@ def step_bdf2(rhs, run, out):
     x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
     history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
     W, trial = np.zeros((states, 2 * states)), np.zeros(states)
-    none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
+    none, nothing = relaxing[:0], np.zeros((0, 5))  # what relaxes dies in this scheme by itself
     mode = flush_denormals()
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]

@@ -144,7 +144,7 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
             power = n <= g < n + powers and 0.05 < step < 0.98  # they are measured to 0.01
             whole = g == n + powers and third and count > 1
             total = sums[k] + step
-            if k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
+            if step >= 1e-9 and k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
                 place = count
                 while sums[place - 1] > total - 1e-9:
                     place -= 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -96,20 +97,38 @@ def _between(run: Trajectory, times: FloatArray) -> FloatArray:
     values: FloatArray = np.einsum("tk,tki->ti", weights, run.states[first[:, None] + np.arange(nodes)])
     for j in np.unique(first[first < 8]):  # where a solution begins like t^q: through 1, t, t^q, t^(1+q)
         here, near = first == j, run.time[j : j + nodes] - run.origin
-        for i in np.flatnonzero(abs(run.orders - 1) > 0.05):
+        for i in np.flatnonzero((abs(run.orders - 1) > 0.05) & (run.orders > 1e-12)):
             powers = np.array([0, 1, run.orders[i], 1 + run.orders[i]])[:nodes]
             basis, at = (np.maximum(t / near[-1], 0)[:, None] ** powers for t in (near, times[here] - run.origin))
             values[here, i] = at @ np.linalg.solve(basis, run.states[j : j + nodes, i])
     return values
 
 
+def refuse_masked(name: str, values: Any) -> None:
+    """Refuse an array of which some values are masked: NumPy forgets masks without a word.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_masked("inputs", np.ma.masked_greater([1.0, 1e9], 10.0))
+    Traceback (most recent call last):
+    fracid.errors.InputError: inputs: 1 of 2 values are masked, and what is behind a mask is no number to count on. ...
+    """
+    if np.ma.is_masked(values):
+        masked = np.ma.getmaskarray(values)
+        raise InputError(
+            f"{name}: {int(masked.sum())} of {masked.size} values are masked, and what is behind a mask is no number "
+            "to count on. Cut them off, or fill them."
+        )
+
+
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
     text = reprlib.repr(values)
-    if np.ma.is_masked(values):
-        raise InputError(
-            f"{name} = {text}: some values are masked, and what is behind a mask is no number to count on."
-        )
+    refuse_masked(name, values)
     try:
         array = np.array(values, ndmin=1)
         if np.iscomplexobj(array):

@@ -114,8 +114,8 @@ def _client(address: str) -> Iterator[Any]:
     except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise InputError(
-            f"No Dask scheduler answers at {address}: {reason}. Start one with dask scheduler and workers with dask "
-            "worker ADDRESS, or leave the cluster out: --executor processes."
+            f"No Dask scheduler answers at {address}: {reason}. Start one with dask scheduler --host and workers "
+            "with dask worker ADDRESS --host (docs/scale.md), or leave the cluster out: --executor processes."
         ) from None
     with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves
         try:

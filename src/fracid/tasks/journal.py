@@ -30,7 +30,7 @@ from io import RawIOBase
 from pathlib import Path
 from types import TracebackType
 
-from fracid.errors import InputError, Unfinished
+from fracid.errors import InputError, Unfinished, unwritable
 from fracid.safety.json_files import LONGEST
 from fracid.tasks.folder_lock import FolderLock, Json, line_content
 
@@ -227,7 +227,7 @@ def _opened(path: Path) -> RawIOBase:
     try:
         return path.open("ab", buffering=0)
     except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror}. Give another folder: --out DIR.") from None
+        raise unwritable(str(path), error, "Give another folder: --out DIR.") from None
 
 
 def _read(

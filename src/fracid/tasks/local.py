@@ -137,9 +137,9 @@ def _closing(pool: Executor) -> Iterator[Executor]:
 
 
 def _prepare_worker(packed: bytes) -> None:
+    follow_parent()
     ignore_settings(Path())
     _PACKED.append(packed)
-    follow_parent()
 
 
 @contextmanager
@@ -161,6 +161,8 @@ def follow_parent() -> None:
     """In a worker process: Ctrl-C is the parent's business; and when the parent is gone, go too."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
+    if parent is not None and not parent.is_alive():
+        os._exit(1)  # at once: the next thing that is asked of the parent would raise
 
     def watch() -> None:
         if parent is not None:

@@ -91,7 +91,12 @@ class Twin:
     """The states before the start, as :func:`fracid.simulate` takes them."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no recording."""
+        """Refuse what is no recording; the model has the states that the values want."""
+        values = dict(zip(self.model.parameter_names, self.model.parameter_vector(self.parameters), strict=True))
+        model = self.model.equipped(name for name, value in values.items() if value != 0.0)
+        gone = set(self.model.states) - set(model.states)
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "initial", {n: v for n, v in self.initial.items() if n not in gone})
         for what, value in (("step", self.step), ("end", self.end - self.hold)):
             if not (math.isfinite(value) and value > 0):
                 setting = (
@@ -192,7 +197,7 @@ class Twin:
         new = replace(self, **changes | {name: {**old, **changes[name]} for name, old in mappings.items()})
         new.model.state_orders(new.orders)
         new.model.parameter_vector(new.parameters)
-        new.model.state_vector(new.initial)
+        new.model.state_vector({**new.initial, **changes.get("initial", {})})
         if new.history is not None and (new.step, new.orders) != (self.step, self.orders):
             raise InputError(
                 f"{self.name} starts in motion, with its measured past on its own grid; leave its step and orders as "

@@ -62,6 +62,7 @@ from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, Statis
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import integer_alternative, is_off
 from fracid.solver.methods import METHODS
+from fracid.solver.trajectory import vector
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
@@ -670,7 +671,7 @@ def _cells(levels: Sequence[float], resolutions: Sequence[float]) -> tuple[tuple
 def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
     if not problem.names:
         raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
-    truth = np.asarray(x, dtype=np.float64)
+    truth = vector("x", x)
     if truth.shape != (len(problem.names),) or not np.all(np.isfinite(truth)):
         raise InputError(
             f"The truth has the shape {truth.shape}; expected {len(problem.names)} finite numbers, one for each of "

@@ -99,8 +99,8 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
 
 MISSING = {
     1: "the swing comes out too large, too small or at the wrong time, its damping or period changes otherwise than "
-       "the model's. Free Coulomb friction, drag, the cable's spring or an inertia, if they are not (fracid compare "
-       "tries them)",
+       "the model's. Free Coulomb friction, drag, the cable's spring, what a joint gives before it slides "
+       "(presliding_...) or an inertia, if they are not (fracid compare tries them)",
     2: "something differs between left and right: a rest angle, the encoder's zero or centre, friction by direction",
     3: "it bends within each swing, left and right alike: friction that switches at the turning points "
        "(coulomb_...), or the geometry of large swings (C-constants)",
@@ -173,7 +173,8 @@ def _apart(samples: int) -> str:
 GROWS: tuple[tuple[str, str, str], ...] = (
     (
         "in the last third of the record as in the first",
-        "the swing's phase or damping runs off: look at an inertia or at friction",
+        "the swing's phase or damping runs off: look at an inertia, or at a joint that gives before it slides "
+        "(presliding_...)",
         "what is missing shows while the swing is large: friction (drag, Coulomb), or a term of large angles",
     ),
     (
@@ -184,7 +185,7 @@ GROWS: tuple[tuple[str, str, str], ...] = (
     (
         "when fast as when slow",
         "the recording's clock or a delay, or friction that grows with speed (drag)",
-        "sticking at the turning points: Coulomb friction",
+        "sticking at the turning points: Coulomb friction, or a joint that gives before it slides (presliding_...)",
     ),
 )
 """For each contrast: where, what a residual suggests that is larger there, and one that is smaller."""

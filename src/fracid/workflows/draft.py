@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import unwritable
 from fracid.files import write_text
 from fracid.problem.draft import Draft, draft_project
 from fracid.problem.project import load_project
@@ -43,6 +43,6 @@ def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any
     try:
         write_text(target, draft.text)
     except OSError as error:
-        raise InputError(f"{target} cannot be written: {error.strerror}. Give another: --out FILE.") from None
+        raise unwritable(str(target), error, "Give another: --out FILE.") from None
     load_project(target)  # it runs as it is, or says what stands against it
     return draft

@@ -76,16 +76,16 @@ def _ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
 
 
 def _prepare() -> None:
-    """Import what drawing needs."""
+    """Import what drawing needs, as long as there is somebody to draw for."""
+    from fracid.tasks.local import follow_parent
+
+    follow_parent()
     ignore_settings(Path())
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_svg
     import matplotlib.figure  # noqa: F401
 
     import fracid.plots  # noqa: F401
-    from fracid.tasks.local import follow_parent
-
-    follow_parent()
 
 
 def _draw(

@@ -19,8 +19,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError
-from fracid.optimise import Evaluation, EvaluationLog, Outcome, optimiser_from_name
+from fracid.errors import InputError, Unfinished, at_least
+from fracid.optimise import MOST_STARTS, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
     EVALUATIONS,
@@ -196,7 +196,7 @@ def run(
                 opened.finish()
         except KeyboardInterrupt:
             interrupted, undrawn = True, "Interrupted while the figures were drawn."
-        except (InputError, OSError, MemoryError) as error:
+        except (InputError, Unfinished, OSError, MemoryError) as error:
             undrawn = str(error) or "There is not enough memory for the figures."
     seconds = laps.get("total", time.perf_counter() - start_time)
     return FinishedRun(project, fit, folder, pictures, result, interrupted, seconds, undrawn, resume)
@@ -222,6 +222,7 @@ def _refuse_impossible(project: Project, optimiser: str, request: Mapping[str, A
     """Before an earlier run is cleared from the folder."""
     optimiser_from_name(optimiser)
     executor_from_name(request["executor"] or "threads")
+    at_least("--multi-start", request["starts"] or 1, 1, MOST_STARTS)
     if request["executor"] and (request["starts"] or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
     if request["seed"] is not None and request["seed"] >= LARGEST_SEED:

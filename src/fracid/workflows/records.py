@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import unwritable
 from fracid.files import write_text
 from fracid.safety.text import csv_cell
 
@@ -65,7 +65,7 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
         for name, text in texts.items():
             write_text(folder / name, text)
     except OSError as error:
-        raise InputError(f"The folder {folder} cannot be written: {error.strerror}. Give another: --out DIR.") from None
+        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
 
 
 def command_of(command: str, place: Path, options: Mapping[str, object]) -> list[str]:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError, NotTrusted
-from fracid.runs.folder import JOURNAL, RUN, RunState, run_state
+from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.result import ResultBlock
@@ -100,7 +100,7 @@ def resume_run(
     if fault := fault_of(options, FitOptions):
         raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
     how = {name: options[name] for name in ASKED}
-    return run(options["project"], out=folder, jobs=jobs, resume=True, trust=trust, observer=observer, **how)
+    return run(moved_project(folder, state), out=folder, jobs=jobs, resume=True, trust=trust, observer=observer, **how)
 
 
 def state_of(folder: Path) -> RunState | None:

@@ -23,6 +23,7 @@ from fracid.safety.text import printable
 __all__ = [
     "COMPLEX",
     "EMPTY",
+    "LISTS",
     "SPARSE",
     "TEXT",
     "Content",
@@ -30,6 +31,7 @@ __all__ = [
     "damaged",
     "most_numbers",
     "refuse_bomb",
+    "same_name",
     "seconds",
 ]
 
@@ -63,6 +65,13 @@ EMPTY = LeftOut("is empty")
 SPARSE = LeftOut("is a sparse matrix; save full(…) of it")
 
 TEXT = LeftOut("is text")
+
+LISTS = LeftOut("holds a list of numbers for each sample; save one number for each")
+
+
+def same_name(count: int) -> LeftOut:
+    """Say that a name means nothing: which of them is meant nobody knows."""
+    return LeftOut(f"is the name of {count}; give each its own")
 
 
 def most_numbers(size: int) -> int:

@@ -21,6 +21,7 @@ from fracid.recording.readers.content import (
     COMPLEX,
     DEEPEST,
     EMPTY,
+    LISTS,
     SPARSE,
     TEXT,
     Content,
@@ -125,6 +126,8 @@ def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:
 
 def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
     """Return why a type is none of real numbers, or of records of them, and None if it is."""
+    import h5py
+
     if dtype.names:
         if set(dtype.names) in ({"real", "imag"}, {"r", "i"}):
             return COMPLEX
@@ -133,6 +136,8 @@ def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
         )
     if dtype.kind == "c":
         return COMPLEX
+    if dtype.kind == "O" and h5py.check_vlen_dtype(dtype) not in (None, str, bytes):
+        return LISTS
     if dtype.kind in "SUO":
         return TEXT
     return None if dtype.kind in "fiub" else LeftOut("is no array of numbers")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 import zipfile
+from collections import Counter
 from math import prod
 from pathlib import Path
 from typing import IO
@@ -13,7 +14,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
-from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb
+from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb, same_name
 
 __all__ = ["read_npy", "read_npz"]
 
@@ -50,7 +51,9 @@ def read_npz(path: Path) -> Content:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             refuse_bomb(path, sum(m.file_size for m in members) / 8, path.stat().st_size)
-            return {m.filename.removesuffix(".npy"): _member(archive, m) for m in members}
+            names = Counter(m.filename.removesuffix(".npy") for m in members)
+            by_name = {m.filename.removesuffix(".npy"): m for m in members}
+            return {n: _member(archive, m) if names[n] == 1 else same_name(names[n]) for n, m in by_name.items()}
     except Exception as error:
         raise _said(path, error) from None
 

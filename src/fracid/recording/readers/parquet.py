@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from fracid.errors import DataError, InputError
-from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb
+from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb, same_name
 
 __all__ = ["read_parquet"]
 
@@ -38,10 +39,14 @@ def _columns(file: Any, path: Path) -> Content:
     from pyarrow import types
 
     schema, size = file.schema_arrow, path.stat().st_size
-    names = [f.name for f in schema if _is_column(f.type, types) and schema.names.count(f.name) == 1]
+    count = Counter(schema.names)
+    names = [f.name for f in schema if _is_column(f.type, types) and count[f.name] == 1]
     refuse_bomb(path, file.metadata.num_rows * len(names), size)
     refuse_bomb(path, _declared(file.metadata) / 8, size)
-    others: dict[str, Any] = {n: LeftOut("is no column of numbers") for n in schema.names if n not in names}
+    others: dict[str, Any] = {
+        n: same_name(count[n]) if count[n] > 1 else LeftOut("is no column of numbers")
+        for n in schema.names if n not in set(names)
+    }  # fmt: skip
     table = file.read(columns=names, use_threads=False)
     return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}
 

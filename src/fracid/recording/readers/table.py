@@ -144,6 +144,13 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
     except MemoryError:
         raise DataError(f"{path.name} needs more memory than there is; cut it into parts.") from None
+    except DataError:
+        if (target := _elsewhere(path)) is None:
+            raise
+        raise DataError(
+            f"{path.name} is a link to {printable(str(target))}, which is no recording; what stands there is not "
+            "quoted. To see why, give that file itself."
+        ) from None
     if table is None or not table.values.size:
         raise DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
     if len(table.names) > MOST_COLUMNS:
@@ -174,6 +181,12 @@ def _size(path: Path) -> int:
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path} is no plain file but a pipe or a device; save the recording to a file.")
     return status.st_size
+
+
+def _elsewhere(path: Path) -> Path | None:
+    """Where a link leads to, out of its folder: a stranger's may lead to any file, whose lines are not to be told."""
+    target = path.resolve()
+    return target if path.is_symlink() and not target.is_relative_to(path.parent.resolve()) else None
 
 
 def _bare(name: str) -> str:

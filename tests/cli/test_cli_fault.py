@@ -1,0 +1,60 @@
+"""The last resort: what nobody has foreseen ends in one line that says what to send, never in a traceback."""
+
+import errno
+
+import pytest
+
+from program import run
+
+CODE = 4
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """Have `fracid check` meet an error."""
+
+    def with_error(error):
+        def fail(*_, **__):
+            raise error
+
+        monkeypatch.setattr("fracid.recording.inspect_recording", fail)
+
+    return with_error
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ZeroDivisionError("division by zero"),
+        KeyError("alpha"),
+        RecursionError("too deep"),
+        AssertionError(),
+        OSError(errno.EIO, "Input/output error"),
+        ValueError("x" * 5000 + "\x1b[31m\nsecond line"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_a_fault_of_fracid_itself_is_one_line_that_says_what_to_send(error, broken, capsys):
+    broken(error)
+    code, out, err = run(capsys, "check", "swing.csv")
+    assert code == CODE
+    assert out == ""
+    assert err.startswith(f"error: fracid itself is at fault, not you: {type(error).__name__}")
+    assert err.count("\n") == 1
+    assert err.strip().isprintable()
+    assert len(err) < 1000
+    assert "check.py:" in err, "the line of our code in which it happened"
+    assert "Please send the maintainers this line" in err
+
+
+def test_the_environment_asks_for_the_traceback(broken, capsys, monkeypatch):
+    broken(ZeroDivisionError("division by zero"))
+    monkeypatch.setenv("FRACID_TRACEBACK", "1")
+    with pytest.raises(ZeroDivisionError):
+        run(capsys, "check", "swing.csv")
+
+
+def test_too_little_memory_is_no_fault_of_fracid(broken, capsys):
+    broken(MemoryError("Unable to allocate 256 TiB"))
+    code, _, err = run(capsys, "check", "swing.csv")
+    assert (code, err) == (1, "error: there is not enough memory. Unable to allocate 256 TiB\n")

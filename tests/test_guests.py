@@ -1,0 +1,121 @@
+"""Arrays of other packages, masks and other processes: what stands around fracid in a caller's program."""
+
+import pickle
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.costs import COSTS
+from fracid.regression import regressor
+from fracid.solver.memory import memory_from_name
+from fracid.solver.operators import mittag_leffler
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+H = 0.01
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A release of a second and a half with mu free."""
+    run = fracid.simulate(RIG, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.3}, step=H, end=1.5)
+    swing = Experiment("swing", H, run.states[:, [0, 2]], np.zeros((1, 1)))
+    return Problem(RIG, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.9, 1.1)}, initial_state="held")
+
+
+# --- other processes and threads ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cost", COSTS)
+@pytest.mark.parametrize("memory", ["full", "compressed", "short(50)"])
+def test_a_problem_that_was_pickled_costs_the_same_to_the_bit(problem, cost, memory):
+    sent = Problem(RIG, problem.experiments, problem.orders, cost_function=COSTS[cost], initial_state="held",
+                   memory=memory_from_name(memory))  # fmt: skip
+    back = pickle.loads(pickle.dumps(sent))
+    x = np.array([0.97])
+    assert back.cost(x) == sent.cost(x)
+    np.testing.assert_array_equal(back.residuals(x), sent.residuals(x))
+
+
+def test_a_fit_that_was_pickled_is_the_same(problem):
+    fit = fracid.identify(problem, optimiser="least-squares")
+    assert pickle.loads(pickle.dumps(fit)).to_json() == fit.to_json()
+
+
+def test_a_project_that_was_pickled_is_the_same(tmp_path):
+    t = np.arange(100) * H
+    np.savez(tmp_path / "swing.npz", time=t, alpha=0.3 * np.cos(6 * t))
+    (tmp_path / "rig.toml").write_text('[[recording]]\nfile = "swing.npz"\nalpha = { column = "alpha" }')
+    project = fracid.load_project(tmp_path / "rig.toml")
+    back = pickle.loads(pickle.dumps(project))
+    assert (back.text, back.problem.names) == (project.text, project.problem.names)
+    assert back.problem.cost(back.problem.start) == project.problem.cost(project.problem.start)
+
+
+def _fitted(problem):
+    return fracid.identify(problem, optimiser="least-squares").x.tolist()
+
+
+@pytest.mark.broad
+def test_fits_in_other_processes_and_many_in_threads_are_those_of_this_one(problem):
+    alone = _fitted(problem)
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        assert pool.submit(_fitted, problem).result() == alone
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(_fitted, [problem] * 24)) == [alone] * 24
+
+
+# --- masks ----------------------------------------------------------------------------------------------
+
+
+MASKED = np.ma.masked_greater([0.0, 0.1, 1e9, 0.3, 0.4, 0.5], 10.0)
+
+CALLS = {
+    "derivative": lambda: fracid.derivative(MASKED, 0.5, H),
+    "mittag_leffler": lambda: mittag_leffler(0.5, MASKED),
+    "solve_fde": lambda: fracid.solve_fde(lambda t, x, u, p, out: None, orders=0.5, initial=MASKED, step=H, end=1.0),
+    "simulate": lambda: fracid.simulate(
+        RIG, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.1}, step=H, end=5 * H, inputs=MASKED
+    ),
+    "regressor": lambda: regressor(RIG, MASKED, MASKED, H, {"lambda": 1.0, "mu": 1.0}),
+    "Experiment": lambda: Experiment("swing", H, MASKED[:, None], np.zeros((1, 1))),
+    "its inputs": lambda: Experiment("swing", H, np.zeros((6, 1)), MASKED[:, None]),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_what_is_behind_a_mask_is_never_taken_for_a_number(call):
+    with pytest.raises(InputError, match="1 of 6 values are masked, and what is behind a mask is no number"):
+        CALLS[call]()
+
+
+def test_masked_samples_of_a_recording_are_missing():
+    recording = fracid.Recording.of("swing", H * np.arange(6), {"alpha": MASKED})
+    assert "alpha misses 1 sample at 0.02 s" in recording.report.faults[0]
+
+
+# --- pandas ---------------------------------------------------------------------------------------------
+
+
+def test_tables_of_pandas_are_arrays_like_any(problem):
+    pandas = pytest.importorskip("pandas")
+    e = problem.experiments[0]
+    table = pandas.DataFrame(
+        e.measured, columns=["theta", "alpha"], index=pandas.date_range("2024", periods=len(e.time))
+    )
+    same = Experiment("swing", H, table, np.zeros((1, 1)))
+    np.testing.assert_array_equal(same.measured, e.measured)
+    recording = fracid.Recording.of("swing", pandas.Series(e.time), {"alpha": table["alpha"]})
+    np.testing.assert_array_equal(recording.signals["alpha"], e.measured[:, 1])
+    np.testing.assert_array_equal(
+        fracid.derivative(table["alpha"], 0.5, H), fracid.derivative(e.measured[:, 1], 0.5, H)
+    )
+
+
+def test_a_table_with_words_in_it_is_refused():
+    with pytest.raises(InputError, match="swing: measured is no array of real numbers"):
+        Experiment("swing", H, np.array([["a"], ["b"]]), np.zeros((1, 1)))
