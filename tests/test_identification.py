@@ -13,7 +13,7 @@ from fracid.errors import InputError
 from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.identification import identify
-from fracid.optimise import EvaluationLog
+from fracid.optimise import EvaluationLog, Outcome, Result
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from twins import release
@@ -47,6 +47,19 @@ def test_orders_are_found_from_far_starts(start):
     assert fit.orders["mu"].value == pytest.approx(0.95, abs=1e-6)
     assert fit.cost < 1e-7
     assert fit.outcome.startswith("converged")
+
+
+def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from_there(monkeypatch):
+    swing = twin(orders={"lambda": 1.0, "mu": 1.0}, noise=1e-3)
+
+    def stuck(problem, *_, **__):
+        return Result(problem.evaluate(np.array([0.8, 0.9])), Outcome.CONVERGED, 1), ()
+
+    monkeypatch.setattr(identification, "search", stuck)
+    fit = identify(problem(swing))
+    assert fit.cost == pytest.approx(1e-3, rel=0.1)
+    assert fit.cost < 0.1 * problem(swing).cost(np.array([0.8, 0.9]))
+    assert (fit.claim, fit.alternative) == ("integer", None)  # all is said of where it ended
 
 
 def test_orders_and_constants_are_found_together():

@@ -30,7 +30,9 @@ def test_orders_that_nothing_of_integer_order_does_without_are_called_fractional
 
 
 def test_an_alternative_that_does_as_well_makes_the_claim_integer_whatever_is_left_over():
-    assert claim_of(CLEAR, nearest(as_well=True), MISFIT).claim == "integer"
+    claim = claim_of(CLEAR, nearest(as_well=True), MISFIT)
+    assert claim.claim == "integer"
+    assert claim.reasons[-1].startswith("Not excluded: a fractional element")
     assert claim_of(CLEAR, nearest(as_well=True), NOISE).reasons == ("A delay does as well.",)
 
 

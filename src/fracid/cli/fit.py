@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 
 __all__ = ["fit", "say_undrawn", "show_fit", "tell_fit"]
 
+SHOWN = 3
+"""So many notes are printed, what costs most first."""
+
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
@@ -161,8 +164,11 @@ def show_fit(run: FinishedRun, console: Console) -> None:
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
         console.print(f"  starts: {escape(_starts(fit))}", soft_wrap=True)
-    for note in (*run.project.notes, *fit.warnings):
+    notes = [*fit.warnings, *run.project.notes]
+    for note in notes[:SHOWN]:
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    if len(notes) > SHOWN:
+        console.print(f"[yellow]![/yellow] {len(notes) - SHOWN} more: on the page, and in result.json", soft_wrap=True)
     if fit.discretisation is not None:
         console.print(f"  discretisation: {escape(_discretisation(fit))}", soft_wrap=True)
     if fit.cut is not None and not fit.cut.warnings:

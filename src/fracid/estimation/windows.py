@@ -15,8 +15,9 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.unknowns import Free
 from fracid.tasks.simulation_cache import Recent
 
-__all__ = ["in_windows", "shared_values"]
+__all__ = ["in_parts", "in_windows", "shared_values"]
 
 SWINGS = 3
 """Of a window."""
@@ -58,6 +59,32 @@ def in_windows(problem: Problem) -> Problem:
     return replace(problem, experiments=windows, orders=orders, initial_state="estimate", memo=Recent())
 
 
+def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
+    """The same problem on parts of its recordings, one after the other, each with its own values of some parameters.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = Experiment("twin", 4e-3, np.cos(np.arange(900) / 9)[:, None] * [1, 1], np.zeros((1, 1)))
+    >>> orders = {"lambda": 1.0, "mu": 1.0}
+    >>> problem = Problem(fracid.rotary_pendulum(), (swing,), orders, {"b_alpha": Free(1e-4, 0.0, 1.0)})
+    >>> [u.name for u in in_parts(problem, 2, ["b_alpha"]).unknowns if u.target == "b_alpha"]
+    ['b_alpha [twin, part 1]', 'b_alpha [twin, part 2]']
+    """
+    pieces = []
+    for e in problem.experiments:
+        ends = np.linspace(0, len(e.measured), parts + 1).astype(int).tolist()
+        pieces += [_piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
+    names = tuple(dict.fromkeys((*problem.per_recording, *own)))
+    return replace(
+        problem,
+        experiments=tuple(p for p in pieces if p.samples),
+        per_recording=names,
+        initial_state="estimate",
+        memo=Recent(),
+    )
+
+
 def _windows(e: Experiment, most: int) -> list[Experiment]:
     """Windows of a recording, evenly spread; the recording itself where it is no longer than one, or none counts.
 
@@ -67,15 +94,17 @@ def _windows(e: Experiment, most: int) -> list[Experiment]:
     length = min(samples, max(length, math.ceil(2 * late / e.step) + 2 if late > 0 else 0))
     count = min(most, samples // length)
     firsts = np.linspace(0, samples - length, count).astype(int) if count > 1 else [0]
-    bare = replace(e, past=None, past_inputs=None, release_time=0.0, initial={})
-    windows = [
-        replace(
-            bare, name=f"{e.name}, window {k + 1}", measured=e.measured[a : a + length],
-            inputs=e.inputs if len(e.inputs) == 1 else e.inputs[a : a + length], start=e.start + a * e.step,
-        )
-        for k, a in enumerate(map(int, firsts))
-    ]  # fmt: skip
-    return [w for w in windows if w.samples >= LEAST * length] or [bare]
+    windows = [_piece(e, f"{e.name}, window {k + 1}", a, a + length) for k, a in enumerate(map(int, firsts))]
+    return [w for w in windows if w.samples >= LEAST * length] or [_piece(e, e.name, 0, samples)]
+
+
+def _piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
+    """Some samples of a recording, which begin in motion."""
+    return replace(
+        e, name=name, past=None, past_inputs=None, release_time=0.0, initial={},
+        measured=e.measured[first:end], inputs=e.inputs if len(e.inputs) == 1 else e.inputs[first:end],
+        start=e.start + first * e.step,
+    )  # fmt: skip
 
 
 def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:

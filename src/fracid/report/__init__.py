@@ -3,7 +3,7 @@
 ::
 
     material   the run, its recordings beside their simulations, the files of its folder
-    words      numbers as text; the verdict in five lines
+    words      numbers as text; the verdict in six lines
     equations  the model as MathML
     traces     samples, thinned and packed
     rig        how large the moving pendulum is drawn

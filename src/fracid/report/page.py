@@ -252,7 +252,7 @@ def _context(material: Material) -> dict[str, Any]:
         "title": f"{project.problem.model.name}: {_names(list(result['recordings']))}",
         "open_at_most": OPEN,
         "lines": lines,
-        "warnings": [*project.notes, *material.notes, *material.left_out, *result["warnings"]],
+        "warnings": [*material.notes, *material.left_out, *result["warnings"], *project.notes],
         "result": result,
         "outputs": project.problem.outputs,
         "recordings": [_recording(material, name) for name in result["recordings"]],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fracid.report.sentences import digits, half_width, joined, letter, number
-from fracid.validation.residual_sentences import AT_THE_FLOOR
+from fracid.signals.left_over import ROUNDING
 
 if TYPE_CHECKING:
     from fracid.report.material import Material
@@ -28,7 +28,7 @@ class Line:
     """Whether there is nothing to look at."""
 
 
-# --- the five lines ------------------------------------------------------------------------------
+# --- the six lines -------------------------------------------------------------------------------
 
 
 def verdict(material: Material) -> tuple[Line, ...]:
@@ -62,9 +62,11 @@ def _fit(material: Material) -> Line:
         return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
     poor = not percents or min(percents) < POOR
+    misfit = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "misfit"]
     doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
+    doubt += f" That is no noise in {joined(misfit)}: the model lacks something." if misfit else ""
     sentence = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
-    return Line("Fit", sentence, not poor)
+    return Line("Fit", sentence, not poor and not misfit)
 
 
 def _fits(percents: list[float]) -> str:
@@ -158,9 +160,10 @@ def _prediction(material: Material) -> Line:
     percents = [v for r in validation.values() for v in r["fit_percent"].values() if v is not None]
     sentence = f"It predicts {what}, which {was} not fitted, to {_errors(material, validation)} rms{_fits(percents)}"
     poor = not percents or min(percents) < POOR
-    return Line(
-        "Prediction", f"{sentence}{'; for one signal that is hardly better than a constant' if poor else ''}.", not poor
-    )
+    missed = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "missed"]
+    doubt = "; for one signal that is hardly better than a constant" if poor else ""
+    doubt += f"; it misses {joined(missed)}" if missed else ""
+    return Line("Prediction", f"{sentence}{doubt}.", not poor and not missed)
 
 
 def _values(material: Material) -> Line:
@@ -209,8 +212,8 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
     worst = max(tested, key=lambda a: a.whiteness.correlation_time)
     if all(a.whiteness.white for a in tested):
         yield "What is left over is white noise.", True
-    elif all(a.level.rms < AT_THE_FLOOR * a.level.floor for a in tested):
-        yield "What is left over is the encoder's rounding.", True
+    elif all(a.whiteness.white or a.level.rms < ROUNDING * a.level.floor for a in tested):
+        yield "What is left over is noise and the encoder's rounding.", True
     else:
         time = number(worst.whiteness.correlation_time, ".2g")
         what = f"What is left over of {letter(worst.output)}"

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,10 @@ FLOOR = 0.02
 
 KNOWN = 0.1
 """An order whose interval is wider than this to each side is not known."""
+
+
+NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid compare --rung all looks for it."
+"""Said of integer orders beside a misfit."""
 
 
 @dataclass(frozen=True)
@@ -149,14 +153,16 @@ def claim_of(
     if not orders:
         return Claim("undecided", ("No order was free: they were given, not found.",))
     off = [order for order in orders if order.off]
+    unexplained = [_unexplained(where, e) for where, e in left_over.items() if not e.explained]
+    open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []))
     if alternative is not None and any(t.as_well for t in alternative.trials):
-        return Claim("integer", (alternative.warning,))
+        return Claim("integer", (alternative.warning, *open_question))
     if not off:
-        return _not_off(orders)
+        claim = _not_off(orders)
+        return replace(claim, reasons=(*claim.reasons, *open_question))
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
         return Claim("undecided", (_too_little(off),))
-    unexplained = [_unexplained(where, e) for where, e in left_over.items() if not e.explained]
     refuted = [*unexplained, *contradictions]
     orders_off = " and ".join(map(str, clear))
     if refuted:

@@ -50,13 +50,14 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
-from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows
+from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
 from fracid.files import from_json, json_number
+from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
@@ -468,7 +469,14 @@ def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], job
         x = structure.embed(values)
         ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
                      f"from the optimum of {origin}"))  # fmt: skip
-    names = late_rungs(problem).get(structure.top, ())
+    late = late_rungs(problem)
+    names = late.get(structure.top, ())
+    if not names:  # a drag or a cable came in last: it may matter more than all that came before
+        simple = without(problem, [n for rung in late.values() for n in rung])
+        lowest = growing(simple, simple.start, jobs, watch).best
+        x = structure.embed(dict(zip(simple.names, lowest.point.tolist(), strict=True)))
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
+                     "from the simpler structure"))  # fmt: skip
     if names and not structure.fractional:
         (origin, values), *_ = below.items()
         start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
@@ -608,6 +616,10 @@ def _try_alternatives(
 def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison:
     """The comparison with its claim, what that needs being looked for only where all else speaks for orders."""
     fractional = comparison.best(fractional=True)
+    if found := _springpots(comparison.best(fractional=False), base):
+        why = f"The best structure with orders 1 has a springpot, {' and '.join(found)}, which is fractional itself."
+        how = "What would decide it: fracid fit with that structure, which tells its interval."
+        return replace(comparison, claim="undecided", claim_reasons=(why, how))
     if predicted := _as_good_as_integer(comparison):
         return replace(comparison, claim="integer", claim_reasons=(predicted,))
     orders = [OrderFound(n, value, math.inf if ends is None else (ends[1] - ends[0]) / 2, integers_of(base, n))
@@ -630,6 +642,13 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
             f"{verdict} That is no evidence of fractional dynamics, for held-out recordings lack the same physics."
         )
     return replace(comparison, verdict=verdict, claim=first.claim, claim_reasons=first.reasons)
+
+
+def _springpots(row: Row, problem: Problem) -> list[str]:
+    """The orders of the springpots that a structure has come to."""
+    kinds = problem.model.friction
+    return [f"{n} = {v:.3g}" for n, v in row.values.items() if n in kinds and kinds[n].rung == SPRINGPOT.rung
+            and kinds[n].off > 0.0 and row.values.get(n.replace("_order", ""), 0.0) > 0.0]  # fmt: skip
 
 
 def _as_good_as_integer(comparison: Comparison) -> str:

@@ -13,7 +13,7 @@ a delay               ``delay`` of one channel free                 with two cha
 a low-pass            ``lowpass`` of one channel free               always
 a scale               ``gain`` of one channel free                  with two channels, or an input that varies
 what inputs do        held, or lines, between samples               where an input varies
-changing friction     ``friction_rate`` free                        where the model has it
+changing friction     each third of a record has its own            where the record has no past
 play                  ``play_…`` free                               where the model has it, and its joint moves
 presliding            ``presliding_…`` free                         the same
 Stribeck's friction   LuGre's model: ``stiction_…`` … free too      the same
@@ -36,6 +36,7 @@ import numpy as np
 
 from fracid.estimation.climbing import embedded, entries
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.windows import in_parts, shared_values
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
@@ -61,6 +62,9 @@ SLOW = 0.03
 
 SCALE = 0.05
 """A channel is looked for this part too large or too small."""
+
+PARTS = 3
+"""Of a recording, each with its own friction where that changes with time."""
 
 STILL = 1e-2
 """A joint that moves by less than this part of what moves most stands still."""
@@ -141,6 +145,15 @@ def _inputs(problem: Problem) -> Iterator[Element]:
             yield Element(words, replace(problem, experiments=experiments, memo=None), ())
 
 
+def _changing(problem: Problem) -> Iterator[Element]:
+    """Friction of its own in each part of the record; where orders are integer a part needs no past."""
+    kinds = problem.model.friction
+    names = [n for n, v in problem.parameters.items() if n in kinds and kinds[n].damps_like_an_order
+             and isinstance(v, Free) and n not in problem.per_recording]  # fmt: skip
+    if names and all(e.past is None for e in problem.experiments):
+        yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True)
+
+
 def _moving(problem: Problem) -> list[str]:
     size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
     return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
@@ -157,7 +170,7 @@ ELEMENTS: tuple[Change, ...] = (
     partial(_rung, name="drag", rungs=("drag",)),
     partial(_rung, name="a cable", rungs=("cable",)),
     _inputs,
-    partial(_rung, name="friction that changes with time", rungs=("fading",)),
+    _changing,
     partial(_rung, name="play", rungs=("play",), slow=True),
     partial(_rung, name="presliding", rungs=("presliding",), slow=True),
     partial(_rung, name="Stribeck's friction", rungs=("presliding", "LuGre"), slow=True),
@@ -248,7 +261,8 @@ def _fitted(element: Element, here: Rival, goal: float, jobs: int) -> Rival | No
     """
     problem = element.problem
     kinds = [n for n in element.names if n in problem.model.friction] if element.slow else []
-    starts = [embedded(problem, {**here.values, **entry}) for entry in entries(problem, kinds)]
+    values = {**shared_values(here.problem, here.evaluation.point), **here.values}
+    starts = [embedded(problem, values | entry) for entry in entries(problem, kinds)]
     if not problem.names:
         end = problem.evaluate(problem.start)
     else:
@@ -263,8 +277,7 @@ def _fitted(element: Element, here: Rival, goal: float, jobs: int) -> Rival | No
 
 def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -> Evaluation | None:
     """The fractional fit where the element is scored: a delay leaves out the first samples."""
-    pairs = zip(problem.experiments, element.problem.experiments, strict=True)
-    if all(a.samples == b.samples for a, b in pairs):
+    if sum(e.samples for e in problem.experiments) == sum(e.samples for e in element.problem.experiments):
         return best
     same = replace(problem, experiments=element.problem.experiments, memo=None)
     off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
