@@ -175,7 +175,7 @@ INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
 RESTARTS = 3
 """From a model that costs less."""
 
-NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 8}
+NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 5}
 """Least squares of the nested model from the fit."""
 
 LOWER = 1e-3
@@ -252,9 +252,13 @@ def _examine(
         clock.lap("polish")
         _claim(analysis, jobs)
         clock.lap("alternative")
-        if analysis.restarts < RESTARTS and (lower := _from_nested(analysis, jobs)) is not None:
-            analysis.restart(lower)
-            return _examine(analysis, validation, whole, jobs, clock)
+        if (lower := _from_nested(analysis, jobs)) is not None:
+            if analysis.restarts < RESTARTS:
+                analysis.restart(lower)
+                return _examine(analysis, validation, whole, jobs, clock)
+            # converged is only what nothing nested in it beats
+            analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
+        clock.lap("nested")
         if whole is not None:
             analysis.cut = cut_check(problem, x, analysis.known, whole=whole, jobs=jobs)
             analysis.warnings += (

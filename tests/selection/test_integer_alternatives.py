@@ -7,6 +7,7 @@ import pytest
 
 import fracid
 from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.windows import in_parts
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.sensors import Sensor
 from fracid.selection.integer_alternatives import integer_alternatives
@@ -56,8 +57,8 @@ def test_orders_that_are_there_are_done_without_by_nothing_and_what_was_not_trie
     tried = {t.name: t for t in nearest.trials if t.tried}
     assert {"the same model", "a delay of alpha", "a low-pass of theta", "a scale of alpha", "drag"} <= set(tried)
     assert not any(t.as_well or t.gain < 10 for t in tried.values())
-    assert {t.name for t in nearest.trials} - set(tried) == {"play", "presliding", "Stribeck's friction",
-                                                             "an elastic arm"}  # fmt: skip
+    slow = {"friction that changes with time", "play", "presliding", "Stribeck's friction", "an elastic arm"}
+    assert {t.name for t in nearest.trials} - set(tried) == slow
     assert nearest.warning == ""
     assert nearest.gain == min(t.gain for t in tried.values())
 
@@ -95,3 +96,21 @@ def test_what_inputs_do_between_samples_is_tried_where_they_vary():
     trials = integer_alternatives(problem, best, SURE, slow=False).trials
     assert trials[-1].as_well
     assert any(t.name == "inputs held between samples" for t in trials) or trials[-1].name.startswith("a delay")
+
+
+@pytest.mark.few(1)
+def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_noise():
+    start, pieces = {"alpha": 0.5}, []
+    for times in (0.5, 1.0, 3.0):
+        friction = FRICTION | {"b_alpha": times * FRICTION["b_alpha"], "coulomb_alpha": times * 4e-4}
+        run = fracid.simulate(RIG.with_parameters(**friction), orders={"lambda": 1.0, "mu": 1.0}, initial=start,
+                              step=4e-3, end=1.6)  # fmt: skip
+        pieces.append(run.states[:-1])
+        start = dict(zip(RIG.states, run.states[-1].tolist(), strict=True))
+    y = np.vstack(pieces)[:, [0, 2]]
+    y = y + 8e-4 * np.random.default_rng(1).standard_normal(y.shape)
+    ones = {"lambda": 1.0, "mu": 1.0}
+    problem, best = fitted(Experiment("tiring", 4e-3, y, np.zeros((1, 1)), initial={"alpha": 0.5}), orders=ones)
+    parts = in_parts(problem, 3, list(FRICTION))
+    assert best.cost > 3e-3
+    assert refined(parts, parts.start, 1, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)

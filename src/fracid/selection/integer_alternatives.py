@@ -93,7 +93,9 @@ class Element:
     names: tuple[str, ...]
     """What it frees."""
     slow: bool = False
-    """Whether it adds states to the model."""
+    """Whether it adds states to the model, or unknowns by the dozen."""
+    whole: Problem | None = None
+    """The problem that was cut into parts; None where none was."""
 
 
 Change = Callable[[Problem], Iterator[Element]]
@@ -151,7 +153,8 @@ def _changing(problem: Problem) -> Iterator[Element]:
     names = [n for n, v in problem.parameters.items() if n in kinds and kinds[n].damps_like_an_order
              and isinstance(v, Free) and n not in problem.per_recording]  # fmt: skip
     if names and all(e.past is None for e in problem.experiments):
-        yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True)
+        yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True,
+                      whole=problem)  # fmt: skip
 
 
 def _moving(problem: Problem) -> list[str]:
@@ -238,7 +241,7 @@ def integer_alternatives(
             samples, gain_there = gain_over(there, problem, beside)
             as_well = _as_well(gain_there, there.evaluation.cost, beside.cost)
             trials.append(Trial(element.name, there.evaluation.cost, gain_there, as_well))
-            if as_well or gain_there < gain - STRONG:
+            if as_well or (element.whole is None and gain_there < gain - STRONG):
                 here, n, gain = there, samples, gain_there
             if as_well:
                 break
@@ -277,9 +280,10 @@ def _fitted(element: Element, here: Rival, goal: float, jobs: int) -> Rival | No
 
 def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -> Evaluation | None:
     """The fractional fit where the element is scored: a delay leaves out the first samples."""
-    if sum(e.samples for e in problem.experiments) == sum(e.samples for e in element.problem.experiments):
+    experiments = (element.whole or element.problem).experiments
+    if all(a.samples == b.samples for a, b in zip(problem.experiments, experiments, strict=True)):
         return best
-    same = replace(problem, experiments=element.problem.experiments, memo=None)
+    same = replace(problem, experiments=experiments, memo=None)
     off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
     evaluation = same.evaluate(embedded(same, off | dict(zip(problem.names, best.point.tolist(), strict=True))))
     return replace(evaluation, point=best.point) if evaluation.residuals is not None else None
