@@ -24,8 +24,8 @@ def script():
 
 
 LEFT_OUT = {"stopped-short", "low-order", "misfit", "missed"}
-"""No faults of a twin: of a search, of an explicit scheme, of physics that a model lacks (benchmarks/claims.py has those)
-and of a recording that is not fitted."""
+"""No faults of a twin: of a search, of an explicit scheme, of physics that a model lacks (benchmarks/claims.py has
+those) and of a recording that is not fitted."""
 
 
 def test_every_fault_of_the_page_is_made(script):
