@@ -35,13 +35,13 @@ from fracid.errors import Failure
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.findings import Finding
-from fracid.identification import POOR
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Free, Problem
 from fracid.solver.memory import compressed
 from fracid.validation.after_search import after
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import coarse_step, discretisation_check
+from fracid.validation.misfits import POOR
 
 PAGE = Path(__file__).parent.parent / "docs" / "honesty.md"
 

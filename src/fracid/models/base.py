@@ -120,8 +120,9 @@ class Parameter:
         if not is_number(self.value) or not math.isfinite(self.value):
             raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
         if not self.lower <= self.value <= self.upper:
+            unit = "" if self.unit == "-" else f" {self.unit}"
             raise InputError(
-                f"parameter {self.name} = {self.value!r} {self.unit} is outside its physical bounds"
+                f"parameter {self.name} = {self.value!r}{unit} is outside its physical bounds"
                 f" [{self.lower:g}, {self.upper:g}]: give a value inside them"
             )
 

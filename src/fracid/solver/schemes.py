@@ -81,6 +81,9 @@ and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
 PATIENCE = 4
 """Times 12 iterations that ``bdf2`` takes at most."""
 
+UNSETTLED = 0.05
+"""And where a relaxing state would move by more than this part of its size."""
+
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
 
@@ -266,12 +269,21 @@ def _relax(relaxing, x, f, start, h, history):
 
 
 @inline
+def _unsettled(relaxing, x, history, start):
+    """Tell whether a relaxing state would still move by much of its own size, which its torque goes with."""
+    for k in range(len(relaxing)):
+        i = relaxing[k]
+        if abs(history[i] - x[i]) > UNSETTLED * max(abs(history[i]), abs(x[i]), abs(start[k, 0])):
+            return True
+    return False
+
+
+@inline
 def _keep_relaxing(relaxing, x, f, start):
     """Keep z0, c0 and a0 for the next step."""
     for k in range(len(relaxing)):
         i = relaxing[k]
         a = f[len(x) + i]
-        start[k, 4] = start[k, 0]
         start[k, 0], start[k, 1], start[k, 2] = x[i], f[i] + a * x[i], a
 
 
@@ -391,11 +403,8 @@ def step_pi2(rhs, run, third, out):
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
-    relax_start = np.zeros((len(relaxing), 5))  # z0, c0, a0, room for Newton, and the z before
+    relax_start = np.zeros((len(relaxing), 4))  # z0, c0, a0, and room for Newton
     _keep_relaxing(relaxing, x, f, relax_start)
-    _keep_relaxing(relaxing, x, f, relax_start)
-    if len(relaxing) and corrections > 0:
-        corrections += 1  # costs less than Newton's method, which one sweep alone would often need
     for r in relaxing:
         newest[r] = 0.0
     k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
@@ -419,8 +428,13 @@ def step_pi2(rhs, run, third, out):
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
             x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
-        for r in range(len(relaxing) if n >= first_free else 0):
-            x[relaxing[r]] = 2 * relax_start[r, 0] - relax_start[r, 4]
+        if n >= first_free and len(relaxing):  # they follow the speed, or f would not be that of any motion
+            for r in range(len(relaxing)):
+                x[relaxing[r]] = relax_start[r, 0]
+            rhs(t, x, now, p, f)
+            _relax(relaxing, x, f, relax_start, h, history_part)
+            for r in relaxing:
+                x[r] = history_part[r]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
             rhs(t, x, now, p, f)
@@ -435,7 +449,11 @@ def step_pi2(rhs, run, third, out):
             break
         rhs(t, x, now, p, f)
         _relax(relaxing, x, f, relax_start, h, history_part)
-        newton = n >= first_free and (corrections == 0 or _slow(x, last_x, f, history_part, newest, scale))
+        newton = n >= first_free and (
+            corrections == 0
+            or _slow(x, last_x, f, history_part, newest, scale)
+            or _unsettled(relaxing, x, history_part, relax_start)
+        )
         joins = n == m > together
         if newton or joins:
             factors_valid = _rare(
@@ -498,7 +516,7 @@ def step_bdf2(rhs, run, out):
     x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
     history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
     W, trial = np.zeros((states, 2 * states)), np.zeros(states)
-    none, nothing = relaxing[:0], np.zeros((0, 5))  # what relaxes dies in this scheme by itself
+    none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
     mode = flush_denormals()
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
