@@ -176,10 +176,14 @@ def claim_of(
 
 def _not_off(orders: Sequence[OrderFound]) -> Claim:
     determined = [order for order in orders if order.half <= KNOWN and order.integers]
-    others = [order for order in orders if order not in determined]
+    without = [order for order in orders if not order.integers]
+    others = [order for order in orders if order not in (*determined, *without)]
     unknown = [f"The recordings do not tell {GREEK.get(order.name, order.name)}." for order in others]
+    unknown += [f"The model gives {order} no integer value (integer_orders), so nothing of integer order is held "
+                "against it." for order in without]  # fmt: skip
     if not determined:
-        return Claim("undecided", (*unknown, "What would decide it: longer recordings, or larger swings."))
+        longer = ["What would decide it: longer recordings, or larger swings."] * bool(others)
+        return Claim("undecided", (*unknown, *longer))
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
     beside = [order for order in determined if order not in inside]
     next_to = [f"{order} is {order.nearest:g} to {OFF:g}." for order in beside]
