@@ -91,6 +91,7 @@ def test_the_start_of_a_swing_and_what_each_recording_has_for_itself_are_found()
         assert fit.recordings[name].initial["theta"].free
 
 
+@pytest.mark.broad
 @pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(COSTS))
 def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
@@ -351,6 +352,7 @@ def test_confounded_constants_are_named_in_the_result():
     assert fit.orders["mu"].identifiable == "identifiable"
 
 
+@pytest.mark.broad
 def test_recordings_that_do_not_agree_are_told():
     swings = twin("calm", noise=1e-3, seed=1), twin("rough", noise=1e-3, seed=2, parameters={"b_alpha": 4e-3})
     fit = identify(problem(*swings, orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
@@ -404,6 +406,7 @@ def test_the_result_holds_what_other_programs_rely_on():
     assert content["cost"] == {"name": "rmse", "value": fit.cost, "outputs": ["theta", "alpha"]}
 
 
+@pytest.mark.broad
 def test_a_recording_gives_its_residual_and_its_percent_of_fit():
     fit = identify(problem(twin(noise=1e-3)))
     swing = fit.recordings["swing"]

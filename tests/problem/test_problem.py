@@ -457,6 +457,7 @@ def test_an_outputs_unit_does_not_matter_where_it_counts_by_its_noise():
     assert abs(equal.cost(y) / equal.cost(x) - equal_mm.cost(y) / equal_mm.cost(x)) > 0.01
 
 
+@pytest.mark.broad
 def test_levels_that_are_estimated_do_as_well_as_levels_that_are_known():
     """At the minimum the weighted normal equations hold with the residual's own levels."""
     p = problem(noisy(twin(), (1e-3, 2e-2)), weights="noise")
@@ -488,6 +489,7 @@ def one_order(prior=None, **options):
     return problem(noisy(twin(), 1e-2), orders=orders, **options)
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_data_and_prior_meet_where_their_precisions_say(weights):

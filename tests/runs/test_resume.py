@@ -269,6 +269,7 @@ def state(folder, kind):
 # --- studies -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_studys_command_is_typed_again_where_it_was_typed(project, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "study"

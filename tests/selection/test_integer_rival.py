@@ -56,6 +56,7 @@ def test_fractional_data_keep_their_orders(orders):
     assert all(order.identifiable == "identifiable" for order in fit.orders.values())
 
 
+@pytest.mark.broad
 def test_fractional_data_with_dry_friction_in_the_model_are_called_fractional():
     free = {n: Free(0.5 * v, 0.0, 10 * v) for n, v in DRY.items()}
     fit = identify(nominal(swing((0.9, 0.95), DRY), parameters=free))

@@ -34,6 +34,7 @@ def test_a_shipped_twin_is_what_the_script_makes(made, name):
     assert shipped[0].startswith("# SIMULATED, not measured")
 
 
+@pytest.mark.broad
 def test_the_default_finds_both_orders_of_the_reference_twin_within_its_interval():
     fit = fracid.identify(fracid.load_project(TWINS / "reference-twin.toml"))
     assert all(inside(fit, name) for name in TRUE)
