@@ -122,6 +122,7 @@ def test_a_users_cost_is_minimised_without_residuals():
 # --- threads, seeds, logs -----------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("optimiser", ["multistart", "genetic"])
 def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
@@ -155,6 +156,7 @@ def test_every_evaluation_of_the_search_is_logged_and_called_back(tmp_path):
 # --- validation ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_validation_recording_gets_its_own_start_and_nothing_else():
     fitted, other = twin(noise=1e-3), twin("other", alpha=0.25, noise=1e-3, seed=2, orders=(0.8, 0.8, 0.9, 0.9))
     other = replace(other, initial={})
@@ -386,6 +388,7 @@ def test_how_far_the_orders_move_with_the_cut_is_found_where_it_is_asked_for():
 # --- the result -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_result_holds_what_other_programs_rely_on():
     fit = identify(problem(replace(twin(noise=1e-3), start=9.85, sha256="abc")))
     content = json.loads(json.dumps(fit.to_json(), allow_nan=False))

@@ -41,6 +41,7 @@ def folder(tmp_path_factory):
 # --- what it gives ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_run_is_profiled_into_its_own_folder_with_a_table_and_a_figure(capsys, folder):
     code, out, err = run(capsys, "profile", folder / "run")
     assert (code, err) == (0, "")

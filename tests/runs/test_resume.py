@@ -168,6 +168,7 @@ def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, eva
     assert run_state(tmp_path / "run").finished
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tmp_path, monkeypatch):
     rng = np.random.default_rng(5)

@@ -45,6 +45,7 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("orders", [(0.8623, 0.9146), (0.95, 0.97)])
 def test_fractional_data_keep_their_orders(orders):

@@ -168,6 +168,7 @@ def turned(y, column):
     return y * np.where(np.arange(2) == column, -1.0, 1.0)
 
 
+@pytest.mark.broad
 def test_a_good_project_has_no_finding_and_its_fit_none():
     for good in (problem(GOOD), problem(DRIVEN, MOTOR, inputs=VOLTS), problem(GOOD, outputs=("alpha",))):
         assert codes(before(good)) == []

@@ -47,6 +47,7 @@ def files(folder):
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
 
 
+@pytest.mark.broad
 def test_a_run_from_python_is_the_folder_of_the_command(here, capsys):
     finished = fracid.run("rig.toml", out="python", seed=3)
     assert capsys.readouterr() == ("", "")
