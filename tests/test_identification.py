@@ -12,8 +12,9 @@ from fracid import identification
 from fracid.errors import InputError
 from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
+from fracid.estimation.search import search
 from fracid.identification import identify
-from fracid.optimise import EvaluationLog, Outcome, Result
+from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from twins import release
@@ -102,11 +103,14 @@ def test_every_cost_finds_the_orders_of_a_noisy_twin(name):
 
 
 @pytest.mark.broad
-def test_a_growing_horizon_and_several_starts_leave_a_local_minimum_in_which_plain_least_squares_ends():
+def test_a_growing_horizon_and_the_integer_orders_leave_a_local_minimum_in_which_plain_least_squares_ends():
     p = problem(orders={"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)})
-    assert identify(p, optimiser="least-squares").cost > 0.1
+    searched, _ = search(p, optimiser_from_name("least-squares"), np.random.default_rng(1))
+    assert searched.best.cost > 0.1
+    assert identify(p, optimiser="least-squares").x == pytest.approx([0.9, 0.95], abs=1e-6)  # from orders 1, nested
     for starts in (1, 4):
-        assert identify(p, starts=starts).x == pytest.approx([0.9, 0.95], abs=1e-6)
+        searched, _ = search(p, optimiser_from_name("multistart"), np.random.default_rng(1), starts=starts)
+        assert searched.best.point == pytest.approx([0.9, 0.95], abs=1e-6)
 
 
 def test_a_users_cost_is_minimised_without_residuals():

@@ -10,7 +10,7 @@ from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import in_parts
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.sensors import Sensor
-from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_alternatives import ELEMENTS, _inputs, _on_the_same_samples, integer_alternatives
 from fracid.selection.integer_rival import claimable, integer_rival
 from twins import release
 
@@ -96,6 +96,20 @@ def test_what_inputs_do_between_samples_is_tried_where_they_vary():
     trials = integer_alternatives(problem, best, SURE, slow=False).trials
     assert trials[-1].as_well
     assert any(t.name == "inputs held between samples" for t in trials) or trials[-1].name.startswith("a delay")
+
+
+def test_a_rival_that_comes_late_and_holds_its_inputs_leaves_the_orders_their_lines():
+    time = np.arange(0, 3, 0.02)
+    u = np.sin(5 * time)[:, None]
+    run = fracid.simulate(RIG.with_parameters(**FRICTION), orders={"lambda": 0.9, "mu": 1.0}, initial={}, step=0.02,
+                          end=float(time[-1]), inputs=u[:, 0], between="line")  # fmt: skip
+    driven = Experiment("driven", 0.02, run.states[:, [0, 2]], u, between={"voltage": "line"})
+    orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": 1.0}
+    problem = Problem(RIG.with_parameters(**FRICTION), (driven,), orders, initial_state="held")
+    best = problem.evaluate(problem.start)
+    late = next(ELEMENTS[0](problem))
+    for element in (late, *_inputs(late.problem)):
+        assert _on_the_same_samples(problem, best, element).cost == pytest.approx(best.cost, abs=1e-9)
 
 
 @pytest.mark.few(1)

@@ -74,8 +74,8 @@ class OrderFound:
 
     @property
     def least_damping(self) -> float:
-        """The damping ratio that the near end of its interval stands for."""
-        return damping(abs(self.value - self.nearest) - self.half)
+        """The damping ratio that the near end of its interval stands for; 0 where it has no integer value."""
+        return damping(abs(self.value - self.nearest) - self.half) if self.integers else 0.0
 
     def __str__(self) -> str:
         """``μ = 0.957 ± 0.003``."""

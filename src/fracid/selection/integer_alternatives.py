@@ -283,7 +283,10 @@ def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -
     experiments = (element.whole or element.problem).experiments
     if all(a.samples == b.samples for a, b in zip(problem.experiments, experiments, strict=True)):
         return best
-    same = replace(problem, experiments=experiments, memo=None)
+    its_own = tuple(
+        replace(e, sensors=other.sensors) for e, other in zip(problem.experiments, experiments, strict=True)
+    )
+    same = replace(problem, experiments=its_own, memo=None)  # what its inputs do between samples stays
     off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
     evaluation = same.evaluate(embedded(same, off | dict(zip(problem.names, best.point.tolist(), strict=True))))
     return replace(evaluation, point=best.point) if evaluation.residuals is not None else None

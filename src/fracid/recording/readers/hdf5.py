@@ -136,7 +136,7 @@ def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
         )
     if dtype.kind == "c":
         return COMPLEX
-    if dtype.kind == "O" and h5py.check_vlen_dtype(dtype) not in (None, str, bytes):
+    if isinstance(h5py.check_vlen_dtype(dtype), np.dtype):  # not str or bytes; NumPy's float64 also equals None
         return LISTS
     if dtype.kind in "SUO":
         return TEXT
