@@ -21,6 +21,7 @@ from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
 from fracid.problem.simulator import LIMIT
+from fracid.solver.schemes import UNSETTLED
 
 __all__ = ["c_model"]
 
@@ -105,7 +106,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
         "tables": _tables(tables, case, gl, program), "rhs": program,
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
-        "sweeps": 0 if exported.newton else 1, "always": int(third),
+        "sweeps": 0 if exported.newton else 1, "always": int(third), "unsettled": repr(UNSETTLED),
         "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
     source = "model_gl.c.in" if gl else "model_pi.c.in"

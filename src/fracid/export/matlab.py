@@ -22,6 +22,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
 from fracid.problem.simulator import LIMIT
+from fracid.solver.schemes import UNSETTLED
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -97,7 +98,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
         predictor="in a parabola" if third else "in a straight line",
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
-        sweeps="0" if exported.newton else "1", always="true" if third else "false",
+        sweeps="0" if exported.newton else "1", always="true" if third else "false", unsettled=repr(UNSETTLED),
         origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
         rhs=tables.model.written.code["matlab"],
         parameters=_parameters(tables), tables=_tables(tables, rows),
