@@ -20,7 +20,8 @@ Stribeck's friction   LuGre's model: ``stiction_…`` … free too      the same
 an elastic arm        ``arm_stiffness`` … free                      the same
 ====================  ============================================  ====================================================
 
-each from the best of those before it, the cheap ones first.  What lowers Schwarz's criterion stays for those that
+each from the best of those before it, the cheap ones first; where a record has a past, which tells the states of the
+model as it is alone, none that changes a channel or adds states.  What lowers Schwarz's criterion stays for those that
 follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
 the model take many times as long: they are tried where nothing else contradicts the orders.
 """
@@ -96,6 +97,8 @@ class Element:
     """Whether it adds states to the model, or unknowns by the dozen."""
     whole: Problem | None = None
     """The problem that was cut into parts; None where none was."""
+    possible: bool = True
+    """Whether it can be fitted: a past tells nothing of further states, nor of a channel that is late."""
 
 
 Change = Callable[[Problem], Iterator[Element]]
@@ -114,6 +117,9 @@ def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = Fal
     own = {p.name: p.value for p in problem.model.parameters}
     rests = {r: Free(own[r], own[r] - 1.0, own[r] + 1.0) for n in ranges for r in kinds[n].rests
              if r not in problem.parameters}  # fmt: skip
+    if slow and _has_past(problem):
+        yield Element(name, problem, (), possible=False)
+        return
     yield Element(name, replace(problem, parameters={**problem.parameters, **ranges, **rests}), (*ranges, *rests), slow)
 
 
@@ -123,6 +129,9 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
     for output in problem.outputs[together:]:
         tables = [e.sensors.get(output, Sensor()) for e in problem.experiments]
         if any(getattr(s, quantity) != getattr(Sensor(), quantity) for s in tables):
+            continue
+        if _has_past(problem):
+            yield Element(name.format(output), problem, (), possible=False)
             continue
         experiments = tuple(
             replace(e, sensors={**e.sensors, output: replace(s, **{quantity: value})})
@@ -152,7 +161,7 @@ def _changing(problem: Problem) -> Iterator[Element]:
     kinds = problem.model.friction
     names = [n for n, v in problem.parameters.items() if n in kinds and kinds[n].damps_like_an_order
              and isinstance(v, Free) and n not in problem.per_recording]  # fmt: skip
-    if names and all(e.past is None for e in problem.experiments):
+    if names and not _has_past(problem):
         yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True,
                       whole=problem)  # fmt: skip
 
@@ -160,6 +169,10 @@ def _changing(problem: Problem) -> Iterator[Element]:
 def _moving(problem: Problem) -> list[str]:
     size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
     return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
+
+
+def _has_past(problem: Problem) -> bool:
+    return any(e.past is not None for e in problem.experiments)
 
 
 def _driven(problem: Problem) -> bool:
@@ -231,7 +244,7 @@ def integer_alternatives(
     trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
     for change in ELEMENTS:
         for element in () if trials[-1].as_well else change(here.problem):
-            if element.slow and not slow:
+            if not element.possible or (element.slow and not slow):
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
             beside = _on_the_same_samples(problem, best, element)
