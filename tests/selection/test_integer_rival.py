@@ -193,11 +193,12 @@ def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_t
     fair, unfair = (identify(sought(mount(**declared), data)) for declared in (R_IS_0, {}))
     by_hand = identify(sought(mount(dashpot), data))
     assert fair.orders["r"].value == pytest.approx(0.4, abs=0.01)
-    assert fair.alternative.structure == "r = 0"
-    assert fair.alternative.cost == pytest.approx(by_hand.cost, rel=2e-3)
+    dashpot_alone, spring = fair.alternative.trials[0], unfair.alternative.trials[0]
+    assert fair.alternative.structure.startswith("r = 0")
+    assert dashpot_alone.cost == pytest.approx(by_hand.cost, rel=2e-3)
     assert fair.alternative.gain > 10
-    assert unfair.alternative.structure == "every order 1"
-    assert unfair.alternative.cost > 3 * fair.alternative.cost  # a spring damps nothing
+    assert unfair.alternative.structure.startswith("every order 1")
+    assert spring.cost > 3 * dashpot_alone.cost  # a spring damps nothing
 
 
 @pytest.mark.parametrize("seed", range(3))
