@@ -89,6 +89,8 @@ ELEMENTS = {
     "play": problem_of((1.0, 1.0), play_theta=5e-3),
     "elastic arm": problem_of((0.95, 0.9), drive=True, arm_stiffness=50.0, arm_damping=0.01),
     "two bodies, LuGre": problem_of((1.0, 1.0), **TWO_BODIES),
+    "a tilted axis": problem_of((0.95, 0.9), tilt_x=0.03, tilt_y=-0.05),
+    "a tilted axis, an elastic arm": problem_of((1.0, 1.0), zero="upright", arm_stiffness=50.0, tilt_x=0.03, C3=-4e-3),
     "a motor as it is": problem_of(drive=True, back_emf=0.01, dead_zone=0.3, saturation=2.0),
 }
 VARIANTS |= ELEMENTS

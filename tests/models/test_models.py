@@ -40,7 +40,8 @@ def f(model, x, u=(0.0,), **overrides):
 def random_geometry(rng):
     """A rod-like arm, and a pendulum with a full tensor but for the elements its symmetry forbids."""
     span = dict(m1=(0.05, 1), l1c=(0.02, 0.2), J1=(1e-4, 1e-2), l1=(0.05, 0.4), m2=(0.01, 0.5), l2c=(0.05, 0.4),
-                Ixx=(0, 1e-4), Iyy=(1e-4, 5e-3), Izz=(1e-4, 5e-3), Ixz=(-1e-4, 1e-4), g=(1, 12))  # fmt: skip
+                Ixx=(0, 1e-4), Iyy=(1e-4, 5e-3), Izz=(1e-4, 5e-3), Ixz=(-1e-5, 1e-5), g=(1, 12),
+                ex=(-0.3, 0.3), ey=(-0.3, 0.3))  # fmt: skip
     return {name: rng.uniform(*span[name]) for name in furuta.GEOMETRY}
 
 
@@ -70,7 +71,8 @@ def test_the_right_hand_side_equals_lagranges_equations_of_two_rigid_bodies(zero
             b_theta=rng.uniform(0, 0.1), b_alpha=rng.uniform(0, 0.1), coulomb_theta=rng.uniform(0, 0.1),
             coulomb_alpha=rng.uniform(0, 0.1), slip_speed=rng.uniform(0.1, 1), drag_theta=rng.uniform(0, 0.1),
             drag_alpha=rng.uniform(0, 0.1), cable_stiffness=rng.uniform(0, 1), theta_rest=rng.normal(),
-            alpha_rest=rng.normal(), torque_per_volt=rng.normal(),
+            alpha_rest=rng.normal(), torque_per_volt=rng.normal(), tilt_x=geometry["ex"], tilt_y=geometry["ey"],
+            arm_moment=(geometry["m2"] * geometry["l1"] + geometry["m1"] * geometry["l1c"]) * geometry["g"] / 9.81,
         )  # fmt: skip
         volts = rng.normal()
         torques = [
@@ -142,7 +144,8 @@ def test_the_mass_matrix_of_a_physical_rig_is_positive_definite(mass, com, arm, 
 
 @pytest.mark.parametrize("zero", ZEROS)
 def test_energy_is_conserved_without_friction(zero):
-    model = rotary_pendulum(zero=zero, **FRICTIONLESS, cable_stiffness=0.05, theta_rest=0.2, alpha_rest=0.1)
+    tilt = {"tilt_x": 0.03, "tilt_y": -0.05, "arm_moment": 0.04}
+    model = rotary_pendulum(zero=zero, **FRICTIONLESS, cable_stiffness=0.05, theta_rest=0.2, alpha_rest=0.1, **tilt)
     run = solve_ivp(lambda t, x: f(model, x), (0, 5), [0.1, 1.0, 1.9, -2.0], "DOP853", rtol=1e-12, atol=1e-12)
     start, *_, end = held = energy(model, run.y.T)
     assert np.ptp(run.y[2]) > 1.0
@@ -301,7 +304,9 @@ def test_the_pendulum_of_a_rig_swings_at_its_known_frequency(rig, frequency, why
 def test_optional_terms_are_zero_in_every_rig():
     for rig in RIGS:
         model = rotary_pendulum(rig)
-        for name in ("coulomb_theta", "coulomb_alpha", "drag_theta", "drag_alpha", "cable_stiffness", "alpha_rest"):
+        off = ("coulomb_theta", "coulomb_alpha", "drag_theta", "drag_alpha", "cable_stiffness", "alpha_rest", "tilt_x",
+               "tilt_y")  # fmt: skip
+        for name in off:
             assert model.parameter(name).value == 0.0, (rig, name)
 
 
@@ -312,7 +317,7 @@ def test_the_parameters_stand_in_the_order_of_the_contract():
         "stiction_theta", "stribeck_speed_theta", "presliding_theta", "presliding_damping_theta", "springpot_theta",
         "springpot_order_theta", "stiction_alpha", "stribeck_speed_alpha", "presliding_alpha",
         "presliding_damping_alpha", "springpot_alpha", "springpot_order_alpha", "play_theta", "arm_stiffness",
-        "arm_damping", "hub_inertia", "back_emf", "dead_zone", "saturation",
+        "arm_damping", "hub_inertia", "back_emf", "dead_zone", "saturation", "tilt_x", "tilt_y", "arm_moment",
     )  # fmt: skip
     assert all(parameter.unit and parameter.description for parameter in PARAMETERS)
 

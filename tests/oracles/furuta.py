@@ -19,8 +19,9 @@ from sympy.physics.mechanics import (
     inertia_of_point_mass,
 )
 
-GEOMETRY = ("m1", "l1c", "J1", "l1", "m2", "l2c", "Ixx", "Iyy", "Izz", "Ixz", "g")
-"""Arm: mass, centre of mass, inertia there, length; pendulum: mass, centre of mass, tensor there; gravity."""
+GEOMETRY = ("m1", "l1c", "J1", "l1", "m2", "l2c", "Ixx", "Iyy", "Izz", "Ixz", "g", "ex", "ey")
+"""Arm: mass, centre of mass, inertia there, length; pendulum: mass, centre of mass, tensor there; gravity, and which
+parts of it lie in the arm's plane."""
 
 
 @cache
@@ -28,7 +29,7 @@ def _equations(zero):
     """Return M and f of M q'' = f as functions of (geometry, q, q')."""
     q = theta, alpha = dynamicsymbols("theta alpha")
     rates = dynamicsymbols("theta alpha", 1)
-    m1, l1c, J1, l1, m2, l2c, Ixx, Iyy, Izz, Ixz, g = constants = sp.symbols(" ".join(GEOMETRY))
+    m1, l1c, J1, l1, m2, l2c, Ixx, Iyy, Izz, Ixz, g, ex, ey = constants = sp.symbols(" ".join(GEOMETRY))
     ground = ReferenceFrame("N")  # N.z points up
     arm_frame = ground.orientnew("A", "Axis", [theta, ground.z])  # A.x points along the arm, outwards
     # The pendulum tips from upright (+z) towards +theta (A.y): a negative turn about A.x.
@@ -48,7 +49,9 @@ def _equations(zero):
     # The paper's x is along the pendulum (B.z) and its z along the arm (B.x), so I2zz turns about B.x.
     tensor = inertia(link_frame, Izz, Iyy, Ixx, 0, 0, Ixz)
     link = RigidBody("link", link_com, link_frame, m2, (tensor, link_com))
-    link.potential_energy = m2 * g * link_com.pos_from(origin).dot(ground.z)
+    up = ground.z - ex * ground.x - ey * ground.y
+    arm.potential_energy = m1 * g * arm_com.pos_from(origin).dot(up)
+    link.potential_energy = m2 * g * link_com.pos_from(origin).dot(up)
 
     method = LagrangesMethod(Lagrangian(ground, arm, link), q)
     method.form_lagranges_equations()

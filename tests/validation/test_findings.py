@@ -545,3 +545,18 @@ def test_every_code_has_its_row_in_the_page():
     known |= {"degrees-as-radians", "radians-as-degrees", *FORMS}
     rows = set(re.findall(r"^\| `([a-z-]+)`", PAGE.read_text(encoding="utf-8"), flags=re.M))
     assert known <= rows
+
+
+def test_a_pendulum_that_hangs_elsewhere_once_its_arm_has_turned_hangs_on_an_axis_that_leans():
+    leaning = fracid.rotary_pendulum("srv02-rotpen", tilt_x=0.02, b_alpha=3e-3, b_theta=0.05, coulomb_theta=0.02)
+    pulse = np.zeros((4001, 1))
+    pulse[200:214] = 10.0
+    turned = release(alpha=0.0, end=20.0, model=leaning, inputs=pulse, orders=(1.0, 1.0))
+    level = release(alpha=0.0, end=20.0, model=leaning.with_parameters(tilt_x=0.0), inputs=pulse, orders=(1.0, 1.0))
+    found = sole(before(problem(turned, inputs=pulse)), "tilted-axis")
+    theta = turned[-1, 0]
+    assert found.number == pytest.approx(math.degrees(0.02 * abs(math.sin(theta))), abs=0.1)
+    assert "Free tilt_x and tilt_y in [model.parameters]" in found.sentence
+    assert "tilted-axis" not in codes(before(problem(level, inputs=pulse)))
+    free = {"tilt_x": Free(0.0, -0.1, 0.1), "tilt_y": Free(0.0, -0.1, 0.1)}
+    assert "tilted-axis" not in codes(before(problem(turned, inputs=pulse, parameters=free)))

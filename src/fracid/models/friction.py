@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 __all__ = [
     "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
-    "SPRINGPOT_ORDER", "STRIBECK_SPEED", "VISCOUS", "Friction",
+    "SPRINGPOT_ORDER", "STRIBECK_SPEED", "TILT", "VISCOUS", "Friction",
 ]  # fmt: skip
 
 
@@ -48,6 +48,8 @@ class Friction:
     little off nothing where there are none."""
     climbed: bool = False
     """Whether its cost has minima enough that a search brings it in after all others: presliding, not drag."""
+    signed: bool = False
+    """Whether it may be of either sign, as a spring's rest may and a friction may not."""
     part_of: str = ""
     """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
@@ -78,6 +80,8 @@ DRAG = Friction("drag", power=2)
 
 SPRING = Friction("cable", rests=("theta_rest",))
 
+TILT = Friction("tilt", most=0.1, signed=True)
+
 PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True)
 
 SPRINGPOT = Friction("springpot", climbed=True)
@@ -95,5 +99,5 @@ BY_NAME = {
 }  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""
 
-RUNGS = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable", "play", "springpot", "elastic arm")
+RUNGS = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable", "tilt", "play", "springpot", "elastic arm")
 """Every model's first rungs, from the ground up; rungs of a model's own follow."""

@@ -33,6 +33,11 @@ Corrections of the printed equations
     If θ and α of a recording swing against the model, give one of them ``sign = -1``.)
     ``alpha_rest`` is the offset of the encoder's zero, so it is taken off α wherever α appears.
 
+An axis that leans by ε = (ε_x, ε_y), ``tilt_x`` and ``tilt_y``, to first order
+    Gravity has a part g ε in the arm's plane.  With e_r along the arm, e_t across it, and S = m₂ l₁ + m₁ l₁c
+    (``arm_moment``) it gives the potential − g S ε·e_r − C4 sin α ε·e_t, so that the arm is turned by
+    g S ε·e_t − C4 sin α ε·e_r, and the pendulum hangs at α = ε·e_t: where it rests depends on θ.
+
 Dry friction takes its sign from the states D^λ θ and D^μ α
     A right-hand side sees the states, and these are the fractional rates.  The price: D^μ α turns later
     than the true rate, so that after each reversal, for a fraction (1 − μ)/2 of the time (4 % at μ = 0.91),
@@ -85,6 +90,7 @@ from fracid.models.friction import (
     SPRINGPOT,
     SPRINGPOT_ORDER,
     STRIBECK_SPEED,
+    TILT,
     VISCOUS,
 )
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
@@ -213,6 +219,12 @@ PARAMETERS = (
               symbol=("b", "e"), switch="amplifier"),
     Parameter("dead_zone", "V", 0.0, "voltage below which the motor does nothing", lower=0.0, symbol=("u", "0")),
     Parameter("saturation", "V", 0.0, "largest voltage of the amplifier; 0: no limit", lower=0.0, symbol=("u", "max")),
+    Parameter("tilt_x", "rad", 0.0, "how far the axis leans to where the arm points at theta = 0", symbol=("ε", "x"),
+              friction=TILT.at("theta")),
+    Parameter("tilt_y", "rad", 0.0, "and to where it points at theta = 90 degrees", symbol=("ε", "y"),
+              friction=TILT.at("theta")),
+    Parameter("arm_moment", "kg m", 0.0, "mass times distance from the axis, of arm and pendulum: m2 l1 + m1 l1c",
+              lower=0.0, symbol=("S", "")),
 )  # fmt: skip
 
 
@@ -350,6 +362,9 @@ def energy(model: Model, states: ArrayLike, overrides: Mapping[str, float] | Non
     rates = np.stack([theta_rate, alpha_rate], -1)
     kinetic = 0.5 * np.einsum("...i,...ij,...j", rates, M, rates)
     height = p["C4"] * (1.0 + GRAVITY[model.zero] * np.cos(alpha))
+    ahead, aside = np.cos(theta), np.sin(theta)
+    height -= STANDARD_GRAVITY * p["arm_moment"] * (p["tilt_x"] * ahead + p["tilt_y"] * aside)
+    height -= math.copysign(p["C4"], p["C3"]) * np.sin(alpha) * (p["tilt_y"] * ahead - p["tilt_x"] * aside)
     total: FloatArray = kinetic + height + 0.5 * p["cable_stiffness"] * (theta - p["theta_rest"]) ** 2
     return total
 
@@ -378,6 +393,7 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         stiction_theta, stribeck_speed_theta, presliding_theta, damping_theta = p[17], p[18], p[19], p[20]
         stiction_alpha, stribeck_speed_alpha, presliding_alpha, damping_alpha = p[23], p[24], p[25], p[26]
         back_emf, dead_zone, saturation = p[33], p[34], p[35]
+        tilt_x, tilt_y, arm_moment = p[36], p[37], p[38]
 
         theta, theta_rate, alpha, alpha_rate = x[0], x[1], x[2] - alpha_rest, x[3]
         sin, cos = math.sin(alpha), math.cos(alpha)
@@ -424,6 +440,12 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         f_alpha = gravity * C4 * sin + 0.5 * C6 * sin2 * arm_rate * arm_rate  # (10)
         f_alpha -= (b_alpha + drag_alpha * abs(alpha_rate)) * alpha_rate
         f_alpha -= joint_alpha
+        if tilt_x != 0.0 or tilt_y != 0.0:  # gravity turns the arm too, and the pendulum hangs across it
+            ahead, aside = math.cos(x[arm]), math.sin(x[arm])
+            along, across = tilt_x * ahead + tilt_y * aside, tilt_y * ahead - tilt_x * aside
+            weight = math.copysign(C4, C3)
+            f_theta += STANDARD_GRAVITY * arm_moment * across - weight * sin * along
+            f_alpha += weight * cos * across
 
         det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
         out[0], out[2] = theta_rate, alpha_rate
@@ -516,9 +538,18 @@ def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
 
 
 def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
-    """Joints that slide, but for those whose presliding makes a spring of dry friction; gear and motor in contact."""
+    """Joints that slide, but for those whose presliding makes a spring of dry friction; gear and motor in contact.
+
+    The base is level, so that both postures are at rest.
+    """
     slides = [joint for joint in ("theta", "alpha") if not ("z_" + joint in model.states and p["presliding_" + joint])]
-    corners = ["play_theta", "dead_zone", *(f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction"))]
+    corners = [
+        "play_theta",
+        "dead_zone",
+        "tilt_x",
+        "tilt_y",
+        *(f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction")),
+    ]
     return {**p, **dict.fromkeys(corners, 0.0)}
 
 

@@ -11,7 +11,7 @@ from string import Template
 from typing import Any
 
 from fracid.models.base import Model
-from fracid.models.geometry import GRAVITY
+from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY
 from fracid.models.joints import CONTACT
 
 __all__ = ["code", "equations"]
@@ -42,13 +42,15 @@ def equations(c: Any, model: Model, orders: Mapping[str, Any], driven: bool) -> 
         *c.term("−", "drag_theta", ω_θ, c.size(ω_θ)),
         *c.term("−", "cable_stiffness", from_rest),
     ]
-    arm = [*c.term("−", "C6", sin2, ω_α, ω_a), *c.term("+", "C3", sin, c.squared(ω_α))]
+    tilt_θ, tilt_α = _tilt(c, model, c.sub("θ", "a") if two_bodies else θ, sin, cos)
+    arm = [*c.term("−", "C6", sin2, ω_α, ω_a), *c.term("+", "C3", sin, c.squared(ω_α)), *tilt_θ]
     f_α = [
         *c.term("+" if model.zero == "upright" else "−", "C4", sin),
         *c.term("+", "C6", sin2, c.squared(ω_a), half=True),
         *c.term("−", "b_alpha", ω_α),
         *_friction(c, model, "alpha", ω_α),
         *c.term("−", "drag_alpha", ω_α, c.size(ω_α)),
+        *tilt_α,
     ]
     yield c.D(λ, θ), ω_θ
     yield c.D(μ, α), ω_α
@@ -67,6 +69,19 @@ def equations(c: Any, model: Model, orders: Mapping[str, Any], driven: bool) -> 
     yield c.row(M12, c.D(λ, ω_a), c.o("+"), c("C1"), c.D(μ, ω_α)), *c.sum(f_α)
     for joint, rate in (("theta", ω_θ), ("alpha", ω_α)):
         yield from _own_states(c, model, joint, rate)
+
+
+def _tilt(c: Any, model: Model, θ: Any, sin: Any, cos: Any) -> tuple[list[tuple[Any, Any]], list[tuple[Any, Any]]]:
+    """What an axis that leans adds: g S ε·e_t − C4 sin α ε·e_r on the arm, C4 cos α ε·e_t on the pendulum."""
+    there = [n for n in ("tilt_x", "tilt_y") if c.there(n)]
+    if not there:
+        return [], []
+    e_r = {"tilt_x": (c.o("+"), c.f("cos", θ)), "tilt_y": (c.o("+"), c.f("sin", θ))}
+    e_t = {"tilt_x": (c.o("−"), c.f("sin", θ)), "tilt_y": (c.o("+"), c.f("cos", θ))}
+    along, across = (c.bracket(c.row(*c.sum([(e[n][0], c.row(c(n), e[n][1])) for n in there]))) for e in (e_r, e_t))
+    plus, minus = ("+", "−") if model.parameter("C3").value >= 0 else ("−", "+")
+    weight = c.term("+", "arm_moment", c.n(f"{STANDARD_GRAVITY:g}"), across)
+    return [*weight, *c.term(minus, "C4", sin, along)], c.term(plus, "C4", cos, across)
 
 
 def _own_states(c: Any, model: Model, joint: str, ω: Any) -> Iterator[tuple[Any, ...]]:
@@ -241,8 +256,14 @@ $joints\
         - (b_theta + back_emf + drag_theta * fabs(theta_rate)) * theta_rate;
 $arm\
     f_theta += C3 * s * alpha_rate * alpha_rate - C6 * s2 * alpha_rate * $of_arm;        /* (9) */
-    const double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * $of_arm * $of_arm - joint_alpha
+    double f_alpha = $gravity C4 * s + 0.5 * C6 * s2 * $of_arm * $of_arm - joint_alpha
         - (b_alpha + drag_alpha * fabs(alpha_rate)) * alpha_rate;                     /* (10) */
+    if (tilt_x != 0 || tilt_y != 0) {                                                /* the axis leans */
+        const double ahead = cos(x[$angle]), aside = sin(x[$angle]), weight = copysign(C4, C3);
+        const double along = tilt_x * ahead + tilt_y * aside, across = tilt_y * ahead - tilt_x * aside;
+        f_theta += $g * arm_moment * across - weight * s * along;
+        f_alpha += weight * c * across;
+    }
     const double M11 = J_theta$less + C6 * s * s, M12 = C3 * c;                     /* (8) */
     const double det = fmax(M11 * C1 - M12 * M12, 0);
     f[0] = theta_rate;
@@ -267,7 +288,8 @@ def _c(zero: str, own: Sequence[str]) -> str:
         )  # fmt: skip
     arm = at.get("arm", 0)
     return Template(C_CODE).substitute(
-        zero=zero, gravity="+-"[GRAVITY[zero] < 0], elements=C_ELEMENTS + C_PRESLIDING * bool(relaxing), joints=joints,
+        zero=zero, gravity="+-"[GRAVITY[zero] < 0], g=repr(STANDARD_GRAVITY), angle=arm,
+        elements=C_ELEMENTS + C_PRESLIDING * bool(relaxing), joints=joints,
         arm=Template(C_ARM).substitute(arm=arm, arm_rate=arm + 1, contact=repr(CONTACT)) if arm else "",
         of_arm="arm_rate" if arm else "theta_rate", less=" - J_hub" if arm else "", turned=arm + 1,
         rates="".join(f"    f[{at[f'y_{joint}']}] = {joint}_rate;\n" for joint in JOINTS if f"y_{joint}" in at),
@@ -320,6 +342,13 @@ $arm\
   f_theta = f_theta + p.C3 * s * alpha_rate ^ 2 - p.C6 * s2 * alpha_rate * $of_arm;                 % (9)
   f_alpha = $gravity p.C4 * s + 0.5 * p.C6 * s2 * $of_arm ^ 2 - joint_alpha ...
     - (p.b_alpha + p.drag_alpha * abs(alpha_rate)) * alpha_rate;                                          % (10)
+  if p.tilt_x ~= 0 || p.tilt_y ~= 0                                                       % the axis leans
+    along = p.tilt_x * cos(x($angle)) + p.tilt_y * sin(x($angle));
+    across = p.tilt_y * cos(x($angle)) - p.tilt_x * sin(x($angle));
+    weight = p.C4;  if p.C3 < 0, weight = -p.C4; end
+    f_theta = f_theta + $g * p.arm_moment * across - weight * s * along;
+    f_alpha = f_alpha + weight * c * across;
+  end
   M11 = p.J_theta$less + p.C6 * s ^ 2;  M12 = p.C3 * c;                                            % (8)
   d = max(M11 * p.C1 - M12 ^ 2, 0);  % det(M)
   turned = (p.C1 * f_theta - M12 * f_alpha) / d;                                                          % (1)
@@ -356,7 +385,7 @@ def _matlab(zero: str, own: Sequence[str]) -> str:
     derivatives = {f"z_{j}": f"dz_{j}" for j in JOINTS} | {f"y_{j}": f"{j}_rate" for j in JOINTS}
     arm = at.get("arm", 0)
     return Template(MATLAB_CODE).substitute(
-        zero=zero, gravity="+-"[GRAVITY[zero] < 0], joints=joints,
+        zero=zero, gravity="+-"[GRAVITY[zero] < 0], g=repr(STANDARD_GRAVITY), angle=arm or 1, joints=joints,
         arm=Template(MATLAB_ARM).substitute(arm=arm, arm_rate=arm + 1, contact=repr(CONTACT)) if arm else "",
         of_arm="arm_rate" if arm else "theta_rate", less=" - J_hub" if arm else "", hub="hub" if arm else "turned",
         own="".join(f"\n  f = [f; {'; '.join(derivatives.get(n, 'arm_rate; turned') for n in own)}];" * bool(own)),

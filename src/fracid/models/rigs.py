@@ -109,12 +109,15 @@ def lumped_constants(
     return dict(C1=C1, C2=C2, C3=C3, C4=C4, C5=C5, C6=C6, I2xx=I2xx, J_theta=C5 + I2xx)
 
 
-def _thin(mass: float, com: float, arm_length: float, arm_inertia: float, inertia: float) -> dict[str, float]:
-    """Return the model's constants for a thin pendulum: I2yy = I2zz = inertia, I2xx = 0."""
+def _thin(
+    mass: float, com: float, arm_length: float, arm_inertia: float, inertia: float, arm_moment: float = 0.0
+) -> dict[str, float]:
+    """Return the model's constants for a thin pendulum: I2yy = I2zz = inertia, I2xx = 0; `arm_moment` of the arm."""
     constants = lumped_constants(
         pendulum_mass=mass, pendulum_com=com, arm_length=arm_length, arm_inertia=arm_inertia, I2yy=inertia, I2zz=inertia
     )
-    return {name: constants[name] for name in ("C1", "C3", "C4", "C6", "J_theta")}
+    lumped = {name: constants[name] for name in ("C1", "C3", "C4", "C6", "J_theta")}
+    return {**lumped, "arm_moment": mass * arm_length + arm_moment}
 
 
 def _srv02() -> Rig:
@@ -134,6 +137,7 @@ def _srv02() -> Rig:
             " centre of mass and of the arm 2.0e-3 kg m^2, b_theta 2.4e-3 (Quanser ROTPEN); rotor"
             " 3.90e-7, tachometer 7.06e-8 kg m^2, masses and radii of the gears, K_g 70, R_m 2.6 ohm,"
             " k_t = k_m = 7.68e-3, eta_g 0.90, eta_m 0.69 (SRV02 user manual, tables 3.1 and 3.2). The"
+            " arm's own share of arm_moment is not known. The"
             " drive adds J_gears + eta_g K_g^2 J_motor = 2.08e-3 kg m^2 to the arm; the manual's table"
             " has the J_eq of its two gears exchanged. torque_per_volt = -eta_g eta_m K_g k_t / R_m: a"
             " positive voltage drives theta negative. A motor on a voltage amplifier also brakes, by"
@@ -160,7 +164,7 @@ def _qube_servo2() -> Rig:
     return Rig(
         title="Quanser QUBE-Servo 2 with its pendulum",
         parameters={
-            **_thin(mass=mass, com=length / 2, arm_length=0.085, arm_inertia=arm, inertia=mass * length**2 / 12),
+            **_thin(mass, length / 2, 0.085, arm_inertia=arm, inertia=mass * length**2 / 12, arm_moment=0.095 * 0.0425),
             "b_theta": 2.7e-4,
             "b_alpha": 5e-5,
             "torque_per_volt": 0.042 / 8.4,
@@ -180,7 +184,7 @@ def _cazzolato_prime() -> Rig:
     return Rig(
         title="Cazzolato and Prime's Furuta pendulum",
         parameters={
-            **_thin(mass=0.075, com=0.148, arm_length=0.278, arm_inertia=2.48e-2 + 0.300 * 0.150**2, inertia=3.86e-3),
+            **_thin(0.075, 0.148, 0.278, 2.48e-2 + 0.300 * 0.150**2, inertia=3.86e-3, arm_moment=0.300 * 0.150),
             "b_theta": 1.0e-4,
             "b_alpha": 2.8e-4,
         },
@@ -199,7 +203,7 @@ def _odrive_furuta() -> Rig:
     return Rig(
         title="macstepien's furuta_pendulum: self-built, gimbal motor on an ODrive",
         parameters={
-            **_thin(mass=0.009801, com=0.096608, arm_length=0.093525, arm_inertia=arm, inertia=1.479e-5),
+            **_thin(0.009801, 0.096608, 0.093525, arm, inertia=1.479e-5, arm_moment=0.040466 * 0.05415),
             "b_theta": 1e-4,
             "b_alpha": 1e-5,
             "torque_per_volt": 0.103375 / 16.0,

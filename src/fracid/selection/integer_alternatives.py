@@ -12,6 +12,7 @@ a cable               its stiffness free, and its rest              the same
 a delay               ``delay`` of one channel free                 with two channels, or an input that varies
 a low-pass            ``lowpass`` of one channel free               always
 a scale               ``gain`` of one channel free                  with two channels, or an input that varies
+a tilted axis         ``tilt_…`` free                               where the arm moves
 what inputs do        held, or lines, between samples               where an input varies
 changing friction     each third of a record has its own            where the record has no past
 play                  ``play_…`` free                               where the model has it, and its joint moves
@@ -185,6 +186,7 @@ ELEMENTS: tuple[Change, ...] = (
     partial(_channel, quantity="gain", value=Free(1.0, 1 - SCALE, 1 + SCALE, scale=1e-2), name="a scale of {}"),
     partial(_rung, name="drag", rungs=("drag",)),
     partial(_rung, name="a cable", rungs=("cable",)),
+    partial(_rung, name="a tilted axis", rungs=("tilt",)),
     _inputs,
     _changing,
     partial(_rung, name="play", rungs=("play",), slow=True),

@@ -348,7 +348,7 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         most = max((reach, 2 * start, *(10 * entry for entry in kind.entries)))
         most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else most
         bounds = problem.model.parameter(name)
-        least = bounds.lower if kind.off > 0.0 else min(kind.off, start)
+        least = -most if kind.signed else bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
     return ranges
 

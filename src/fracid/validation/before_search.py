@@ -10,6 +10,8 @@ code                asked how; the number
 ``wrong-zero``      is the posture in which the recording comes to rest one in which the model stays?  At rest the
                     equations are linear, :math:`D^q δ = J δ`; a positive eigenvalue of J says that it falls over.
                     How far from hanging [degrees], limit 90; also an offset of more than 11°
+``tilted-axis``     how far the pendulum's rest moved while the arm turned, from the record's begin to its end: an axis
+                    that leans by ε moves it by up to 2 ε [degrees, limit 0.3]
 ``stiff``           \|J\|h along the measured motion, for explicit schemes (:mod:`fracid.solver.stiffness`)
 ``coarse-steps``    steps for each period of the fastest oscillation, there
 ``wrong-sign``      two swings of each recording, fitted as the project says and with the sign of one angle turned
@@ -72,6 +74,9 @@ ASKED = 9
 OFFSET = math.radians(11.0)
 """A pendulum that rests further from hanging does not hang, or its zero is wrong."""
 
+MOVED_REST, TURNED = math.radians(0.3), math.radians(5.0)
+"""A pendulum that hangs elsewhere after its arm has turned hangs on an axis that leans."""
+
 DRIVEN = 0.01
 """Of the largest input: beyond it the rig is driven."""
 
@@ -117,6 +122,7 @@ def before(
     in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in findings)
     if in_its_unit:  # else all that follows from it would be said too
         findings += [f for at in linearisations for f in _wrong_zero(at, hanging)]
+        findings += [f for e in recordings for f in _tilted_axis(problem, e, hanging)]
     findings += _worst(f for at in linearisations for f in _long_steps(at, problem.method, problem.substeps))
     if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
         findings += wrong_sign(reversals(problem, jobs))
@@ -261,6 +267,25 @@ def _off_hanging(at: Linearisation, hanging: Hanging) -> Iterator[Finding]:
         yield Finding("wrong-zero", where, away, math.degrees(OFFSET + hanging.reach), "degrees from hanging",
             f'{stays}, {away:.1f}° from where this model hangs. Its zero may be wrong: type zero = "rest" in '
             f"{pendulum}'s table, or give {hanging.parameter} a wider range.")  # fmt: skip
+
+
+def _tilted_axis(problem: Problem, e: Experiment, hanging: Hanging | None) -> Iterator[Finding]:
+    """Where the arm has turned, does the pendulum hang as before?"""
+    tilts = {n: k.joint for n, k in problem.model.friction.items() if k.rung == "tilt"}
+    level = all(problem.parameters.get(n, problem.model.parameter(n).value) == 0.0 for n in tilts)
+    joint = next(iter(tilts.values()), "")
+    if hanging is None or not level or not {joint, hanging.pendulum} <= set(problem.outputs):
+        return
+    both = [e.measured[:, problem.outputs.index(n)] for n in (joint, hanging.pendulum)]
+    begins, ends = ([final_value(y[::way]) for y in both] for way in (-1, 1))
+    if begins[1] is None or abs(hanging.off(begins[1])) > OFFSET:
+        return
+    turned, moved = (math.nan if a is None or b is None else math.degrees(b - a)
+                     for a, b in zip(begins, ends, strict=True))  # fmt: skip
+    if abs(turned) > math.degrees(TURNED) and abs(moved) > math.degrees(MOVED_REST):
+        yield Finding("tilted-axis", f"{e.name}: {hanging.pendulum}", abs(moved), math.degrees(MOVED_REST), "degrees",
+            f"its rest moved by {moved:+.2g}° while {joint} turned by {turned:+.0f}°: the arm's axis may lean. Free "
+            f"{' and '.join(tilts)} in [model.parameters], from -0.1 to 0.1, or level the base.")  # fmt: skip
 
 
 def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Finding]:

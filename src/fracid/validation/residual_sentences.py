@@ -114,7 +114,7 @@ def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
         yield (
             f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz: a drift. "
             f"The rest "
-            "angle creeps or is off, or the cable or friction holds the rig where the model lets go."
+            "angle creeps or is off, the axis leans, or the cable or friction holds the rig where the model lets go."
         )
     if spectrum.line is None:
         if spectrum.slow_share < DRIFT:
