@@ -94,8 +94,12 @@ class Rig(NamedTuple):
     """Spring of the cable on the arm [N m/rad]."""
     cable_cubic: float = 0.0
     """Its hardening [N m/rad³]."""
-    tilt: float = 0.0
-    """Torque C4·tilt·sin θ of an arm that is out of balance, its axis not being vertical [-]."""
+    lean_x: float = 0.0
+    """How far the axis leans to where the arm points at θ = 0 [rad]: gravity has that part in the arm's plane."""
+    lean_y: float = 0.0
+    """And to where it points at 90°."""
+    arm_moment: float = 0.027432
+    """Mass times distance from the axis, of arm and pendulum [kg m]."""
     hub_inertia: float = 0.0
     """Of the motor's side of gear or elastic arm, part of J_theta [kg m²]."""
     shaft_stiffness: float = 0.0
@@ -159,11 +163,15 @@ def rates(t: float, x: np.ndarray, u: float, on: float, p: Rig, slip: np.ndarray
                              p.bristle_damping_alpha, w_alpha, x[7])  # fmt: skip
 
     F_hub = p.torque_per_volt * u - on * p.back_emf * w_hub - faded * p.b_theta * w_hub - dry_theta
-    F_theta = -p.cable * theta - p.cable_cubic * theta**3 + p.tilt * p.C4 * math.sin(theta)
+    F_theta = -p.cable * theta - p.cable_cubic * theta**3
     F_theta -= p.drag_theta * abs(w_theta) * w_theta + p.springpot_theta * x[9]
     F_theta += (p.C3 * sin * w_alpha - p.C6 * sin2 * w_theta) * w_alpha  # (9)
     F_alpha = 0.5 * p.C6 * sin2 * w_theta * w_theta - p.C4 * sin - faded * p.b_alpha * w_alpha - dry_alpha  # (10)
     F_alpha -= p.drag_alpha * abs(w_alpha) * w_alpha + p.springpot_alpha * x[10]
+    e_r = p.lean_x * math.cos(theta) + p.lean_y * math.sin(theta)
+    e_t = p.lean_y * math.cos(theta) - p.lean_x * math.sin(theta)
+    F_theta += 9.81 * p.arm_moment * e_t - p.C4 * sin * e_r
+    F_alpha += p.C4 * cos * e_t
     J = p.J_theta
     if geared:
         twist = hub - theta
@@ -204,7 +212,9 @@ def energy(rig: Rig, x: np.ndarray) -> np.ndarray:
     theta, w, alpha, w_alpha, hub, w_hub = np.moveaxis(np.asarray(x)[..., :6], -1, 0)
     J = rig.J_theta - rig.hub_inertia + rig.C6 * np.sin(alpha) ** 2
     kinetic = 0.5 * (J * w**2 + rig.hub_inertia * w_hub**2 + rig.C1 * w_alpha**2) + rig.C3 * np.cos(alpha) * w * w_alpha
-    height = rig.C4 * (1 - np.cos(alpha)) + rig.tilt * rig.C4 * np.cos(theta)
+    height = rig.C4 * (1 - np.cos(alpha))
+    height -= 9.81 * rig.arm_moment * (rig.lean_x * np.cos(theta) + rig.lean_y * np.sin(theta))
+    height -= rig.C4 * np.sin(alpha) * (rig.lean_y * np.cos(theta) - rig.lean_x * np.sin(theta))
     excess = hub - theta - np.clip(hub - theta, -rig.play, rig.play)
     springs = rig.cable * theta**2 + 0.5 * rig.cable_cubic * theta**4 + rig.shaft_stiffness * excess**2
     return kinetic + height + 0.5 * springs
@@ -684,9 +694,10 @@ def _(twin: Twin, s: float) -> Twin:
     return _with(twin, fading=0.01 * s)
 
 
-@kind("tilted", "arm out of balance on an axis that is not vertical", "°", 0.5, 2)
+@kind("tilted", "axis that is not vertical", "°", 0.5, 2)
 def _(twin: Twin, s: float) -> Twin:
-    return _with(twin, tilt=math.radians(s), cable=max(twin.rig.cable, 1.2 * math.radians(s) * twin.rig.C4))
+    way = twin.chance.uniform(-math.pi, math.pi)
+    return _with(twin, lean_x=math.radians(s) * math.cos(way), lean_y=math.radians(s) * math.sin(way))
 
 
 @kind("alpha-lowpass", "α behind a first-order filter", "ms", 1, 5, 20)

@@ -48,10 +48,12 @@ def test_nothing_of_fracid_is_in_the_twins():
 
 
 def test_the_equations_are_those_that_fracid_derives_on_its_own(rigs):
-    p = rigs.Rig(drag_theta=2e-3, drag_alpha=1e-4, torque_per_volt=-0.1)
-    names = {"b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed", "drag_theta", "drag_alpha", "C1",
-             "C3", "C4", "C6", "J_theta", "torque_per_volt"}  # fmt: skip
-    model = fracid.rotary_pendulum(**{n: getattr(p, n) for n in names}, cable_stiffness=p.cable)
+    p = rigs.Rig(drag_theta=2e-3, drag_alpha=1e-4, torque_per_volt=-0.1, lean_x=0.03,
+                 lean_y=-0.02)  # fmt: skip
+    names = {"arm_moment", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed", "drag_theta", "drag_alpha",
+             "C1", "C3", "C4", "C6", "J_theta", "torque_per_volt"}  # fmt: skip
+    model = fracid.rotary_pendulum(**{n: getattr(p, n) for n in names}, cable_stiffness=p.cable,
+                                   tilt_x=p.lean_x, tilt_y=p.lean_y)  # fmt: skip
     rng, out, theirs = np.random.default_rng(1), np.zeros(11), np.zeros(4)
     for x in rng.uniform(-3, 3, (20, 11)):
         rigs.rates(0.0, x, 2.0, 0.0, p, np.zeros(2), out, np.zeros(2))
@@ -63,7 +65,7 @@ def test_the_equations_are_those_that_fracid_derives_on_its_own(rigs):
 def test_without_friction_energy_stays(rigs, geared):
     lossless = dict.fromkeys(("b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha"), 0.0)
     hub = {"hub_inertia": 2e-3, "shaft_stiffness": 30.0} if geared else {}
-    p = rigs.Rig(**lossless, **hub, cable_cubic=0.1, tilt=0.02)
+    p = rigs.Rig(**lossless, **hub, cable_cubic=0.1, lean_x=0.03, lean_y=-0.02)
     energy = rigs.energy(p, rigs.ordinary(p, released(rigs, 2.0), step=1e-4, end=5.0, kept=50))
     assert np.ptp(energy) < 1e-8 * 0.19
 

@@ -37,13 +37,15 @@ ELEMENTS = {
     "Dahl": {"presliding_theta": 5e-3, "presliding_alpha": 0.03},
     "LuGre": LUGRE | {"bristle_damping_alpha": 3e-4, "stribeck_theta": 0.05, "stribeck_alpha": 0.6},
     "elastic arm": {"hub_inertia": 2.5e-3, "shaft_stiffness": 20.0, "shaft_damping": 5e-3},
+    "tilted axis": {"lean_x": 0.05, "lean_y": 0.03},
     "springpot of the pendulum": {"springpot_alpha": 2e-3},
     "springpot of the arm": {"springpot_theta": 0.02},
 }
 NAMES = {
     "cable": "cable_stiffness", "bristle_damping_theta": "presliding_damping_theta",
     "bristle_damping_alpha": "presliding_damping_alpha", "shaft_stiffness": "arm_stiffness",
-    "shaft_damping": "arm_damping", "stribeck_theta": "stribeck_speed_theta", "stribeck_alpha": "stribeck_speed_alpha",
+    "shaft_damping": "arm_damping", "lean_x": "tilt_x", "lean_y": "tilt_y", "stribeck_theta": "stribeck_speed_theta",
+    "stribeck_alpha": "stribeck_speed_alpha",
 }  # fmt: skip
 """What the independent rigs call otherwise."""
 
