@@ -50,8 +50,8 @@ def test_nothing_of_fracid_is_in_the_twins():
 def test_the_equations_are_those_that_fracid_derives_on_its_own(rigs):
     p = rigs.Rig(drag_theta=2e-3, drag_alpha=1e-4, torque_per_volt=-0.1, lean_x=0.03,
                  lean_y=-0.02)  # fmt: skip
-    names = {"arm_moment", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed", "drag_theta", "drag_alpha",
-             "C1", "C3", "C4", "C6", "J_theta", "torque_per_volt"}  # fmt: skip
+    names = {"arm_moment", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed", "drag_theta",
+             "drag_alpha", "C1", "C3", "C4", "C6", "J_theta", "torque_per_volt"}  # fmt: skip
     model = fracid.rotary_pendulum(**{n: getattr(p, n) for n in names}, cable_stiffness=p.cable,
                                    tilt_x=p.lean_x, tilt_y=p.lean_y)  # fmt: skip
     rng, out, theirs = np.random.default_rng(1), np.zeros(11), np.zeros(4)
