@@ -332,7 +332,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
-            r, model, outputs, _initial(r.name, s), before=before, weight=s.weight, release_time=_release_time(r.name, s),
+            r, model, outputs, _initial(r.name, s), before=before, weight=s.weight,
+            release_time=_release_time(r.name, s),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
             mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
