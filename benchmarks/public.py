@@ -44,6 +44,10 @@ ROOT = Path(__file__).parent.parent
 RECORDS = Path(os.environ.get("FRACID_BENCHMARKS", ROOT.parent / "shared" / "benchmarks"))
 BETTER = 0.99
 """A group of constants stays where the error on what was not fitted falls below this part."""
+BEGINNING = 4
+"""Times the first samples that may be used: what of a test's input is read to find its initial state."""
+JOBS = 2
+"""Threads."""
 GROUP = Mapping[str, Free]
 """Constants that are freed together."""
 
@@ -125,7 +129,7 @@ BENCHMARKS = {
         },
         between="band-limited", substeps=8, method="pi3",
         initial=lambda r: {"y": Free(r.y[0], -1.0, 1.0), "y'": Free(0.0, -300.0, 300.0)},
-        split=0.25,
+        split=0.125,
     ),
     "cascaded_tanks": Benchmark(
         public_models.cascaded_tanks, "V", 1.0, 4, "0.191 (grey box, Worden 2018), 0.306 (CT-SUBNET)",
@@ -136,7 +140,7 @@ BENCHMARKS = {
             "threshold of the pump": ranges(u0=(0.0, -1.0, 1.0)),
         },
         between="hold", substeps=4, method="pi2",
-        initial=lambda r: {"upper": Free(6.0, 0.0, public_models.FULL), "lower": Free(r.y[0], r.y[0] - 0.5, r.y[0] + 0.5)},
+        initial=lambda r: {"upper": Free(6.0, 0.0, 10.0), "lower": Free(r.y[0], r.y[0] - 0.5, r.y[0] + 0.5)},
         hidden=("upper",),
     ),
     "emps": Benchmark(
@@ -197,13 +201,12 @@ class Minimum:
 def minimum(problem: Problem, before: Minimum | None) -> Minimum:
     """From the start on a growing horizon; or from a simpler structure's best, and from there with the given start."""
     if before is None:
-        best = growing(problem, problem.start, 1, Watch()).best
+        best = growing(problem, problem.start, JOBS, Watch()).best
         return Minimum(problem, best.point, best.cost)
     here = before.values
-    simpler = np.array([here.get(n, start_of(before.problem.model.parameter(u.target).value)
-                                 if u.kind == "parameter" else s)
-                        for n, u, s in zip(problem.names, problem.unknowns, problem.start, strict=True)])  # fmt: skip
-    best = min((refined(problem, x, 1, Watch()).best for x in (simpler, problem.start)), key=lambda b: b.cost)
+    own = {p.name: p.value for p in problem.model.parameters}
+    simpler = np.array([here.get(u.name, own.get(u.target, u.range.start)) for u in problem.unknowns])
+    best = min((refined(problem, x, JOBS, Watch()).best for x in (simpler, problem.start)), key=lambda b: b.cost)
     return Minimum(problem, best.point, best.cost)
 
 
@@ -220,10 +223,12 @@ def period(u: FloatArray) -> int | None:
 
 def prediction(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> FloatArray:
     """Simulate a record from its input and its first samples, shape (n,)."""
-    e = experiment(of, record, {n: hidden.get(n, v) for n, v in of.initial(record).items()})
-    beginning = replace(e, mask=((e.time[of.known] - e.step / 2, e.time[-1]),))
-    problem = model.problem.with_shared(model.x, (beginning,))
-    x = refined(problem, problem.start, 1, Watch()).best.point
+    initial = {n: hidden.get(n, v) for n, v in of.initial(record).items()}
+    first = experiment(of, record.part(0, BEGINNING * of.known, record.name), initial)
+    first = replace(first, mask=((first.time[of.known] - first.step / 2, first.time[-1]),))
+    problem = model.problem.with_shared(model.x, (first,))
+    x = refined(problem, problem.start, JOBS, Watch()).best.point
+    e = experiment(of, record, initial)
     problem = replace(problem, experiments=(e,))
     lag = period(record.u) if of.repeating else None
     if lag is not None:
@@ -257,7 +262,7 @@ def error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, fl
 # --- from a training record to a frozen model -----------------------------------------------------------------------
 
 
-def chosen(of: Benchmark, record: Record) -> tuple[GROUP, list[tuple[str, float]]]:
+def chosen(of: Benchmark, record: Record) -> tuple[Minimum, list[tuple[str, float]]]:
     """The structure that predicts the rest of a record best from its first part, and each candidate's error."""
     cut = round(of.split * len(record.y))
     part, rest = record.part(0, cut, "part"), record.part(cut - 1, len(record.y), "rest")
@@ -266,7 +271,7 @@ def chosen(of: Benchmark, record: Record) -> tuple[GROUP, list[tuple[str, float]
         model = minimum(posed(of, part, free), before)
         return model, error(of, model, rest, {n: model.last[n] for n in of.hidden})
 
-    free = dict(of.base)
+    free: GROUP = of.base
     best, lowest = judged(free, None)
     errors = [("simplest", lowest)]
     for name, group in of.groups.items():
@@ -274,17 +279,14 @@ def chosen(of: Benchmark, record: Record) -> tuple[GROUP, list[tuple[str, float]
         errors.append((f"+ {name}", left))
         if left < BETTER * lowest:
             free, best, lowest = {**free, **group}, more, left
-    return free, errors
+    return best, errors
 
 
-def identified(of: Benchmark, record: Record, free: GROUP) -> Minimum:
-    """All constants of a structure from the whole of a record, one group after the other."""
-    model, names = minimum(posed(of, record, of.base), None), dict(of.base)
-    groups = [g for g in of.groups.values() if g.keys() <= free.keys()]
-    for group in groups:
-        names |= group
-        model = minimum(posed(of, record, names), model)
-    return model
+def identified(of: Benchmark, record: Record, part: Minimum) -> Minimum:
+    """All constants of a structure from the whole of a record, from those of a part of it."""
+    problem = posed(of, record, {n: v for n, v in part.problem.parameters.items() if isinstance(v, Free)})
+    best = refined(problem, part.x, JOBS, Watch()).best
+    return Minimum(problem, best.point, best.cost)
 
 
 # --- the command ---------------------------------------------------------------------------------------------------
@@ -298,11 +300,11 @@ def run(name: str, train: Path, test: Path | None, *, orders: bool = False) -> N
     cut = len(whole.y) if tests else round(of.aside * len(whole.y))
     record = whole.part(0, cut, whole.name)
     print(f"{name}: {of.model.name}, {cut} samples of training")
-    free, errors = chosen(of, record)
+    part, errors = chosen(of, record)
     for candidate, left in errors:
         print(f"  structure: {candidate:30} {left:8.4g} {of.unit} where not fitted")
-    model = identified(of, record, free)
-    known = uncertainty(model.problem, model.x)
+    model = identified(of, record, part)
+    known = uncertainty(model.problem, model.x, jobs=JOBS)
     for i, (constant, value) in enumerate(model.values.items()):
         interval = None if isinstance(known, Failure) else known.interval(model.x, i)
         half = math.nan if interval is None else (interval[1] - interval[0]) / 2
@@ -328,8 +330,8 @@ def print_orders(of: Benchmark, model: Minimum) -> None:
     values = {n: model.values[n] for n in model.problem.parameters}
     free = {n: replace(v, start=values[n]) for n, v in model.problem.parameters.items() if isinstance(v, Free)}
     problem = replace(model.problem, orders={"q": Free(1.0, 0.8, 1.2)}, parameters=free)
-    best = refined(problem, np.concatenate([[1.0], model.x]), 1, Watch()).best
-    known = uncertainty(problem, best.point)
+    best = refined(problem, np.concatenate([[1.0], model.x]), JOBS, Watch()).best
+    known = uncertainty(problem, best.point, jobs=JOBS)
     interval = None if isinstance(known, Failure) else known.interval(best.point, 0)
     half = math.nan if interval is None else (interval[1] - interval[0]) / 2
     print(f"  order free: {best.point[0]:.5f} ± {half:.2g}, fitted to {of.scale * best.cost:.4g} {of.unit}")
