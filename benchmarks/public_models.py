@@ -97,9 +97,9 @@ CREEP = 1e-3
 
 def table(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:
     """Mass, viscous and sliding friction, a viscous friction of its own for the way back, an offset that drifts."""
-    mass, b, coulomb, offset, back, drift, stiction, speed = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
+    mass, b, coulomb, offset, back, drift = p[0], p[1], p[2], p[3], p[4], p[5]
     v = x[1]
-    friction = b * v + back * min(v, 0.0) + sliding(v, coulomb, stiction, speed, CREEP)
+    friction = b * v + back * min(v, 0.0) + sliding(v, coulomb, 0.0, 1.0, CREEP)
     out[0], out[1] = v, (u[0] - friction - offset - drift * t) / mass
 
 
@@ -113,8 +113,6 @@ emps = Model(
         Parameter("offset", "N", 0.0, "of the force, at the start"),
         Parameter("b_back", "N s/m", 0.0, "viscous friction that the way back has more"),
         Parameter("drift", "N/s", 0.0, "of the offset"),
-        Parameter("stiction", "N", 0.0, "what rest takes above sliding", lower=0.0),
-        Parameter("stribeck", "m/s", 0.01, "speed at which that goes", lower=1e-4),
     ),
     zero="", source="Janot, Gautier, Brunot, Data set and reference models of EMPS (2019)",
 )  # fmt: skip
