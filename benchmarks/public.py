@@ -40,7 +40,7 @@ from fracid.errors import Failure
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.problem.unknowns import start_of
-from fracid.solver.inputs import Between
+from fracid.solver.inputs import BETWEEN, Between
 
 ROOT = Path(__file__).parent.parent
 RECORDS = Path(os.environ.get("FRACID_BENCHMARKS", ROOT.parent / "shared" / "benchmarks"))
@@ -222,8 +222,10 @@ def period(u: FloatArray) -> int | None:
     return None if mismatch.min() > 0.5 else int(lags[np.flatnonzero(mismatch <= mismatch.min() + 0.02)[0]])
 
 
-def prediction(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> FloatArray:
-    """Simulate a record from its input and its first samples, shape (n,)."""
+def prediction(
+    of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float], *, own: bool = True
+) -> FloatArray:
+    """Simulate a record from its input and its first samples, with constants of its `own` or not, shape (n,)."""
     initial = {n: hidden.get(n, v) for n, v in of.initial(record).items()}
     first = experiment(of, record.part(0, BEGINNING * of.known, record.name), initial)
     first = replace(first, mask=((first.time[of.known] - first.step / 2, first.time[-1]),))
@@ -231,7 +233,7 @@ def prediction(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[st
     x = refined(problem, problem.start, JOBS, Watch()).best.point
     e = experiment(of, record, initial)
     problem = replace(problem, experiments=(e,))
-    lag = period(record.u) if of.repeating else None
+    lag = period(record.u) if own and of.repeating else None
     if lag is not None:
         problem = repeated(of, problem, x, lag)
     y = problem.fitted(x, e)
@@ -254,9 +256,9 @@ def repeated(of: Benchmark, problem: Problem, x: FloatArray, lag: int) -> Proble
     return changed(least_squares(drift, start, x_scale=of.sizes).x)
 
 
-def error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> float:
+def error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float], *, own: bool = True) -> float:
     """RMS of what the prediction of a record leaves, without the samples that it may use, in the benchmark's unit."""
-    left = record.y - prediction(of, model, record, hidden)
+    left = record.y - prediction(of, model, record, hidden, own=own)
     return of.scale * float(np.sqrt(np.mean(left[of.known :] ** 2)))
 
 
@@ -293,9 +295,10 @@ def identified(of: Benchmark, record: Record, part: Minimum) -> Minimum:
 # --- the command ---------------------------------------------------------------------------------------------------
 
 
-def run(name: str, train: Path, test: Path | None, *, orders: bool = False) -> None:
+def run(name: str, train: Path, test: Path | None, *, orders: bool = False, between: Between | None = None) -> None:
     """Identify one benchmark and print what came out."""
-    of, began = BENCHMARKS[name], time.perf_counter()
+    began, of = time.perf_counter(), BENCHMARKS[name]
+    of = replace(of, between=between or of.between)
     whole = Record.of(train / f"{name}_train.csv")
     tests = [] if test is None else sorted(test.glob(f"{name}_test*.csv"))
     cut = len(whole.y) if tests else round(of.aside * len(whole.y))
@@ -316,14 +319,21 @@ def run(name: str, train: Path, test: Path | None, *, orders: bool = False) -> N
     start = {n: model.problem.unpack(model.x, model.problem.experiments[0])[2][of.model.states.index(n)].item()
              for n in of.hidden}  # fmt: skip
     for path in tests:
-        print(f"  {path.stem:32} {error(of, model, Record.of(path), start):12.4g} {of.unit}")
+        print_error(of, model, Record.of(path), start)
     if not tests:
         aside = whole.part(cut - 1, len(whole.y), "aside")
-        left = error(of, model, aside, {n: model.last[n] for n in of.hidden})
         print(f"  no {name}_test*.csv; the last {len(whole.y) - cut} samples of training, kept aside:")
-        print(f"  {'aside':32} {left:12.4g} {of.unit}")
+        print_error(of, model, aside, {n: model.last[n] for n in of.hidden})
     print(f"  published: {of.published} {of.unit}")
     print(f"  {time.perf_counter() - began:.0f} s in all", flush=True)
+
+
+def print_error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> None:
+    """The error of a test, and what it is with all constants of the training record."""
+    print(f"  {record.name:32} {error(of, model, record, hidden):12.4g} {of.unit}")
+    if of.repeating:
+        as_trained = error(of, model, record, hidden, own=False)
+        print(f"  {record.name + ', ' + ' and '.join(of.repeating) + ' of training':32} {as_trained:12.4g} {of.unit}")
 
 
 def print_orders(of: Benchmark, model: Minimum) -> None:
@@ -345,6 +355,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--train", type=Path, default=RECORDS, metavar="DIR", help="where NAME_train.csv are")
     parser.add_argument("--test", type=Path, metavar="DIR", help="where NAME_test*.csv are")
     parser.add_argument("--orders", action="store_true", help="also free the order of the equations")
+    parser.add_argument("--between", choices=BETWEEN, help="what the inputs do between their samples, instead")
     options = parser.parse_args(arguments)
     if unknown := [n for n in options.names if n not in BENCHMARKS]:
         parser.error(f"no benchmark {unknown[0]!r}; there are {', '.join(BENCHMARKS)}")
@@ -352,7 +363,7 @@ def main(arguments: Sequence[str]) -> None:
     if not names:
         sys.exit(f"No NAME_train.csv in {options.train}; say where with --train DIR or FRACID_BENCHMARKS=DIR")
     for name in names:
-        run(name, options.train, options.test, orders=options.orders)
+        run(name, options.train, options.test, orders=options.orders, between=options.between)
 
 
 if __name__ == "__main__":
