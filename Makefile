@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-all test-slow lint docs bench orders coverage claims bench-peers scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint docs bench orders coverage claims benchmarks-public bench-peers scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -55,6 +55,10 @@ coverage: $(READY)
 # What fracid claims of rigs of known truth, made without its solver: hours; goes on where it was cut short.
 claims: $(READY)
 	$(BIN)/python benchmarks/claims.py --draws 3
+
+# Silverbox, cascaded tanks, EMPS: a minute each.  Their records are looked for in FRACID_BENCHMARKS, else ../shared/benchmarks.
+benchmarks-public: $(READY)
+	$(BIN)/python benchmarks/public.py
 
 # Error against time, fracid and its peers; they live in a venv of their own.  Writes docs/work-precision.md.
 bench-peers: $(PEERS)

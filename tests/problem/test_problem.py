@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import fracid
 from fracid.errors import InputError
 from fracid.estimation.covariance import jacobian, uncertainty
+from fracid.estimation.horizons import Watch, refined
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
@@ -104,6 +105,41 @@ def test_a_known_initial_value_is_fixed_whatever_the_mode(mode):
     p = problem(e, initial_state=mode)
     assert not [n for n in p.names if "alpha" in n]
     assert p.unpack(p.start, e)[2][2:].tolist() == [0.5, -0.25]
+
+
+@pytest.mark.parametrize("mode", ["estimate", "held"])
+def test_an_initial_value_in_a_range_of_ones_own_is_found_whatever_the_mode(mode):
+    e = replace(twin(known=False), initial={"D^mu alpha": Free(0.1, -1.0, 2.0)})
+    p = problem(e, initial_state=mode)
+    (i,) = (k for k, n in enumerate(p.names) if n == "D^mu alpha(0) [swing]")
+    assert (p.start[i], p.space.lower[i], p.space.upper[i]) == (0.1, -1.0, 2.0)
+    x = p.start.copy()
+    x[i] = 0.7
+    assert p.unpack(x, e)[2][3] == 0.7
+
+
+def test_a_level_that_nothing_measures_is_found():
+    def tanks(t, x, u, p, out):
+        out[0] = -p[0] * x[0]
+        out[1] = p[0] * x[0] - x[1]
+
+    flow = (fracid.Parameter("k", "1/s", 0.5, "flow"),)
+    model = fracid.Model("tanks", tanks, ("upper", "lower"), ("q", "q"), {"y": 1}, (), flow, "", "a test")
+    run = fracid.simulate(model, orders={"q": 1.0}, initial={"upper": 3.0, "lower": 1.0}, step=0.02, end=4.0)
+    levels = {"upper": Free(1.0, 0.0, 10.0), "lower": 1.0}
+    e = Experiment("a", 0.02, run.states[:, 1:], np.zeros((1, 0)), initial=levels, units={"y": "V"})
+    p = Problem(model, (e,), {"q": 1.0}, {"k": Free(1.0, 0.1, 5.0)}, initial_state="held")
+    x = refined(p, p.start, 1, Watch()).best.point
+    assert dict(zip(p.names, x, strict=True)) == pytest.approx({"k": 0.5, "upper(0) [a]": 3.0}, rel=1e-6)
+
+
+def test_the_start_of_a_signal_that_is_no_angle_may_be_as_fast_as_the_record():
+    time = np.arange(200) * STEP
+    volts = 0.05 * np.sin(400 * time)
+    e = Experiment("a", STEP, np.column_stack([volts, volts]), np.zeros((1, 1)), units={"theta": "V"})
+    p = problem(e, initial_state="estimate", orders=TRUE)
+    reach = dict(zip(p.names, (p.space.upper - p.space.lower) / 2, strict=True))
+    assert reach["D^lambda theta(0) [a]"] > 10.0 > reach["D^mu alpha(0) [a]"]
 
 
 def test_only_scored_outputs_have_a_free_start():

@@ -96,6 +96,13 @@ def test_a_release_time_is_a_number_or_free(project):
     assert project(BOTH + "release_time = 0.01" + rest).problem.experiments[0].release_time == 0.01
 
 
+def test_an_initial_value_is_a_number_or_found_in_a_range(project):
+    of = "initial = { alpha = 0.4, theta = { start = 0.1, lower = -0.2, upper = 0.3 } }"
+    p = project(BOTH + of + '\n[fit]\ninitial_state = "held"').problem
+    assert p.experiments[0].initial == {"alpha": 0.4, "theta": Free(0.1, -0.2, 0.3)}
+    assert [u.range for u in p.unknowns if u.kind == "initial"] == [Free(0.1, -0.2, 0.3)]
+
+
 def test_what_came_before_from_is_the_past_where_it_is_asked_for(project):
     cut = BOTH + 'voltage = { column = "volts", unit = "V" }\nfrom = 0.5\nto = 1.5\n'
     alone = project(cut).problem.experiments[0]

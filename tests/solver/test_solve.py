@@ -627,3 +627,32 @@ def test_a_constant_history_is_no_history():
         for n in (1, 500)
     )
     np.testing.assert_allclose(short.states, long.states, atol=1e-12)
+
+
+RATE = 2.0
+
+
+def _inner(value):
+    return RATE * value
+
+
+def _helper(x, i):
+    return _inner(x[i])
+
+
+def _calls_helpers(t, x, u, p, out):
+    out[0] = -_helper(x, 0)
+
+
+def _helper_beyond(t, x, u, p, out):
+    out[0] = -_helper(x, int(t) + 0) if t < 0.5 else _helper(x, 7)
+
+
+def test_a_right_hand_side_may_call_functions_of_its_file():
+    x = solve_fde(_calls_helpers, 1.0, [1.0], step=1e-3, end=1.0).states[-1, 0]
+    assert x == pytest.approx(math.exp(-RATE), rel=1e-5)
+
+
+def test_a_wrong_index_in_a_function_that_is_called_is_an_error_and_no_crash():
+    with pytest.raises((IndexError, InputError)):
+        solve_fde(_helper_beyond, 1.0, [1.0], step=0.1, end=1.0)

@@ -200,7 +200,10 @@ def start_shift(
         alone = replace(
             problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)
         )  # its start moves no other
-        initial_indices = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and e.past is None]
+        initial_indices = [
+            i for i, u in enumerate(alone.unknowns)
+            if u.kind == "initial" and u.target not in e.initial and e.past is None
+        ]  # fmt: skip
         if not initial_indices:
             continue
         point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors

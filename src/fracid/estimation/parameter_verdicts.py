@@ -43,6 +43,7 @@ from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
 from fracid.models.friction import LUGRE
 from fracid.problem import Problem, Unknown
+from fracid.problem.unknowns import scaled
 from fracid.units import with_unit
 
 __all__ = ["Verdict", "identifiability"]
@@ -226,7 +227,7 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
         return np.full(len(x), np.nan)
     smaller = replace(problem, experiments=tuple(
         replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
-                initial={n: 0.5 * v for n, v in e.initial.items()}) for e in problem.experiments
+                initial={n: scaled(v, 0.5) for n, v in e.initial.items()}) for e in problem.experiments
     ))  # fmt: skip
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
     everything = np.arange(len(x))

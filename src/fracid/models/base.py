@@ -11,8 +11,8 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
 1. Write ``rhs(t, x, u, p, out)``: put :math:`D^{q_i} x_i` into ``out[i]`` and return nothing.  All four
    arrays are one-dimensional float64; ``u`` has one entry for each name in ``inputs`` (zero where nothing
    was recorded), ``p`` one for each parameter, in the order of ``parameters``.
-2. Keep to what Numba compiles: numbers, ``math``, indexing, ``if`` and ``for``.  It is compiled for you,
-   once in each process.
+2. Keep to what Numba compiles: numbers, ``math``, indexing, ``if`` and ``for``, and functions of your own file that
+   do.  It is compiled for you, once in each process.
 3. Name each state and its order.  States of one angle share an order's name: ``("mu", "mu")``.  A state whose
    order is known has the number itself: 1.0 for an ordinary derivative.  What an order is in the model without
    fractional calculus goes into ``integer_orders`` where it is not 1: a damper written as D^r z = x', z = D^(1-r) x, is

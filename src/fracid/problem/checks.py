@@ -16,7 +16,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of
+from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of, start_of
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
@@ -55,6 +55,7 @@ def check_criterion(criterion: Criterion) -> None:
     check_choice("weights", criterion.weights, get_args(Weights))
     p = criterion.parametrisation
     ranges = [*p.orders.values(), *p.parameters.values(), *(e.release_time for e in p.experiments)]
+    ranges += [v for e in p.experiments for v in e.initial.values()]
     prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
     what = "a prior" if prior else 'weights = "noise"' if criterion.weights == "noise" else ""
     if what and criterion.cost_function.loss is None:
@@ -164,7 +165,7 @@ def _check_experiments(p: Parametrisation) -> None:
             )
         refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
         for name, value in e.initial.items():
-            refuse_beyond(f"{e.name}: initial {name}", value)
+            refuse_beyond(f"{e.name}: initial {name}", start_of(value))
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
 

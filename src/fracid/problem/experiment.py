@@ -40,8 +40,9 @@ class Experiment:
     """Time of the first sample on the recording's own clock [s]."""
     sha256: str = ""
     """Of the file."""
-    initial: Mapping[str, float] = field(default_factory=dict)
-    """States whose initial value is known, such as a release angle [rad]: fixed, whatever `initial_state` says."""
+    initial: Mapping[str, float | Free] = field(default_factory=dict)
+    """States whose initial value is known, such as a release angle [rad], or to be found within a range of one's own,
+    such as the level of a tank that nothing measures: whatever `initial_state` says."""
     weight: float = 1.0
     """As how many samples each of its samples counts."""
     release_time: float | Free = 0.0
@@ -77,12 +78,13 @@ class Experiment:
         recording: Recording,
         model: Model,
         outputs: Sequence[str],
-        initial: Mapping[str, float] | None = None,
+        initial: Mapping[str, float | Free] | None = None,
         *,
         before: Recording | None = None,
         **options: Any,
     ) -> Experiment:
-        """Take the outputs and the model's inputs out of a recording; `initial` are the states known at its start.
+        """Take the outputs and the model's inputs out of a recording; `initial` are states at its start:
+        a number is known, a range is to find it in.
 
         The `options` are what else a recording has: its `weight`, its `release_time`, its `sensors` and `actuators`,
         `between`, where a voltage is held if nothing is said, and its `mask`, to which its bridged gaps are added.

@@ -21,7 +21,7 @@ What a joint has given at the start, z(0), is counted in its δ: from −1 to 1 
 slides already nothing is free: z is where what it gains and what it forgets are in balance, sliding friction's part of
 the breakaway torque.
 States of which nothing is measured, and those that only a function of them shows, start at 0, and one named in an
-experiment's ``initial`` at its value there.
+experiment's ``initial`` at its value there; a range there is an unknown, under any ``initial_state``.
 The rate of a state i is the state j of which the model says :math:`D^q x_i = x_j`.
 """
 
@@ -157,7 +157,10 @@ class Parametrisation:
             orders[state] = 1.0 - parameters[nu]
         parameters[list(self._switched_off[e.name])] = 0.0
         if e.sensors and self.initial_state in ("measured", "held"):
-            initial = self._initial_guess(e, parameters)
+            found = [i for i, n in enumerate(self.model.states) if isinstance(e.initial.get(n), Free)]
+            taken = self._initial_guess(e, parameters)
+            taken[found] = initial[found]
+            initial = taken
         if e.past is not None and self.initial_state == "measured":
             rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
@@ -256,23 +259,32 @@ class Parametrisation:
     # --- the initial state -------------------------------------------------------------------------
 
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
-        if self.initial_state in ("measured", "held"):
+        own = {n: v for n, v in e.initial.items() if isinstance(v, Free)}
+        if self.initial_state in ("measured", "held") and not own:
             return []
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
         states = self.model.output_states
         units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
         sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
         reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
+        if self.initial_state in ("measured", "held"):
+            reach = {}
         if self.initial_state == "estimate":
-            reach |= {j: (3.0 * sizes[i] + abs(guess[j]), f"{units[i]}/s") for i, j in self.rates.items()}
+            fastest = dict(zip(units, self._fastest(e).tolist(), strict=True))
+            reach |= {
+                j: (max(3.0 * sizes[i] + abs(guess[j]), fastest[i]), f"{units[i]}/s") for i, j in self.rates.items()
+            }
             reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
+        ranges = {
+            i: (Free(guess[i], guess[i] - width, guess[i] + width), unit)
+            for i, (width, unit) in reach.items() if self.model.states[i] not in e.initial
+        }  # fmt: skip
+        ranges |= {(i := self.model.states.index(n)): (v, reach.get(i, (0.0, ""))[1]) for n, v in own.items()}
         unknowns = []
-        for i, (width, unit) in sorted(reach.items()):
+        for i, (around, unit) in sorted(ranges.items(), key=lambda item: item[0]):
             state = self.model.states[i]
-            if state not in e.initial:
-                around = Free(guess[i], guess[i] - width, guess[i] + width)
-                part = state in self.model.relaxing
-                unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around, part))
+            part = state in self.model.relaxing and state not in own
+            unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around, part))
         return unknowns
 
     @cached_property
@@ -312,7 +324,7 @@ class Parametrisation:
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
-            x0[self.model.states.index(name)] = value
+            x0[self.model.states.index(name)] = start_of(value)
         if self.initial_state == "estimate":
             for z, delta in self._deflections:
                 if self.model.states[z] not in e.initial:
@@ -324,6 +336,16 @@ class Parametrisation:
         """For each scored output's state i the state j with D^q x_i = x_j."""
         indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
+
+    def _fastest(self, e: Experiment) -> FloatArray:
+        """How fast each scored output that is a state moves at most, 0 where it is an angle: its range is made for one.
+
+        From sample to sample [1/s], shape (n_scored_states,).
+        """
+        scored = [k for k, n in enumerate(self.outputs) if n in self.model.output_states]
+        angle = np.array([e.units.get(self.outputs[k], "rad") == "rad" for k in scored])
+        slopes = np.max(np.abs(np.diff(e.measured[:, scored], axis=0)), axis=0, initial=0.0) / e.step
+        return np.where(angle, 0.0, slopes)
 
     def sizes(self, e: Experiment) -> FloatArray:
         """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).

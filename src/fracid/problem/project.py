@@ -146,8 +146,8 @@ class _Recording(_Table):
     use: Literal["fit", "validate"] = "fit"
     resample: bool | float | Literal["needed"] = "needed"
     variable: str | None = None
-    initial: dict[str, float] = {}
-    """States known at the start [rad], such as the angle of release."""
+    initial: dict[str, float | _Range] = {}
+    """States known at the start [rad], such as the angle of release, or to be found in a range."""
     weight: float = 1.0
     release_time: float | _Range = 0.0
     history: _History | None = None
@@ -332,7 +332,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
-            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=_release_time(r.name, s),
+            r, model, outputs, _initial(r.name, s), before=before, weight=s.weight,
+            release_time=_release_time(r.name, s),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
             mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
@@ -529,8 +530,16 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     return outputs
 
 
+def _initial(name: str, spec: _Recording) -> dict[str, float | Free]:
+    return {n: _number_or_free(f"initial {n} of {name}", value) for n, value in spec.initial.items()}
+
+
 def _release_time(name: str, spec: _Recording) -> float | Free:
-    value = _value(f"release_time of {name}", spec.release_time)
+    return _number_or_free(f"release_time of {name}", spec.release_time)
+
+
+def _number_or_free(name: str, spec: float | _Range) -> float | Free:
+    value = _value(name, spec)
     assert not isinstance(value, Tied)
     return value
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 from fracid.errors import SMALLEST, InputError, refuse_beyond
 
-__all__ = ["Free", "InitialState", "Prior", "Tied", "Unknown", "Value", "Weights", "root_of", "start_of"]
+__all__ = ["Free", "InitialState", "Prior", "Tied", "Unknown", "Value", "Weights", "root_of", "scaled", "start_of"]
 
 InitialState = Literal["estimate", "rest", "measured", "held"]
 
@@ -137,6 +137,21 @@ def start_of(value: Value) -> float:
     """Where the search starts: a number's own value."""
     assert not isinstance(value, Tied)
     return value.start if isinstance(value, Free) else float(value)
+
+
+def scaled(value: float | Free, factor: float) -> float | Free:
+    """A number or a range times a factor.
+
+    Examples
+    --------
+    >>> scaled(Free(1.0, 0.0, 3.0), -2.0)
+    Free(start=-2.0, lower=-6.0, upper=-0.0, prior=None, scale=None)
+    """
+    if not isinstance(value, Free):
+        return factor * value
+    lower, upper = sorted((factor * value.lower, factor * value.upper))
+    prior = value.prior and Prior(factor * value.prior.mean, abs(factor) * value.prior.sd)
+    return Free(factor * value.start, lower, upper, prior, value.scale and abs(factor) * value.scale)
 
 
 def root_of(what: str, name: str, values: Mapping[str, Value]) -> str:

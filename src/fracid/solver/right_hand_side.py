@@ -12,6 +12,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import cache, lru_cache
+from types import FunctionType
 from typing import Any
 
 import numba as nb
@@ -24,7 +25,7 @@ from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
-__all__ = ["RightHandSide", "compile_rhs", "name_of", "probe"]
+__all__ = ["RightHandSide", "compile_rhs", "name_of", "probe", "teach_helpers"]
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -56,7 +57,7 @@ def compile_rhs(rhs: Any) -> Any:
 def _compiled(function: Any) -> Any:
     own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
     checked = _largest_indices(function) is None
-    _teach_joints()
+    teach_helpers(function)
     try:
         return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
     except nb.core.errors.NumbaError as error:
@@ -67,9 +68,28 @@ def _compiled(function: Any) -> Any:
         ) from None
 
 
+def teach_helpers(function: Any) -> None:
+    """Make the functions that a function calls, and those that they call, known to Numba; plain Python they stay.
+
+    Those are the elements of :mod:`fracid.models.joints`, and a user's own helpers, whose every access is checked.
+    """
+    _teach_joints()
+    if not isinstance(function, FunctionType):
+        return
+    reach = inspect.getclosurevars(function)
+    for helper in (*reach.globals.values(), *reach.nonlocals.values()):
+        if isinstance(helper, FunctionType) and helper is not function and helper not in joints.ELEMENTS:
+            _teach(helper)
+
+
+@cache
+def _teach(helper: FunctionType) -> None:
+    nb.extending.register_jitable(error_model="numpy", boundscheck=True)(helper)
+    teach_helpers(helper)
+
+
 @cache
 def _teach_joints() -> None:
-    """Make the elements of :mod:`fracid.models.joints` known to Numba; plain Python they stay all the same."""
     for element in joints.ELEMENTS:
         nb.extending.register_jitable(error_model="numpy")(element)
 

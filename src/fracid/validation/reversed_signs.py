@@ -19,6 +19,7 @@ from fracid.findings import Finding
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
+from fracid.problem.unknowns import scaled
 from fracid.signals.swing import swing_period, swing_start
 
 __all__ = ["Reversal", "reversals", "wrong_sign"]
@@ -140,7 +141,7 @@ def _turned(problem: Problem, output: str) -> Problem:
     e, i = problem.experiments[0], problem.model.output_states.get(output)
     own = set() if i is None else {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)
-    initial = {n: -v if n in own else v for n, v in e.initial.items()}
+    initial = {n: scaled(v, -1.0) if n in own else v for n, v in e.initial.items()}
     return replace(problem, experiments=(replace(e, measured=e.measured * sign, initial=initial),))
 
 
