@@ -84,6 +84,14 @@ def test_with_joints_that_give_before_they_slide_the_residual_is_one_encoder_ste
     assert low < 0.0 < high  # what looked like a cable's spring was presliding
 
 
+def test_a_pulse_and_both_releases_are_one_rig_whose_axis_leans(example):
+    fit = example("real/srv02-together.toml")
+    worst = {name: max(degrees(r).values()) for name, r in fit.recordings.items()}
+    assert worst["release 92°"] < 0.18
+    assert worst["release 16°"] < 0.12
+    assert worst["pulse 10 V"] < 0.36  # 1.27 on a base that is level
+
+
 def test_many_starts_of_the_release_come_to_the_same_minimum(example):
     fit = example("srv02-release.toml", starts=4)
     assert max(degrees(fit.recordings["release 92°"]).values()) <= 0.22
