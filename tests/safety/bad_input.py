@@ -377,7 +377,11 @@ SAMPLES = [
     Row("time that runs backwards", "log.csv", text(columns=(T[::-1], THETA, ALPHA)),
         "time does not increase: 0 stamps repeat and 399 go back", 3),
     Row("a clock whose name has its unit", "log.csv", text(head="t_ms,theta,alpha", columns=(1000 * T, THETA, ALPHA)),
-        "Time is in ms, as the name 't_ms' ends.", 0),
+        "Time is in ms, as its name 't_ms' says.", 0),
+    Row("a clock that is headed by its unit", "log.csv", text(head="ms,theta,alpha", columns=(1000 * T, THETA, ALPHA)),
+        "Time is in ms, as its name 'ms' says.", 0),
+    Row("a clock that was set", "log.csv", text(columns=(np.where(T > 2, T + 0.15, T), THETA, ALPHA)),
+        "samples are missing in 1 gap (160 ms after 2 s) … its clock jumps by 0.16 s after 2 s, and the motion goes on as if it had not", 0),
     Row("infinite time stamps", "log.csv", text(columns=with_column(0, 7, np.inf)),
         "1 of 400 rows have no time stamp and were left out.", 0),
     Row("time as no clock has it", "log.csv", text(head="t,alpha", columns=(T, ALPHA), change=lambda lines: lines.
