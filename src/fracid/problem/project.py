@@ -16,7 +16,7 @@
     mu = 1.0                                     initial_state = "estimate"
 
 Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
-and ``scale``, its typical size.
+``scale``, its typical size, and ``hard = true``: a search that ends at a bound does not open it.
 An input may hold its value between samples, or be a multisine: ``between = "hold"``, ``"line"`` or ``"band-limited"``
 (:mod:`fracid.solver.inputs`); a voltage is held if nothing is said.
 A channel may be late, scaled, offset or filtered: ``delay``, ``gain``, ``bias`` and ``lowpass`` in its table, each a
@@ -111,6 +111,7 @@ class _Range(_Table):
     upper: float
     prior: _Prior | None = None
     scale: float | None = None
+    hard: bool = False
 
 
 def _untied(table: Any) -> Any:
@@ -555,7 +556,7 @@ def _value(name: str, spec: float | _Range | str | Free) -> Value:
         return spec
     try:
         prior = None if spec.prior is None else Prior(spec.prior.mean, spec.prior.sd)
-        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale)
+        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale, spec.hard)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 
