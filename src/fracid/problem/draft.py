@@ -26,6 +26,7 @@ held still, then let go     the release, which :mod:`fracid.recording.report` fi
                             between two samples that the fit finds
 let go near upright         a turn of the swing well below: how it left the top, a hair decides
 set swinging by hand        the turn from which on the swing decays evenly: the hand is off
+driven from rest            the last sample before the input begins
 driven, or at rest          its first sample
 =========================== =============================================================================
 """
@@ -55,13 +56,22 @@ from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
 from fracid.signals.swing import final_value, half_swings, quickening, swing_period
 
-__all__ = ["Draft", "draft_project", "guess_columns", "guess_file"]
+__all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file"]
 
 REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
 """Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
 
 BRIDGED = 0.25
 """Of a swing: a longer gap is not bridged by a line."""
+
+MOTOR = "torque_per_volt"
+"""What an input is seen by."""
+
+BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
+"""The constants that a draft may be told to begin with."""
+
+AT_REST = 10
+"""Samples without input that show that it stands still."""
 
 FEWEST = 50
 """Samples of a part that is fitted."""
@@ -133,6 +143,7 @@ def draft_project(
     variable: str | None = None,
     rig: str | None = None,
     folder: str | Path = ".",
+    starts: Mapping[str, float] | None = None,
 ) -> Draft:
     """Draft a project file for a recording of a rotary pendulum.
 
@@ -148,6 +159,8 @@ def draft_project(
         Whose constants to begin with; ``srv02-rotpen`` if left out.
     folder : path
         Where the project file will be: the recording's path is written as seen from there.
+    starts : mapping, optional
+        Where the search of constants begins, in place of the rig's and of guesses [SI].
 
     Raises
     ------
@@ -185,7 +198,8 @@ def draft_project(
         reading |= {"start": window.start, "stop": window.stop}
     notes += _zeros(inspect_recording(file, column_specs, **reading), column_specs)
     recording = inspect_recording(file, column_specs, **reading)
-    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window)
+    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window,
+                 starts or {})  # fmt: skip
     return Draft(page.text(), column_specs, notes)
 
 
@@ -327,6 +341,18 @@ def _way(recording: Recording) -> float:
     return math.copysign(1.0, furthest * float(u[on[0]])) if observable else 0.0
 
 
+def _onset(recording: Recording, driven: bool) -> float | None:
+    """The last sample before the input changes, where both angles stand still until then; None where they do not."""
+    if not driven:
+        return None
+    u = np.nan_to_num(recording.signals["voltage"])
+    still = int(np.argmax(u != u[0])) - 1
+    angles = [s for s in recording.report.signals if s.name in ("alpha", "theta")]
+    moved = any(np.ptp(recording.signals[s.name][: max(still, 0) + 1]) > max(STILL * s.range, 3 * (s.resolution or 0.0))
+                for s in angles)  # fmt: skip
+    return float(recording.time[still]) if still >= AT_REST and u[0] == 0 and not moved else None
+
+
 def _turns(alpha: FloatArray) -> NDArray[np.intp]:
     """The samples at which a swing is furthest out, one between any two passes through zero."""
     passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
@@ -358,7 +384,7 @@ class _Page:
 
     def __init__(
         self, recording: Recording, columns: Columns, rig: str, time: Mapping[str, Any] | None, variable: str | None,
-        folder: Path, guessed: bool, window: _Window | None,
+        folder: Path, guessed: bool, window: _Window | None, starts: Mapping[str, float],
     ) -> None:  # fmt: skip
         self.recording, self.columns, self.rig, self.guessed = recording, columns, rig, guessed
         self.time, self.variable, self.folder, self.window = time, variable, folder, window
@@ -367,7 +393,8 @@ class _Page:
         self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
         self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
-        self.model = rotary_pendulum(rig)
+        self.model, self.starts = rotary_pendulum(rig), starts
+        self.onset = _onset(recording, self.driven)
 
     def text(self) -> str:
         """All of it."""
@@ -404,30 +431,49 @@ class _Page:
         slower = self._slower()
         for name in free:
             start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
+            start, span = self.starts.get(name, start), SPAN**2 if self.arm else SPAN
             if name == "C6" and self.swing < SMALL:
                 lines.append(
                     f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
                 )
                 continue
-            lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
+            lines.append(_range(name, start, start / span, start * span, self._meaning(name)))
+        k, why = self._motor(own["torque_per_volt"] or 0.05)
+        most = max(gravity, SPAN * abs(k) * self._voltage)  # dry friction of a motor that turns
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
-            viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
-            lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
-            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, gravity, dry))
+            reach, dry = most if joint == "theta" else gravity, f"dry friction of the {_joint(joint)} [N m]"
+            lines.append(self._friction(f"b_{joint}", own[f"b_{joint}"], reach, self._meaning(f"b_{joint}")))
+            lines.append(self._friction(f"coulomb_{joint}", 1e-2 * reach, reach, dry))
             lines.append(self._presliding(joint))
         if self.arm:
-            lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
-            lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
+            lines.append(self._friction("drag_theta", 0.0, most, self._meaning("drag_theta")))
+            meaning = self._meaning("cable_stiffness")
+            lines.append(self._friction("cable_stiffness", 1e-2 * gravity, 2 * most, meaning))
         if self.driven:
-            k, way = own["torque_per_volt"] or 0.05, _way(self.recording)
-            k = k if way == 0 else math.copysign(k, way)
-            low, high = sorted((k / SPAN**2, k * SPAN**2))  # motors differ more than masses
-            why = {0.0: "turn its sign round if the arm goes the other way", 1.0: "the arm goes with the voltage",
-                   -1.0: "the arm goes against the voltage"}[way]  # fmt: skip
-            lines.append(_range("torque_per_volt", k, low, high, f"{why} [N m/V]"))
+            low, high = sorted((k / SPAN**2, k * SPAN**2)) if why else (-abs(k) * SPAN**2, abs(k) * SPAN**2)
+            lines.append(_range("torque_per_volt", k, low, high, f"{why or 'either way'} [N m/V]"))
         fast = math.degrees(self.swing) > 45
         drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
         return [*lines, drag if fast else f"# {drag}"]
+
+    def _friction(self, name: str, start: float, reach: float, meaning: str) -> str:
+        start = self.starts.get(name, start)
+        return _range(name, start, 0.0, max(reach, SPAN * start), meaning)
+
+    @property
+    def _voltage(self) -> float:
+        """The largest [V]."""
+        return float(np.nanmax(np.abs(self.recording.signals["voltage"]))) if self.driven else 0.0
+
+    def _motor(self, k: float) -> tuple[float, str]:
+        """Where the search for the torque per volt begins, and which way the arm goes; "" where nothing says."""
+        if "torque_per_volt" in self.starts:
+            k = self.starts["torque_per_volt"]
+            return k, "the arm goes with the voltage" if k > 0 else "the arm goes against the voltage"
+        way = _way(self.recording)
+        return (
+            (math.copysign(k, way), f"the arm goes {'with' if way > 0 else 'against'} the voltage") if way else (k, "")
+        )
 
     def _presliding(self, joint: str) -> str:
         """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""
@@ -508,7 +554,7 @@ class _Page:
 
     def _held(self) -> bool:
         """Whether it is held still, then let go: so it begins at rest."""
-        return self.recording.report.release is not None and not self._at_the_top()
+        return self.recording.report.release is not None and not self.driven and not self._at_the_top()
 
     def _from(self) -> str:
         """Where it begins: see the table at the top of this page."""
@@ -516,12 +562,14 @@ class _Page:
         top = self._at_the_top()
         if self._held():
             return self._at_release()
+        if self.onset is not None:
+            return f"from = {self.onset:.15g}".ljust(40) + "# at rest until then; what drives it begins"
         turn = None if self.driven else _free_from(r.time, alpha)
         if turn is not None:
             why = "# it turns there, below the top: how it left that, a hair decides" if top else (
                 "# it turns there, and swings freely from then on")  # fmt: skip
             return f"from = {turn:.3f}".ljust(40) + why
-        if top:
+        if top and not self.driven:
             return self._at_release()
         if self.window and self.window.start is not None:
             return f"from = {self.window.start:.15g}".ljust(40) + "# before it the clock jumps, or samples are missing"
@@ -539,6 +587,8 @@ class _Page:
         start = (
             _line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
             if self._held()
+            else _line("initial_state", "rest", "# until then it stands still; estimate, if it does not")
+            if self.onset is not None
             else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
         )
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]

@@ -32,7 +32,7 @@ RATE, DURATION, ANGLE = 1000.0, 20.0, math.radians(10.0)
 NEAR = 0.1
 """A duration and an angle are the paper's within this part."""
 
-BEYOND = ("drag_", "cable_", "stiction_", "presliding_", "springpot_", "play_", "arm_", "hub_", "dead_zone", "back_emf")
+BEYOND = ("drag_", "cable_", "stiction_", "presliding_", "springpot_", "play_", "arm_", "hub_", "dead_", "back_")
 """How the parameters begin of what the paper's model does not have."""
 
 
