@@ -40,6 +40,5 @@ def test_a_multisine_begins_where_its_regression_is_whatever_the_motors_directio
     for name in ("C1", "C3", "J_theta", "torque_per_volt"):
         assert start[name] == pytest.approx(other * rig.parameter(name).value, rel=0.05)
     assert draft.notes[-1] == "The constants begin where a linear regression has them."
-    begins = project.recordings[0].time[0]
-    assert begins == pytest.approx(max(first - STEP, 0.0), abs=1e-9)
-    assert project.problem.initial_state == ("rest" if first else "estimate")
+    assert project.recordings[0].time[0] == 0.0  # what is at rest before the input begins is no release
+    assert project.problem.initial_state == "estimate"

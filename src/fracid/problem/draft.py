@@ -26,7 +26,6 @@ held still, then let go     the release, which :mod:`fracid.recording.report` fi
                             between two samples that the fit finds
 let go near upright         a turn of the swing well below: how it left the top, a hair decides
 set swinging by hand        the turn from which on the swing decays evenly: the hand is off
-driven from rest            the last sample before the input begins
 driven, or at rest          its first sample
 =========================== =============================================================================
 """
@@ -69,9 +68,6 @@ MOTOR = "torque_per_volt"
 
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
-
-AT_REST = 10
-"""Samples without input that show that it stands still."""
 
 FEWEST = 50
 """Samples of a part that is fitted."""
@@ -341,18 +337,6 @@ def _way(recording: Recording) -> float:
     return math.copysign(1.0, furthest * float(u[on[0]])) if observable else 0.0
 
 
-def _onset(recording: Recording, driven: bool) -> float | None:
-    """The last sample before the input changes, where both angles stand still until then; None where they do not."""
-    if not driven:
-        return None
-    u = np.nan_to_num(recording.signals["voltage"])
-    still = int(np.argmax(u != u[0])) - 1
-    angles = [s for s in recording.report.signals if s.name in ("alpha", "theta")]
-    moved = any(np.ptp(recording.signals[s.name][: max(still, 0) + 1]) > max(STILL * s.range, 3 * (s.resolution or 0.0))
-                for s in angles)  # fmt: skip
-    return float(recording.time[still]) if still >= AT_REST and u[0] == 0 and not moved else None
-
-
 def _turns(alpha: FloatArray) -> NDArray[np.intp]:
     """The samples at which a swing is furthest out, one between any two passes through zero."""
     passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
@@ -394,7 +378,6 @@ class _Page:
         self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
         self.model, self.starts = rotary_pendulum(rig), starts
-        self.onset = _onset(recording, self.driven)
 
     def text(self) -> str:
         """All of it."""
@@ -431,13 +414,13 @@ class _Page:
         slower = self._slower()
         for name in free:
             start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
-            start, span = self.starts.get(name, start), SPAN**2 if self.arm else SPAN
+            start = self.starts.get(name, start)
             if name == "C6" and self.swing < SMALL:
                 lines.append(
                     f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
                 )
                 continue
-            lines.append(_range(name, start, start / span, start * span, self._meaning(name)))
+            lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
         k, why = self._motor(own["torque_per_volt"] or 0.05)
         most = max(gravity, SPAN * abs(k) * self._voltage)  # dry friction of a motor that turns
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
@@ -562,8 +545,6 @@ class _Page:
         top = self._at_the_top()
         if self._held():
             return self._at_release()
-        if self.onset is not None:
-            return f"from = {self.onset:.15g}".ljust(40) + "# at rest until then; what drives it begins"
         turn = None if self.driven else _free_from(r.time, alpha)
         if turn is not None:
             why = "# it turns there, below the top: how it left that, a hair decides" if top else (
@@ -587,8 +568,6 @@ class _Page:
         start = (
             _line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
             if self._held()
-            else _line("initial_state", "rest", "# until then it stands still; estimate, if it does not")
-            if self.onset is not None
             else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
         )
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
