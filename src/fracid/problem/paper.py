@@ -111,7 +111,7 @@ def _of_constants(model: Model, rig: str | None, given: Mapping[str, float]) -> 
         yield f"the model is {model.name} (the paper: a rotary pendulum)"
         return
     own = {p.name: p.value for p in (rotary_pendulum(rig) if rig else rotary_pendulum()).parameters}
-    changed = [f"{n} = {v:.4g}" for n, v in given.items() if v != own.get(n, v)]
+    changed = [f"{n} = {v:.4g}" for n, v in given.items() if not math.isclose(v, own.get(n, v), rel_tol=1e-4)]
     if rig is None:
         yield "no rig is named, so free constants are at their starts (the paper: a rig's known constants)"
     elif changed:
