@@ -17,6 +17,8 @@ from fracid.identification import identify
 from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
+from fracid.problem.limits import opened
+from fracid.selection.opened_bounds import open_bounds
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -71,6 +73,71 @@ def test_orders_and_constants_are_found_together():
         assert fit.parameters[name].free
     assert fit.orders["mu"].value == pytest.approx(0.95, abs=1e-5)
     assert not fit.parameters["C3"].free
+
+
+@pytest.fixture(scope="module")
+def dragging():
+    """A swing whose friction is three times what a project looks for."""
+    return twin(orders={"lambda": 1.0, "mu": 1.0}, noise=1e-3, end=6.0, parameters={"b_alpha": 1.5e-3})
+
+
+def bounded(swing, **options):
+    ranges = {"b_alpha": Free(3e-4, 0.0, 5e-4, **options)}
+    return problem(swing, orders={"lambda": 1.0, "mu": 1.0}, parameters=ranges, initial_state="held")
+
+
+def test_a_bound_that_stops_a_search_is_opened_and_the_fit_says_so(dragging):
+    fit = identify(bounded(dragging))
+    (opening,) = fit.opened_bounds
+    assert (opening.name, opening.upper, opening.was, opening.bound) == ("b_alpha", True, 5e-4, 5e-3)
+    assert fit.parameters["b_alpha"].value == opening.value == pytest.approx(1.5e-3, rel=0.1)
+    assert not fit.parameters["b_alpha"].at_bound
+    assert opening.lowered == fit.cost < 0.7 * opening.cost
+    assert opening.sentence in fit.warnings
+    assert opening.sentence.startswith("b_alpha was stopped by its upper bound, 0.0005 N m s/rad: opened to 0.005, the")
+    assert "hard = true in its table keeps a bound" in opening.sentence
+    assert fit.to_json()["opened_bounds"][0]["was"] == 5e-4
+    assert fit.problem.parameters["b_alpha"].upper == 5e-3
+
+
+def test_a_hard_bound_is_not_opened(dragging):
+    fit = identify(bounded(dragging, hard=True))
+    assert fit.opened_bounds == ()
+    assert fit.parameters["b_alpha"].at_bound
+
+
+def test_a_bound_beyond_which_nothing_is_to_be_found_stays_and_costs_nothing():
+    swing = twin(orders={"lambda": 1.0, "mu": 1.0}, noise=1e-3)
+    ranges = {"coulomb_alpha": Free(1e-4, 0.0, 1.0), "C1": Free(RIG.parameter("C1").value, 1e-3, 1e-2)}
+    p = problem(swing, orders={"lambda": 1.0, "mu": 1.0}, parameters=ranges, initial_state="held")
+    assert opened(p, "coulomb_alpha", upper=False) is None  # a friction below 0 is none
+    best = p.evaluate(np.array([0.0, RIG.parameter("C1").value]))
+    wider, end = open_bounds(p, best)
+    assert wider is p
+    assert end is best
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "upper", "bound"),
+    [
+        ("b_alpha", (0.1, 0.01, 1.0), True, 10.0),
+        ("b_alpha", (0.1, 0.01, 1.0), False, 0.001),
+        ("b_alpha", (0.1, -0.01, 1.0), False, None),  # it would drive the rig
+        ("torque_per_volt", (-0.1, -1.0, -0.01), False, -10.0),
+        ("torque_per_volt", (-0.1, -1.0, -0.01), True, -0.001),
+        ("torque_per_volt", (-0.1, -1.0, 0.0), True, None),  # another sign is another rig
+        ("presliding_alpha", (0.1, 0.0, 0.2), True, 0.5),  # as far as a joint gives
+        ("presliding_alpha", (0.1, 0.0, 0.5), True, None),
+        ("theta_rest", (0.0, -1.0, 1.0), True, 6.3),
+        ("C1", (1.0, 0.1, np.inf), True, None),
+    ],
+)
+def test_a_bound_opens_as_far_as_a_parameter_means_something(name, given, upper, bound):
+    still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    wider = opened(
+        problem(still, orders={"lambda": 1.0, "mu": 1.0}, parameters={name: Free(*given)}), name, upper=upper
+    )
+    assert (wider and (wider.upper if upper else wider.lower)) == (bound and pytest.approx(bound))
 
 
 @pytest.mark.broad

@@ -17,6 +17,7 @@ from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.result import EstimateBlock, FitBlock
 from fracid.selection.integer_rival import Alternative
+from fracid.selection.opened_bounds import OpenedBound
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
@@ -53,6 +54,8 @@ class Fit(FitPictures):
     """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
     claim_reasons: tuple[str, ...] = ()
     """Why, in sentences."""
+    opened_bounds: tuple[OpenedBound, ...] = ()
+    """The bounds of the project that stopped the search, and were opened."""
     alternative: Alternative | None = None
     """The integer-order model that comes nearest, where one was tried."""
     spread: Spread | None = None
@@ -74,6 +77,7 @@ class Fit(FitPictures):
             "orders": {n: as_json(EstimateBlock, e) | {"integer": p.model.integer_order(n)}
                        for n, e in self.orders.items()},
             "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
+            "opened_bounds": [vars(b) for b in self.opened_bounds],
             "starts": [vars(s) | {"point": self._named(s.point), "end": self._named(s.end)} for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),

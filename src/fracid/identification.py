@@ -5,6 +5,9 @@ By default it searches by ``multistart``: least squares from the start, on a hor
 too (:mod:`fracid.estimation.search`).  :data:`fracid.optimise.OPTIMISERS` has the others; from the best point of most
 that take no derivatives least squares goes on.
 
+Where a search ends at a bound beyond which a parameter means as much as before, it goes on there if that is worth it
+(:mod:`fracid.selection.opened_bounds`).
+
 Before the search it looks for faults of the data and of the project that would make it find nothing that means
 anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, :func:`identify` then
 
@@ -51,6 +54,7 @@ from fracid.problem.checks import refuse_twins
 from fracid.selection.claim import FLOOR, Claim, claim_of, leftovers, orders_found
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, claimable, integer_values
+from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
@@ -208,6 +212,25 @@ class _Findings:
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
     """What was seen before the search."""
+    asked: Problem | None = None
+    """The problem with its own bounds, where some were opened."""
+    within: float = np.inf
+    """The cost within those."""
+
+    @property
+    def opened(self) -> tuple[OpenedBound, ...]:
+        """The bounds that were opened and lie within what was found."""
+        return () if self.asked is None else opened_bounds(self.asked, self.within, self.problem, self.result.best)
+
+    def open_bounds(self, jobs: int) -> None:
+        """Go on beyond the bounds that stop the search, where that is worth it."""
+        if self.optimiser.keeps_its_own:
+            return
+        wider, lower = open_bounds(self.problem, self.result.best, jobs=jobs)
+        if wider is not self.problem:
+            if self.asked is None:
+                self.asked, self.within = self.problem, self.result.best.cost
+            self.problem, self.result = wider, replace(self.result, best=lower)
 
     def restart(self, lower: Evaluation) -> None:
         """Take a lower minimum, and forget what was said of the former one."""
@@ -224,9 +247,11 @@ def _examine(
     clock: _Clock,
 ) -> None:
     """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
-    problem, x = analysis.problem, analysis.result.best.point
     unpolished = analysis.optimiser.keeps_its_own
     try:
+        analysis.open_bounds(jobs)
+        problem, x = analysis.problem, analysis.result.best.point
+        clock.lap("bounds")
         analysis.known = uncertainty(problem, x, jobs=jobs)
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
         clock.lap("uncertainty")
@@ -324,7 +349,8 @@ def _missed_by(analysis: _Findings) -> Iterator[Finding]:
 
 
 def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
-    problem, best, precision = analysis.problem, analysis.result.best, analysis.known
+    opened, best, precision = analysis.opened, analysis.result.best, analysis.known
+    problem = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
     estimates = _estimates(problem, best.point, precision, analysis.verdicts)
     if analysis.alternative is not None and analysis.alternative.warning:
         for n in analysis.alternative.orders:
@@ -334,15 +360,15 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
     later = (*analysis.seen[len(analysis.first) :], *misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
     findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
-    messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *_warnings(problem, precision, analysis.verdicts),
-                *analysis.warnings)  # fmt: skip
+    messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
+                *_warnings(problem, precision, analysis.verdicts), *analysis.warnings)  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
-        recordings=fitted | analysis.validated, starts=analysis.starts,
+        recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
         alternative=analysis.alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
         CutCheck) else None,
         discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,

@@ -8,7 +8,7 @@ import fracid
 from fracid.cli import app
 from fracid.errors import InputError
 from fracid.problem.draft import draft_project, guess_columns
-from fracid.recording import Recording
+from fracid.recording import Recording, inspect_recording
 
 TIME = np.arange(0, 10, 0.005)
 SWING = np.where(TIME < 1, 0.9, 0.9 * np.exp(-(TIME - 1)) * np.cos(6.73 * (TIME - 1)))
@@ -65,6 +65,21 @@ def test_the_unit_is_told_by_the_encoders_step_or_by_the_size(factor, step, expe
     assert columns(alpha=counted(factor * SWING, step))["alpha"] == {"column": "alpha"} | expected
 
 
+@pytest.mark.parametrize(("factor", "step"), [(1.0, 1e-6), (180 / np.pi, 360 / 4096), (4096 / (2 * np.pi), 1.0)])
+@pytest.mark.parametrize("options", [None, {"alpha": {"column": "alpha"}, "theta": {"column": "theta"}}])
+def test_check_and_init_agree_on_units(tmp_path, factor, step, options):
+    path = written(tmp_path, theta=counted(factor * ARM, step), alpha=counted(factor * SWING, step), u=np.sin(TIME))
+    checked = inspect_recording(path, options, guess_units=True)
+    draft = draft_project(path, options, folder=tmp_path)
+    drafted = inspect_recording(path, {n: c | {"zero": 0.0} for n, c in draft.columns.items()})
+    for name in ("theta", "alpha"):
+        assert np.array_equal(checked.signals[name], drafted.signals[name])
+        assert np.ptp(checked.signals[name]) == pytest.approx(np.ptp(ARM if name == "theta" else SWING), rel=0.02) or (
+            draft.columns[name]["unit"] == "counts"
+        )
+    assert options or checked.units["u"] == drafted.units["voltage"] == "V"
+
+
 def test_a_recording_in_which_nothing_moves_is_refused():
     with pytest.raises(InputError, match=r"has no column that could be an angle and moves; name it: --column alpha="):
         columns(alpha=np.zeros(len(TIME)))
@@ -111,6 +126,29 @@ def test_the_zero_is_where_the_pendulum_comes_to_rest(tmp_path, rest, zero):
     swing = np.where(TIME < 9, SWING * np.clip((8 - TIME) / 6, 0, 1), 0) + rest
     draft = draft_project(written(tmp_path, alpha=swing), folder=tmp_path)
     assert draft.columns["alpha"].get("zero") == zero
+
+
+def wrapped(x):
+    return (x + np.pi) % (2 * np.pi) - np.pi
+
+
+@pytest.mark.parametrize("decay", [0.1, 0.6])
+def test_an_angle_from_upright_that_is_wrapped_is_unwrapped_and_hangs_at_zero(tmp_path, decay):
+    swing = np.where(TIME < 1, 0.9, 0.9 * np.exp(-decay * (TIME - 1)) * np.cos(6.73 * (TIME - 1)))
+    path = written(tmp_path, theta=wrapped(8 * swing), alpha=wrapped(swing + np.pi))
+    draft = draft_project(path, folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    project = fracid.load_project(tmp_path / "rig.toml")
+    signals, begins = project.recordings[0].signals, int(np.searchsorted(TIME, project.recordings[0].time[0]))
+    assert signals["alpha"] == pytest.approx(swing[begins:], abs=1e-6)
+    assert np.ptp(signals["theta"]) == pytest.approx(8 * np.ptp(swing[begins:]), abs=1e-4)
+    assert sum("unwrap undoes that" in note for note in draft.notes) == 2
+
+
+def test_what_swings_about_upright_s_zero_to_the_end_hangs_there(tmp_path):
+    draft = draft_project(written(tmp_path, alpha=decay(0.0) + np.pi), folder=tmp_path)
+    assert draft.columns["alpha"]["zero"] == pytest.approx(np.pi)
+    assert "alpha swings to the end about 180°: the encoder's zero is upright." in draft.notes
 
 
 def test_an_arm_that_is_turns_away_is_brought_back(tmp_path):
@@ -205,6 +243,43 @@ def test_a_fall_from_upright_begins_at_a_turn_below_the_top(tmp_path):
 
 def test_a_simulation_that_begins_at_rest_begins_with_its_first_sample(tmp_path):
     assert begins(tmp_path, decay(0.0)).startswith("# from = 1.0")
+
+
+@pytest.mark.parametrize(
+    ("clock", "first", "last"),
+    {
+        "set forward": (np.where(TIME > 4, TIME + 0.4, TIME), 4.4, 10.4),
+        "set back": (np.where(TIME > 4, TIME - 0.4, TIME), 4.0, 9.6),
+        "set late": (np.where(TIME > 9, TIME + 0.4, TIME), 0.0, 9.0),
+        "samples lost": (np.where((TIME < 4) | (TIME > 4.5), TIME, np.nan), 4.5, 10.0),
+    }.values(),
+    ids=lambda v: "",
+)
+def test_what_a_clock_or_a_logger_spoils_is_left_out_of_the_window(tmp_path, clock, first, last):
+    path, swing = tmp_path / "log.csv", 0.9 * np.exp(-0.2 * TIME) * np.cos(6.73 * TIME)
+    table = np.column_stack([clock, swing])[np.isfinite(clock)]
+    np.savetxt(path, table, delimiter=",", header="t,alpha", comments="", fmt="%.9g")
+    (tmp_path / "rig.toml").write_text(draft_project(path, folder=tmp_path).text, encoding="utf-8")
+    window = fracid.load_project(tmp_path / "rig.toml").recordings[0]
+    assert first - 1e-6 <= window.time[0] < first + 1.0
+    assert window.time[-1] == pytest.approx(last, abs=0.02)
+    assert window.report.clock.uniform
+    assert window.report.findings == ()
+
+
+@pytest.mark.parametrize(
+    "alpha",
+    {
+        "noise": np.random.default_rng(1).standard_normal(TIME.size),
+        "steps of half a turn": np.pi * np.sign(np.sin(5 * TIME)),
+        "samples missing here and there": np.where(np.arange(TIME.size) % 7, np.sin(5 * TIME), np.nan),
+        "one sample that differs": 1.0 * (np.arange(TIME.size) == 700),
+        "a spin": 9 * TIME**2,
+    }.values(),
+    ids=lambda v: "",
+)
+def test_an_odd_recording_is_drafted_without_a_warning_of_numpys(tmp_path, alpha):
+    assert "[[recording]]" in draft_project(written(tmp_path, alpha=alpha), folder=tmp_path).text
 
 
 # --- constants and clock ----------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from fracid.errors import DataError, FracidError, InputError
+from fracid.models import rotary_pendulum
 from fracid.problem import Free, Prior
 from fracid.problem.project import load_project
 
@@ -198,6 +199,27 @@ def test_the_paper_preset_is_the_paper_to_the_letter(project, where):
     assert p.names == ("lambda", "mu")  # the orders alone
     assert p.orders["mu"] == Free(0.9, 0.8, 1.1)
     assert p.parameters["C1"] == 4e-3
+
+
+def test_the_paper_preset_takes_the_rigs_constants_fixes_what_else_is_free_and_says_what_differs(project):
+    text = (
+        '[model]\nrig = "qube-servo2"\n[model.parameters]\nC1 = { start = 4e-3, lower = 1e-5, upper = 1e-2 }\n'
+        "drag_alpha = { start = 1e-3, lower = 0.0, upper = 1.0 }\nC3 = 0.0\n"
+        "[model.orders]\nlambda = { start = 1.0, lower = 0.6, upper = 1.2 }\n" + BOTH +
+        'release_time = { start = 0.01, lower = -0.1, upper = 0.1 }\n[fit]\nsubsteps = 4\npreset = "paper"\n'
+    ).replace('"alpha" }', '"alpha", delay = { start = 0.0, lower = -0.01, upper = 0.01 } }')  # fmt: skip
+    found = project(text)
+    p, own = found.problem, rotary_pendulum("qube-servo2")
+    assert p.names == ("lambda", "mu")
+    assert p.experiments[0].release_time == 0.01
+    assert (p.substeps, p.parameters) == (1, {"C3": 0.0})
+    assert p.model.parameter("C1").value == own.parameter("C1").value
+    assert p.model.parameter("drag_alpha").value == 0.0
+    says = found.notes[-1]
+    for part in ("100 Hz (the paper: 1000 Hz)", "(the paper: 20 s)", "(the paper: 10°)", "alpha = 0 hangs",
+                 "C3 = 0 is the file's, not the rig's", "lambda in 0.6 … 1.2, mu in 0.5 … 1.2"):  # fmt: skip
+        assert part in says
+    assert "drag" not in says
 
 
 def test_a_users_cost_and_model_stand_beside_the_file(project, tmp_path):

@@ -376,6 +376,15 @@ def test_dates_are_counted_from_the_first_and_said(tmp_path):
     assert any("counted from the first stamp" in note for note in recording.report.notes)
 
 
+@pytest.mark.parametrize("name", ["ms", "t_ms", "timeMs", "time ms", "TIME_MS", "millis"])
+def test_a_clock_that_is_named_by_its_unit_is_in_it(tmp_path, name):
+    recording = load_recording(
+        _csv(tmp_path, **{"n": np.arange(400.0), name: 1000 * TIME + 0.1 * np.sin(TIME), "alpha": ALPHA})
+    )
+    assert recording.time[-1] == pytest.approx(TIME[-1], abs=1e-3)
+    assert f"Time is in ms, as its name {name!r} says." in recording.report.reading
+
+
 def test_rows_without_a_time_stamp_are_left_out_and_said(tmp_path):
     time = TIME.copy()
     time[::3] = np.nan
@@ -491,6 +500,29 @@ def test_resampling_names_each_gap_it_bridges():
     even = Recording.of("gap", time, {"alpha": np.cos(time)}).resample()
     assert even.report.resampled is not None
     assert "The gap of 60 ms after 1.99 s was bridged by a line." in even.report.resampled
+
+
+def test_a_gap_that_is_bridged_stands_still_in_no_motion():
+    time = np.arange(0, 12, 0.01)
+    swing = np.round(4e2 * np.exp(-time / 60) * np.cos(4 * np.pi * time)) * np.pi / 2048
+    for k in (200, 700):  # a whole swing each, so that the bridge is flat
+        lost = (time > time[k]) & (time < time[k] + 0.5)
+        time, swing = time[~lost], swing[~lost]
+    recording = Recording.of("log", time, {"alpha": swing})
+    for part in (recording, recording.resample(), recording.resample().trim(1.0)):
+        assert "repeated" not in [f.code for f in part.report.findings]
+
+
+@pytest.mark.parametrize("jump", [0.05, 0.3, 4.0])
+def test_a_clock_that_was_set_is_told_from_samples_that_are_lost(jump):
+    time = np.arange(0, 100, 0.01)
+    swing = np.round(4e2 * np.exp(-time / 60) * np.cos(6 * time)) * np.pi / 2048
+    lost = (time > 20.0) & (time < 20.0 + jump)
+    was_set = Recording.of("log", np.where(time > 20, time + jump, time), {"alpha": swing}).report.findings
+    was_lost = Recording.of("log", time[~lost], {"alpha": swing[~lost]}).report.findings
+    assert [f.code for f in was_set] == ["clock-jump"]
+    assert was_set[0].number == pytest.approx(jump + 0.01)
+    assert was_lost == ()
 
 
 def test_resample_needed_leaves_a_uniform_recording_alone(tmp_path):

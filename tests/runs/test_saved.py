@@ -69,6 +69,35 @@ def test_a_run_gives_its_problem_and_unknowns_back(fitted):
     assert run.notes == ()
 
 
+def test_a_run_that_opened_a_bound_is_read_back_with_it(tmp_path):
+    write_release(tmp_path / "swing.csv", parameters={"b_alpha": 2e-3}, orders={"lambda": 1, "mu": 1}, alpha=0.35,
+                  step=1e-2, end=4.0, noise=1e-3)  # fmt: skip
+    project = """
+        [model.parameters]
+        b_alpha = { start = 2e-4, lower = 0.0, upper = 5e-4 }
+        [model.orders]
+        lambda = 1.0
+        mu = 1.0
+        [[recording]]
+        file = "swing.csv"
+        alpha = { column = "alpha", unit = "rad" }
+        [fit]
+        initial_state = "rest"
+    """
+    kept = []
+    fit_in(tmp_path, project, lambda fit: kept.append(fit) or ())
+    run = load_run(tmp_path / "run")
+    assert [b.name for b in kept[0].opened_bounds] == ["b_alpha"]
+    assert run.problem.parameters == kept[0].problem.parameters
+    assert run.problem.parameters["b_alpha"].upper == 5e-3
+    assert run.project.problem.parameters["b_alpha"].upper == 5e-4  # as the file has it
+    assert np.array_equal(run.x, kept[0].x)
+    path = tmp_path / "run" / "result.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"name": "b_alpha"', '"name": "C1"'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"A bound of 'C1' is said to be opened, and that is no free parameter"):
+        load_run(tmp_path / "run")
+
+
 def test_every_recording_is_simulated_to_the_same_bits_with_its_own_unknowns(fitted):
     folder, fit = fitted
     run = load_run(folder / "run")

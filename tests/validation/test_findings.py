@@ -69,6 +69,16 @@ def swing(degrees, frequency=1.1, decay=6.0):
     return np.radians(degrees) * np.cos(2 * np.pi * frequency * T) * np.exp(-T / decay)
 
 
+def pendulum(degrees, frequency=1.1, decay=8.0):
+    """A decaying swing of a pendulum [rad], whose period is that of its size."""
+    angle, rate, h, swings = np.radians(degrees), 0.0, T[1] / 20, []
+    for k in range(20 * T.size):
+        swings += [angle] * (k % 20 == 0)
+        rate -= h * ((2 * np.pi * frequency) ** 2 * np.sin(angle) + 2 * rate / decay)
+        angle += h * rate
+    return np.array(swings)
+
+
 def counted(x, counts=4096):
     return 2 * np.pi / counts * np.rint(x * counts / (2 * np.pi))
 
@@ -83,6 +93,7 @@ DATA_FAULTS = {
     "degrees read as radians, without one": ("degrees-as-radians", {"alpha": np.degrees(swing(12))}),
     "radians read as degrees, by the encoder": ("radians-as-degrees", {"alpha": np.radians(counted(swing(92)))}),
     "radians read as degrees, without one": ("radians-as-degrees", {"alpha": np.radians(swing(85))}),
+    "radians read as degrees, by their period": ("radians-as-degrees", {"alpha": np.radians(pendulum(115))}),
     "an encoder that goes no further": ("saturated", {"alpha": clipped(counted(swing(60)), counted(np.radians(45)))}),
     "a sensor without steps that goes no further": ("saturated", {"alpha": clipped(swing(60), 0.7)}),
     "a motor at its limit": ("saturated", {"voltage": clipped(9 * np.sin(5 * T), 6.0), "alpha": swing(30)}),
@@ -127,6 +138,8 @@ SHAKEN = PLATEAU + np.where(T < 3, 1e-3 * np.random.default_rng(1).standard_norm
         "a coarse encoder": {"alpha": counted(swing(92), 1024)},
         "a swing without an encoder": {"alpha": swing(92)},
         "a small swing": {"alpha": counted(swing(6))},
+        "a pendulum's large swing": {"alpha": counted(pendulum(115))},
+        "a pendulum's swing of two degrees": {"alpha": pendulum(2)},
         "a held plateau": {"alpha": counted(PLATEAU)},
         "a plateau that a hand shakes": {"alpha": counted(SHAKEN)},
         "a noisy swing read by an encoder": {

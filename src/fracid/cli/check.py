@@ -76,6 +76,7 @@ def check(
         start=start_from_text(start),
         stop=stop,
         variable=variable,
+        guess_units=True,
     )
     figure = write_overview(recording, out) if out is not None else None
     if json_:

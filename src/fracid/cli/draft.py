@@ -74,7 +74,7 @@ def _asked(
     from fracid.problem.draft import guess_file
     from fracid.recording import inspect_recording
 
-    recording = inspect_recording(file, time=clock, variable=variable)
+    recording = inspect_recording(file, time=clock, variable=variable, guess_units=True)
     print_check(recording, None)
     guess, notes = guess_file(file, time=clock, variable=variable)
     for note in notes:

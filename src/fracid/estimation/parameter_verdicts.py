@@ -43,6 +43,7 @@ from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
 from fracid.models.friction import LUGRE
 from fracid.problem import Problem, Unknown
+from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.units import with_unit
 
@@ -272,7 +273,17 @@ def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
     if still:  # nothing holds it: the bound is where the search happened to stop
         yield Verdict(view.names[i], "practically not", still.removeprefix("; "))
     else:
-        yield Verdict(view.names[i], "at its bound", f"{view.bound(i):.4g}; widen it, or the model lacks something")
+        yield Verdict(view.names[i], "at its bound", f"{view.bound(i):.4g}; {_beyond(view, i)}")
+
+
+def _beyond(view: _View, i: int) -> str:
+    """What is beyond a bound that holds an unknown."""
+    u, bound = view.problem.unknowns[i], view.bound(i)
+    if u.kind != "parameter" or u.target not in view.problem.parameters or bound not in limits(view.problem, u.target):
+        return "widen it, or the model lacks something"
+    if bound == 0.0:
+        return "it is zero within what the data resolve, so leave it out, or the model lacks something"
+    return "beyond it means nothing, so the model lacks something"
 
 
 def _of_a_joint_that_gives(view: _View, i: int) -> Iterator[Verdict]:

@@ -15,6 +15,7 @@ file                     holds
 :mod:`.checks`           what does not fit together is refused
 :mod:`.project`          the project file
 :mod:`.presets`          what a preset puts into it
+:mod:`.paper`            what the paper's fixes, and in what a project still differs from the paper
 :mod:`.draft`            a commented project file, drafted from a recording
 :mod:`.portable`         a problem that can be sent to another process
 =======================  ==================================================================================

@@ -36,7 +36,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,24 +48,29 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import RIGS, rotary_pendulum
 from fracid.recording import Recording, SignalReport, inspect_recording
-from fracid.recording.measures import FAMILIAR_COUNTS
+from fracid.recording.faults import clock_jumps, wraps
+from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units
+from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
-from fracid.signals.swing import quickening
+from fracid.recording.report import LONG_GAP
+from fracid.signals.swing import final_value, half_swings, quickening, swing_period
 
-__all__ = ["Draft", "draft_project", "guess_columns", "guess_file"]
+__all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file"]
 
-Columns = dict[str, dict[str, Any]]
-"""Signal → the fields of its channel, ``column`` first."""
+REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
+"""Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
 
-NAMES = {
-    "alpha": r"alpha|pend|pole|rod\b|joint_?1|joint_?2(?!.*joint_?1)|swing",
-    "theta": r"theta|\barm|arm\b|base|motor|servo|joint_?0|yaw",
-    "voltage": r"volt|\bvm\b|\bu\b|input|command|effort_control|\bcmd",
-}
-"""How the columns of angles and inputs are called, in words of a header."""
+BRIDGED = 0.25
+"""Of a swing: a longer gap is not bridged by a line."""
 
-OTHER = r"dot|veloc|speed|rate|\bd_|deriv|accel|effort$|torque|stamp|offset|current|temp"
-"""Who is called so is no angle."""
+MOTOR = "torque_per_volt"
+"""What an input is seen by."""
+
+BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
+"""The constants that a draft may be told to begin with."""
+
+FEWEST = 50
+"""Samples of a part that is fitted."""
 
 STILL = 1e-2
 """An arm that moves by less than this part of the pendulum stands still."""
@@ -86,9 +91,6 @@ QUICK, COUNTS = 5e-3, 8
 """Small swings that are quicker by this part show a joint that gives; those below so many of the encoder's steps show
 nothing."""
 
-LEVELS = 12
-"""A column that has no more values than this, and keeps each for long, is a command."""
-
 
 @dataclass(frozen=True)
 class Draft:
@@ -99,69 +101,6 @@ class Draft:
     columns: Columns
     notes: tuple[str, ...]
     """What was guessed, in sentences."""
-
-
-def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Columns, tuple[str, ...]]:
-    """Guess which column is the pendulum's angle, which the arm's, which the input, and their units.
-
-    Parameters
-    ----------
-    recording : Recording
-        Read without naming columns: each signal is a column of the file.
-    header : sequence of str
-        The columns' full names, where signals have shorter ones.
-
-    Returns
-    -------
-    dict
-        ``alpha``, and ``theta`` and ``voltage`` where there are such, → the fields of a channel.
-    tuple of str
-        What was guessed, in sentences.
-
-    Raises
-    ------
-    InputError
-        If no column moves.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 8, 0.01)
-    >>> swing = np.round(4096 / 6.2832 * 0.3 * np.exp(-t / 3) * np.cos(6 * t))
-    >>> found, _ = guess_columns(Recording.of("log", t, {"motor": 0.1 * swing, "pend": swing, "pend_dot": swing}))
-    >>> found["alpha"], found["theta"]["column"]
-    ({'column': 'pend', 'unit': 'counts', 'counts_per_turn': 4096}, 'motor')
-    """
-    reports = {s.name: s for s in recording.report.signals}
-    moving = {n: s for n, s in reports.items() if s.range > 0}
-    possible = [n for n in moving if reports[n].unit in ("rad", "1")]
-    angles = [n for n in possible if not re.search(OTHER, n.lower())] or possible
-    if not angles:
-        raise InputError(
-            f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
-        )
-    assignment = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
-    commands = [
-        n for n in angles if n not in assignment.values() and len(angles) > 1 and _is_command(recording.signals[n])
-    ]
-    assignment["voltage"] = assignment["voltage"] or next(iter(commands), None)
-    rest = sorted((n for n in angles if n not in assignment.values()), key=lambda n: _travel(reports[n]), reverse=True)
-    if assignment["alpha"] is None:
-        assignment["alpha"] = rest.pop(0) if rest else angles[0]
-    if assignment["theta"] is None and rest:
-        assignment["theta"] = rest.pop(0)
-    if assignment["theta"] == assignment["alpha"]:
-        assignment["theta"] = None
-    columns, notes = {}, []
-    for what, name in assignment.items():
-        if name is None:
-            continue
-        fields, why = _channel(recording, reports[name], what)
-        columns[what] = {"column": _column(name, header)} | fields
-        notes.append(f"{what} is taken from {name!r}{why}.")
-    others = [n for n in angles if n not in assignment.values()]
-    if others and "voltage" not in columns:
-        notes.append(f"Not used: {', '.join(map(repr, others))}. The motor's voltage: --column voltage=COLUMN,unit=V.")
-    return columns, tuple(notes)
 
 
 def guess_file(
@@ -200,6 +139,7 @@ def draft_project(
     variable: str | None = None,
     rig: str | None = None,
     folder: str | Path = ".",
+    starts: Mapping[str, float] | None = None,
 ) -> Draft:
     """Draft a project file for a recording of a rotary pendulum.
 
@@ -215,6 +155,8 @@ def draft_project(
         Whose constants to begin with; ``srv02-rotpen`` if left out.
     folder : path
         Where the project file will be: the recording's path is written as seen from there.
+    starts : mapping, optional
+        Where the search of constants begins, in place of the rig's and of guesses [SI].
 
     Raises
     ------
@@ -243,76 +185,65 @@ def draft_project(
         column_specs, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in column_specs:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
-    recording = inspect_recording(file, column_specs, time=time, variable=variable)
-    for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
-        if name in column_specs and "zero" not in column_specs[name]:
-            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
-            column_specs[name] |= zero
-            notes += (why,) if why else ()
-    recording = inspect_recording(file, column_specs, time=time, variable=variable)
-    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None)
+    reading: dict[str, Any] = {"time": time, "variable": variable}
+    for complete in (_units, _wraps):
+        notes += complete(inspect_recording(file, column_specs, **reading), column_specs)
+    window = _window(inspect_recording(file, column_specs, **reading))
+    notes += (window.reason,) if window else ()
+    if window:
+        reading |= {"start": window.start, "stop": window.stop}
+    notes += _zeros(inspect_recording(file, column_specs, **reading), column_specs)
+    recording = inspect_recording(file, column_specs, **reading)
+    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window,
+                 starts or {})  # fmt: skip
     return Draft(page.text(), column_specs, notes)
 
 
 # --- what the columns are ----------------------------------------------------------------------------
 
 
-def _first(pattern: str, names: Mapping[str, Any] | list[str]) -> str | None:
-    """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
-    matches = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
-    return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
+def _units(recording: Recording, columns: Columns) -> tuple[str, ...]:
+    """Units of the columns that say none."""
+    guesses = guessed_units(recording, named=True)
+    for name, (fields, _) in guesses.items():
+        columns[name] |= fields
+    return tuple(f"{name} is taken to be {why}." for name, (_, why) in guesses.items())
 
 
-def _travel(s: SignalReport) -> float:
-    """How far it moves, in steps of its encoder where one is seen: units apart."""
-    return s.range / s.resolution if s.resolution else s.range
+def _wraps(recording: Recording, columns: Columns) -> tuple[str, ...]:
+    """Angles whose count was wrapped are unwrapped."""
+    wrapped = [n for n in ("alpha", "theta") if n in columns and wraps(recording.signals[n]).any()]
+    for name in wrapped:
+        columns[name] |= {"unwrap": True}
+    return tuple(f"{name} jumps by whole turns, where its count was wrapped: unwrap undoes that." for name in wrapped)
 
 
-def _column(name: str, header: Sequence[str]) -> int | str:
-    """A column's full name; its place, where it has none, or one that is no word."""
-    place = re.fullmatch(r"column (\d+)", name)
-    if place:
-        return int(place[1])
-    full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]
-    return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
+def _zeros(recording: Recording, columns: Columns) -> tuple[str, ...]:
+    """Where the angles are zero, if nothing says it."""
+    notes = []
+    for name, zero_of in {"alpha": _zero, "theta": _arm_zero}.items():
+        if name in columns and "zero" not in columns[name]:
+            zero, why = zero_of(next(s for s in recording.report.signals if s.name == name), recording)
+            columns[name] |= zero
+            notes += [why] if why else []
+    return tuple(notes)
 
 
-def _channel(recording: Recording, s: SignalReport, what: str) -> tuple[dict[str, Any], str]:
-    """Unit and counts of a column, and a clause that says what they are guessed from."""
-    if what == "voltage" and np.isnan(recording.signals[s.name]).any():
-        return {"unit": "V", "fill": "hold"}, ", in volts: a command that is logged when it changes"
-    if what == "voltage":
-        return {"unit": "V"}, ", in volts"
-    if any(line.startswith(f"{s.name} is in ") for line in recording.report.reading):
-        return {}, ", whose unit the header says"
-    whole = s.resolution is not None and abs(s.resolution - 1) < 1e-6
-    if whole and s.range > 50:
-        return {"unit": "counts", "counts_per_turn": 4096}, ": whole numbers, taken for counts of 4096 a turn"
-    if s.resolution and _familiar(360 / s.resolution) and not _familiar(2 * math.pi / s.resolution):
-        return {"unit": "deg"}, f", in degrees: its step is that of {360 / s.resolution:.0f} counts a turn"
-    if s.resolution and _familiar(2 * math.pi / s.resolution):
-        counts = 2 * math.pi / s.resolution
-        return {"unit": "rad"}, f", in radians: its step is that of {counts:.0f} counts a turn"
-    if s.range > 4 * math.pi and s.range < 2000:
-        return {"unit": "deg"}, ", in degrees: two turns of radians are more than a pendulum does"
-    return {"unit": "rad"}, ", taken to be in radians"
-
-
-def _familiar(counts: float) -> bool:
-    return any(abs(counts / standard - 1) < 2e-3 for standard in FAMILIAR_COUNTS)
-
-
-def _zero(s: SignalReport, _: Recording) -> tuple[dict[str, Any], str]:
-    """Where alpha is zero when it hangs: at the end of the record, where it is at rest there."""
-    if not s.at_rest:
+def _zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
+    """Where alpha is zero when it hangs: at the end of the record, where it rests there or about which it swings."""
+    swinging = recording.signals[s.name][np.isfinite(recording.signals[s.name])]
+    rest = s.rest if s.at_rest else final_value(swinging)
+    if rest is None:
         return {}, "alpha does not come to rest, so its zero is the file's: is it 0 where the pendulum hangs?"
-    turns = round(s.rest / math.pi)
-    if abs(s.rest - turns * math.pi) > math.radians(2):
-        return {"zero": "rest"}, f"alpha rests at {math.degrees(s.rest):.1f}°, which is taken for hanging."
+    turns, stays = round(rest / math.pi), "rests" if s.at_rest else "swings to the end about"
+    if abs(rest - turns * math.pi) > (REST_ERROR if s.at_rest else MIDDLE_ERROR):
+        at = f"{stays} at {math.degrees(rest):.1f}°" if s.at_rest else f"{stays} {math.degrees(rest):.1f}°"
+        return {"zero": "rest" if s.at_rest else round(rest, 6)}, f"alpha {at}, which is taken for hanging."
     if turns == 0:
         return {}, ""
+    at = "rests at" if s.at_rest else "swings to the end about"
     return {"zero": round(turns * math.pi, 9)}, (
-        f"alpha rests at {180 * turns}°: the encoder's zero is {'upright' if turns % 2 else 'some turns away'}."
+        f"alpha {at} {180 * turns}°: the encoder's zero is {'upright' if turns % 2 else 'some turns away'}."
     )
 
 
@@ -320,18 +251,65 @@ def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], st
     """An arm that is turns away from zero is brought back: nothing depends on its angle but the cable."""
     first = float(next(iter(recording.signals[s.name]), 0.0))
     where, zero = ("ends", s.rest) if s.at_rest or not math.isfinite(first) else ("begins", first)
-    if abs(zero) < 1.0:
+    if not abs(zero) >= 1.0:
         return {}, ""
     return {"zero": round(zero, 6)}, f"theta {where} at {zero:.4g} rad, which is taken for its zero."
 
 
+# --- which part of it ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Window:
+    """The part of a recording that its clock and its samples leave whole."""
+
+    start: float | None
+    """[s]; None for the first sample."""
+    stop: float | None
+    """[s]; None for the last."""
+    reason: str
+
+
+def _window(recording: Recording) -> _Window | None:
+    """The part with most swings between what is missing, long gaps and jumps of the clock; None where it is all."""
+    t, alpha = recording.time, recording.signals["alpha"]
+    sampled = np.all([np.isfinite(x) for n, x in recording.signals.items() if n not in recording.held], axis=0)
+    broken = _breaks(recording) | ~sampled[1:] | ~sampled[:-1]
+    if not broken.any() or t.size < FEWEST:
+        return None
+    pieces = [p[sampled[p]] for p in np.split(np.arange(t.size), np.flatnonzero(broken) + 1)]
+    pieces = [p for p in pieces if p.size >= FEWEST]
+    if not pieces:
+        return None
+    best = max(pieces, key=lambda p: (half_swings(alpha[p]).size, p.size))
+    before, after = t[: best[0]], t[best[-1] + 1 :]
+    low = max(
+        t[best[0]], np.nextafter(np.max(before, initial=-np.inf), np.inf)
+    )  # where a clock goes back times come twice
+    high = min(t[best[-1]], np.nextafter(np.min(after, initial=np.inf), -np.inf))
+    if np.count_nonzero((t[best] >= low) & (t[best] <= high)) < max(FEWEST, best.size // 2):
+        return None
+    return _Window(
+        None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
+        None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
+        f"From {low:.4g} to {high:.4g} s no sample is missing and the clock is even: that part is fitted.",
+    )
+
+
+def _breaks(recording: Recording) -> NDArray[np.bool_]:
+    """After which samples the clock goes back, repeats itself, jumps, or misses a part of a swing, shape (n - 1,)."""
+    t, alpha = recording.time, recording.signals["alpha"]
+    dt, clock = np.diff(t), recording.report.clock
+    if not clock.step > 0:
+        return np.zeros(dt.size, dtype=bool)
+    swing = np.asarray(alpha[np.isfinite(alpha)])
+    period = clock.step * swing_period(swing) if swing.size >= FEWEST else math.inf
+    long = np.minimum(BRIDGED * period, LONG_GAP * clock.duration)
+    jumps = np.isin(t[:-1], [at for at, _ in clock_jumps(t, alpha)])
+    return np.asarray((dt <= 0) | (dt > max(long, GAP * clock.step)) | jumps)
+
+
 # --- how it moves ------------------------------------------------------------------------------------
-
-
-def _is_command(x: FloatArray) -> bool:
-    """Whether a column has a few values alone, and keeps each for long: steps and pulses."""
-    levels = np.unique(x[np.isfinite(x)])
-    return 2 <= levels.size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size
 
 
 def _rare_command(table: Table) -> str | None:
@@ -390,16 +368,16 @@ class _Page:
 
     def __init__(
         self, recording: Recording, columns: Columns, rig: str, time: Mapping[str, Any] | None, variable: str | None,
-        folder: Path, guessed: bool,
+        folder: Path, guessed: bool, window: _Window | None, starts: Mapping[str, float],
     ) -> None:  # fmt: skip
         self.recording, self.columns, self.rig, self.guessed = recording, columns, rig, guessed
-        self.time, self.variable, self.folder = time, variable, folder
+        self.time, self.variable, self.folder, self.window = time, variable, folder, window
         self.reports = {s.name: s for s in recording.report.signals}
         alpha = self.reports["alpha"]
         self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
         self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
-        self.model = rotary_pendulum(rig)
+        self.model, self.starts = rotary_pendulum(rig), starts
 
     def text(self) -> str:
         """All of it."""
@@ -436,30 +414,49 @@ class _Page:
         slower = self._slower()
         for name in free:
             start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
+            start = self.starts.get(name, start)
             if name == "C6" and self.swing < SMALL:
                 lines.append(
                     f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
                 )
                 continue
             lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
+        k, why = self._motor(own["torque_per_volt"] or 0.05)
+        most = max(gravity, SPAN * abs(k) * self._voltage)  # dry friction of a motor that turns
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
-            viscous, dry = own[f"b_{joint}"], f"dry friction of the {_joint(joint)} [N m]"
-            lines.append(_range(f"b_{joint}", viscous, 0.0, max(gravity, SPAN * viscous), self._meaning(f"b_{joint}")))
-            lines.append(_range(f"coulomb_{joint}", 1e-2 * gravity, 0.0, gravity, dry))
+            reach, dry = most if joint == "theta" else gravity, f"dry friction of the {_joint(joint)} [N m]"
+            lines.append(self._friction(f"b_{joint}", own[f"b_{joint}"], reach, self._meaning(f"b_{joint}")))
+            lines.append(self._friction(f"coulomb_{joint}", 1e-2 * reach, reach, dry))
             lines.append(self._presliding(joint))
         if self.arm:
-            lines.append(_range("drag_theta", 0.0, 0.0, gravity, self._meaning("drag_theta")))
-            lines.append(_range("cable_stiffness", 1e-2 * gravity, 0.0, 2 * gravity, self._meaning("cable_stiffness")))
+            lines.append(self._friction("drag_theta", 0.0, most, self._meaning("drag_theta")))
+            meaning = self._meaning("cable_stiffness")
+            lines.append(self._friction("cable_stiffness", 1e-2 * gravity, 2 * most, meaning))
         if self.driven:
-            k, way = own["torque_per_volt"] or 0.05, _way(self.recording)
-            k = k if way == 0 else math.copysign(k, way)
-            low, high = sorted((k / SPAN**2, k * SPAN**2))  # motors differ more than masses
-            why = {0.0: "turn its sign round if the arm goes the other way", 1.0: "the arm goes with the voltage",
-                   -1.0: "the arm goes against the voltage"}[way]  # fmt: skip
-            lines.append(_range("torque_per_volt", k, low, high, f"{why} [N m/V]"))
+            low, high = sorted((k / SPAN**2, k * SPAN**2)) if why else (-abs(k) * SPAN**2, abs(k) * SPAN**2)
+            lines.append(_range("torque_per_volt", k, low, high, f"{why or 'either way'} [N m/V]"))
         fast = math.degrees(self.swing) > 45
         drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
         return [*lines, drag if fast else f"# {drag}"]
+
+    def _friction(self, name: str, start: float, reach: float, meaning: str) -> str:
+        start = self.starts.get(name, start)
+        return _range(name, start, 0.0, max(reach, SPAN * start), meaning)
+
+    @property
+    def _voltage(self) -> float:
+        """The largest [V]."""
+        return float(np.nanmax(np.abs(self.recording.signals["voltage"]))) if self.driven else 0.0
+
+    def _motor(self, k: float) -> tuple[float, str]:
+        """Where the search for the torque per volt begins, and which way the arm goes; "" where nothing says."""
+        if "torque_per_volt" in self.starts:
+            k = self.starts["torque_per_volt"]
+            return k, "the arm goes with the voltage" if k > 0 else "the arm goes against the voltage"
+        way = _way(self.recording)
+        return (
+            (math.copysign(k, way), f"the arm goes {'with' if way > 0 else 'against'} the voltage") if way else (k, "")
+        )
 
     def _presliding(self, joint: str) -> str:
         """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""
@@ -523,7 +520,12 @@ class _Page:
             reach = max(0.05, 5 * self.recording.report.clock.step)
             moment = f"release_time = {{ start = 0.0, lower = -{reach:.3g}, upper = {reach:.3g} }}"
             lines.append(f"{moment:<70}# [s] of the release after that sample; it lies between two")
-        lines.append(f"# to = {self.recording.time[-1]:.4g}")
+        if self.window and self.window.stop is not None:
+            lines.append(
+                f"to = {self.window.stop:.15g}".ljust(40) + "# after it the clock jumps, or samples are missing"
+            )
+        else:
+            lines.append(f"# to = {self.recording.time[-1]:.4g}")
         lines.append(_line("use", "fit", '# or "validate": judged on it, not fitted to it'))
         return lines
 
@@ -535,22 +537,31 @@ class _Page:
 
     def _held(self) -> bool:
         """Whether it is held still, then let go: so it begins at rest."""
-        return self.recording.report.release is not None and not self._at_the_top()
+        return self.recording.report.release is not None and not self.driven and not self._at_the_top()
 
     def _from(self) -> str:
         """Where it begins: see the table at the top of this page."""
         r, alpha = self.recording, np.nan_to_num(self.recording.signals["alpha"])
-        release, top = r.report.release, self._at_the_top()
+        top = self._at_the_top()
         if self._held():
-            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+            return self._at_release()
         turn = None if self.driven else _free_from(r.time, alpha)
         if turn is not None:
             why = "# it turns there, below the top: how it left that, a hair decides" if top else (
                 "# it turns there, and swings freely from then on")  # fmt: skip
             return f"from = {turn:.3f}".ljust(40) + why
-        if top:
-            return _line("from", "release", f"# found at {release:.3f} s: {r.report.release_reason}")
+        if top and not self.driven:
+            return self._at_release()
+        if self.window and self.window.start is not None:
+            return f"from = {self.window.start:.15g}".ljust(40) + "# before it the clock jumps, or samples are missing"
         return f"# from = 1.0                            # no release was found: {r.report.release_reason}"
+
+    def _at_release(self) -> str:
+        """By name, or by its time where a part of the recording alone has it."""
+        release, reason = self.recording.report.release, self.recording.report.release_reason
+        if self.window:
+            return f"from = {release:.15g}".ljust(40) + f"# of the release: {reason}"
+        return _line("from", "release", f"# found at {release:.3f} s: {reason}")
 
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]

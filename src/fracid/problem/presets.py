@@ -14,7 +14,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "outputs": ["alpha"],
         "per_recording": [],
         "initial_state": "held",
+        "substeps": 1,
         "optimiser": "genetic",
     }
 }
-"""By name; ``paper`` also fixes every parameter and frees the orders."""
+"""By name; ``paper`` also fixes every parameter, at the rig's value where one is named, and frees the orders."""

@@ -16,7 +16,7 @@
     mu = 1.0                                     initial_state = "estimate"
 
 Beside its bounds a table may hold ``prior = { mean = ..., sd = ... }``, what is known of the value beforehand,
-and ``scale``, its typical size.
+``scale``, its typical size, and ``hard = true``: a search that ends at a bound does not open it.
 An input may hold its value between samples, or be a multisine: ``between = "hold"``, ``"line"`` or ``"band-limited"``
 (:mod:`fracid.solver.inputs`); a voltage is held if nothing is said.
 A channel may be late, scaled, offset or filtered: ``delay``, ``gain``, ``bias`` and ``lowpass`` in its table, each a
@@ -33,7 +33,8 @@ relative to the file.  :func:`load_project` reads it all, recordings included; a
 the wrong kind is told with its place in the file.
 
 ``preset = "paper"`` is the paper to the letter: gl-paper, ITAE on α alone, the orders alone, from a held
-release, by its genetic algorithm.  It overrides whatever else the file says of these.
+release, by its genetic algorithm.  It overrides whatever else the file says of these, takes the rig's constants where
+the file gives a range, and says in what the project still differs (:mod:`fracid.problem.paper`).
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ from fracid.models import Model, model_from_name
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import Experiment, held_inputs
+from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES, Sensor
@@ -109,6 +111,7 @@ class _Range(_Table):
     upper: float
     prior: _Prior | None = None
     scale: float | None = None
+    hard: bool = False
 
 
 def _untied(table: Any) -> Any:
@@ -320,9 +323,10 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     fit = _apply(content.fit, preset)
     own_code = refuse_untrusted(path, (content.model.name, fit.cost), trust)
     optimiser_from_name(fit.optimiser)
-    model, parameters = _model(content.model, path.parent)
+    paper = preset == "paper"
+    model, parameters = _model(content.model, path.parent, paper)
     orders = _orders(content.model.orders, model)
-    pasts = [preset != "paper" and (r.history or fit.history) == "measured" for r in content.recording]
+    pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
     _refuse_twins(content.recording)
     channels = [_channels(r, model) for r in content.recording]
     pairs = [
@@ -344,8 +348,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
     if not fitted:
         raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
-    if preset == "paper":
-        parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()}
+    if paper:
+        experiments = [fixed(e) for e in experiments]
+        fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
         orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
     of_channels = {n for table in ({**e.sensors, **e.actuators} for e in experiments) for c, s in table.items()
                    for n in s.free(c)}  # fmt: skip
@@ -357,6 +362,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
+    if paper:
+        given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
+        notes.append(differences(problem, content.model.rig, given))
     return Project(
         path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
     )
@@ -370,9 +378,15 @@ def _apply(fit: _Fit, preset: str | None) -> _Fit:
     return fit.model_copy(update=PRESETS[preset])
 
 
-def _model(spec: _Model, folder: Path) -> tuple[Model, dict[str, Value]]:
-    """The model with every parameter at its start, and those of the file that are its own."""
+def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Value]]:
+    """The model with every parameter at its start, and those of the file that are its own.
+
+    The paper's recipe fixes what is free: at the rig's value where one is named, else at the start.
+    """
     parameters = {n: _value(n, v) for n, v in spec.parameters.items()}
+    if paper:
+        parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
+                      if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
     starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
     model = model_from_name(spec.name, spec.rig, spec.zero, spec.actuation, parameters=starts, folder=folder)
     for name, value in parameters.items():
@@ -551,7 +565,7 @@ def _value(name: str, spec: float | _Range | str | Free) -> Value:
         return spec
     try:
         prior = None if spec.prior is None else Prior(spec.prior.mean, spec.prior.sd)
-        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale)
+        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale, spec.hard)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 

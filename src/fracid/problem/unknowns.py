@@ -61,6 +61,8 @@ class Free:
     """None: every value between the bounds is as likely as any other."""
     scale: float | None = None
     """Its typical size, by which a search measures steps; None: see above."""
+    hard: bool = False
+    """Whether its bounds hold where a search would go on beyond them (:mod:`fracid.problem.limits`)."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""

@@ -107,7 +107,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
             f"The header has time in {short_text(header)!r}, which is no unit of time here: it is taken as s."
         )
     if header and not table.units[column] and "unit" not in spec:
-        sentences.append(f"Time is in {header}, as the name {short_text(table.names[column])!r} ends.")
+        sentences.append(f"Time is in {header}, as its name {short_text(table.names[column])!r} says.")
     if not rows.all():
         sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
     if abs(stamps[0]) > CLOCK_STAMP:
@@ -118,10 +118,12 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
 
 
 def _name_unit(name: str) -> str:
-    """The unit that a name of time ends in, ``t_ns``; "" for none."""
-    head, _, end = name.strip().lower().rpartition("_")
+    """The unit that a name of time ends in, ``t_ns`` or ``timeMs``, or is, ``ms``; "" for none."""
+    parted = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name[-LONGEST_NAME:]).lower()
+    *head, end = re.findall(r"[^\W\d_]+", parted) or [""]
     unit = TIME_SPELLINGS.get(end, end)
-    return unit if unit in SECONDS and TIME_NAME.search(head[-LONGEST_NAME:]) else ""
+    of_time = TIME_NAME.search(" ".join(head)) if head else SECONDS.get(unit, 1.0) < 1.0  # h is a height, too
+    return unit if unit in SECONDS and of_time else ""
 
 
 def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:
@@ -183,7 +185,8 @@ def _header_rate(header: Sequence[str]) -> float | None:
 def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
     candidates = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
-    among = candidates or range(len(table.names))
+    units = [j for j, name in enumerate(table.names) if _name_unit(name) and unevenness(table.values[:, j]) is not None]
+    among = candidates or units or range(len(table.names))
     evenness = {j: e for j in among if (e := unevenness(table.values[:, j])) is not None}
     if candidates and not evenness:  # a clock that repeats or goes back: the report will say so
         return candidates[0]

@@ -6,8 +6,9 @@ Degrees taken for radians
     once a swing, so an α that goes by more than half a turn to *both* sides of its rest, again and again, is none.
 
 Radians taken for degrees
-    The lattice again: 1/57.3 of a step is 234,684 counts a turn.  Without one: swings of less than
-    half a degree are hardly worth a recording; as radians they are up to 29°.
+    The lattice again: 1/57.3 of a step is 234,684 counts a turn.  Without one: swings of less than 1.6° are hardly
+    worth a recording; as radians they are up to 92°.  And a pendulum's large swings are slower, those of 115° by a
+    third: where swings of 2° are, and become as fast as they ought to be when they are taken for 2 rad, they are that.
 
 Counts taken for radians
     Whole numbers: an angle that goes by dozens of radians in steps of exactly one is a counter.
@@ -15,6 +16,10 @@ Counts taken for radians
 Time in another unit
     A small pendulum swings with ω² = g/l.  A swing that takes 800 s is one of a pendulum 160 km long,
     or its milliseconds were taken for seconds.
+
+A clock that was set
+    Where samples are lost a swing has gone on meanwhile; where the clock jumped, a parabola through the samples on both
+    sides fits five times as well if the gap is taken for one step.
 
 Jumps
     What has inertia changes its speed by little from sample to sample, so the median of three neighbouring speeds, at
@@ -46,16 +51,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
-from fracid.recording.measures import FAMILIAR_COUNTS, PENDULUM
-from fracid.signals.swing import swing_count, swing_period
+from fracid.recording.measures import FAMILIAR_COUNTS, GAP, PENDULUM
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import quickening, swing_count, swing_period
 
 if TYPE_CHECKING:
     from fracid.recording.measures import SignalReport
 
-__all__ = ["signal_faults"]
+__all__ = ["BOTH_SIDES", "clock_jumps", "familiar_counts", "signal_faults", "turns_to_both_sides", "wraps"]
 
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""
@@ -65,6 +72,13 @@ BOTH_SIDES = 3
 
 HARDLY = math.radians(1.6)
 """Swings below this to each side are suspiciously small [rad]: as radians they are 92°."""
+
+SLOWS, EXPLAINED = 0.03, 0.4
+"""Of the rate: large swings of so few degrees are not slower by this, as those of so many radians are; and the part of
+it that may be left when it is taken for that."""
+
+FEW_TO_TELL = 8
+"""Steps of its lattice below which a swing does not tell its period."""
 
 FLAT = 12.0
 """Fall at both ends of a top, in steps, where a parabola falls by 3."""
@@ -95,6 +109,13 @@ JUMP = 8.0
 
 FEW_JUMPS = 0.01
 """Of the samples: what jumps more often is made so, as a rig with a stepper motor is."""
+
+AROUND, JUMPED = 6, 3.0
+"""Samples to each side of a gap that tell whether the clock jumped; steps of a gap that may be one."""
+
+ALIKE, MOVED = 0.2, 0.05
+"""A clock has jumped if the motion goes on so much more evenly without the gap; and of a step at full speed, what the
+gap must spoil to be seen."""
 
 REPEATED = 0.05
 """Of the samples: what noise repeats by chance is half of it at most."""
@@ -145,6 +166,7 @@ def signal_faults(
         findings += _jumps(s, t, x)
         findings += _repeated(s, t, x)
         findings += _saturated(s, x)
+        findings += _set_clock(s, t, x) if pendulum else ()
         findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     return tuple(findings)
 
@@ -163,34 +185,74 @@ def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
         return
     lattice = [] if s.resolution is None or s.range < FEW_COUNTS * s.resolution else [2 * math.pi / s.resolution]
     for counts in lattice:
-        if _familiar(counts):
+        if familiar_counts(counts):
             return
         for code, factor, other in (("degrees-as-radians", 180 / math.pi, "degrees"),
                                     ("radians-as-degrees", math.pi / 180, "radians")):  # fmt: skip
-            if _familiar(counts * factor):
+            if familiar_counts(counts * factor):
                 yield Finding(code, s.name, counts, round(counts * factor), "counts a turn",
                     f"its steps are those of {counts:.5g} counts a turn, which no encoder has; in {other} they are "
                     f'{counts * factor:.0f}. Type unit = "{other[:3]}" in its table.')  # fmt: skip
                 return
     if not pendulum:  # an arm may turn as often as its cable allows
         return
-    around = s.rest if s.at_rest else float(np.median(x))
-    side = np.sign(x - around) * (np.abs(x - around) > math.pi)
-    changes = int(np.count_nonzero(np.diff(side[side != 0])))
-    turns = float(np.min(np.abs([x.max() - around, x.min() - around]))) / (2 * math.pi)
+    changes, turns = turns_to_both_sides(s, x)
     if changes >= BOTH_SIDES:
         yield Finding("degrees-as-radians", s.name, turns, 0.5, "turns to each side",
                       f"it swings by {turns:.2g} turns to each side, {changes + 1} times, which no pendulum does: are "
                       'its numbers degrees? Type unit = "deg" in its table.')  # fmt: skip
     swing = 0.5 * s.range
-    if swing < HARDLY:
+    if HARDLY <= swing < math.radians(math.pi) and (part := _slows(x - _middle(s, x))) > SLOWS:
+        swing = math.degrees(swing)
+        yield Finding("radians-as-degrees", s.name, 100 * part, 100 * SLOWS, "% by which its small swings are quicker",
+                      f"it swings by {swing:.2g}° to each side, and its small swings are {100 * part:.2g} % quicker "
+                      f"than its large ones, as those of swings of {math.degrees(swing):.3g}° are: were its numbers "
+                      'radians? Type unit = "rad" in its table.')  # fmt: skip
+    elif swing < HARDLY:
         swing = math.degrees(swing)
         yield Finding("radians-as-degrees", s.name, swing, math.degrees(HARDLY), "degrees to each side",
                       f"it swings by only {swing:.2g}° to each side. Were its numbers radians, that would be "
                       f'{math.degrees(swing):.3g}°: look at its unit, unit = "rad" or "deg".')  # fmt: skip
 
 
-def _familiar(counts: float) -> bool:
+def _middle(s: SignalReport, x: FloatArray) -> float:
+    """About what it swings."""
+    return s.rest if s.at_rest else float(np.nanmedian(x))
+
+
+def _slows(swing: FloatArray) -> float:
+    """By which part large swings are slower than small ones, where they are radians and a pendulum explains that; 0."""
+    step = resolution(swing) or 0.0
+    floor = max(FEW_TO_TELL * step, 0.02 * float(np.max(np.abs(swing))))
+    as_read, as_radians = quickening(swing, floor), quickening(np.degrees(swing), math.degrees(floor))
+    return as_read if abs(as_radians) < EXPLAINED * as_read else 0.0
+
+
+def turns_to_both_sides(s: SignalReport, x: FloatArray) -> tuple[int, float]:
+    """How often it goes from beyond half a turn on one side to beyond it on the other, and how many turns it goes.
+
+    Examples
+    --------
+    >>> from fracid.recording import measure
+    >>> t = np.arange(0, 10, 0.01)
+    >>> report = measure(t, {"alpha": 20 * np.cos(6 * t)}, {"alpha": "rad"})
+    >>> turns_to_both_sides(report.signals[0], 20 * np.cos(6 * t))[0]
+    19
+    """
+    x, around = x[np.isfinite(x)], _middle(s, x)
+    side = np.sign(x - around) * (np.abs(x - around) > math.pi)
+    changes = int(np.count_nonzero(np.diff(side[side != 0])))
+    return changes, float(np.min(np.abs([x.max() - around, x.min() - around]))) / (2 * math.pi)
+
+
+def familiar_counts(counts: float) -> bool:
+    """Whether encoders of so many counts a turn are sold.
+
+    Examples
+    --------
+    >>> familiar_counts(4096.1), familiar_counts(71.5)
+    (True, False)
+    """
     return any(abs(counts / reference - 1) < EXACT for reference in FAMILIAR_COUNTS)
 
 
@@ -213,8 +275,52 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
                       "time in another unit, minutes perhaps? Give the rate.")  # fmt: skip
 
 
+def clock_jumps(t: FloatArray, x: FloatArray) -> list[tuple[float, float]]:
+    """(time, length) of the gaps of a clock beside which the motion goes on as if there were none [s].
+
+    Where a logger has lost samples, a swing has gone on meanwhile, elsewhere and at another speed.  Where the clock was
+    set, the next sample lies where one step takes it, and so does the one before.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 10, 0.01)
+    >>> swing = np.cos(6 * t)
+    >>> clock_jumps(np.where(t > 4, t + 0.3, t), swing), clock_jumps(t[(t < 4) | (t > 4.3)], swing[(t < 4) | (t > 4.3)])
+    ([(4.0, 0.31)], [])
+    """
+    dt = np.diff(t)
+    if dt.size < 8 * AROUND or not np.any(dt > 0) or not np.isfinite(np.diff(x)).any():
+        return []
+    step = float(np.median(dt[dt > 0]))
+    speed = float(np.nanmax(np.abs(np.diff(x)))) / step
+    index: FloatArray = (np.arange(2.0 * AROUND) - AROUND + 0.5) * step
+    jumps = []
+    for k in np.flatnonzero(dt > JUMPED * step).tolist():
+        near = np.arange(k - AROUND + 1, k + AROUND + 1)
+        if near[0] < 0 or near[-1] >= t.size or np.sum(dt[near[:-1]] > GAP * step) > 1 or np.isnan(x[near]).any():
+            continue
+        as_if, as_said = _misfit(index, x[near]), _misfit(t[near] - 0.5 * (t[k] + t[k + 1]), x[near])
+        if as_if < ALIKE * as_said and as_said > MOVED * speed * step:
+            jumps.append((float(t[k]), round(float(dt[k]), 9)))
+    return jumps
+
+
+def _misfit(t: FloatArray, x: FloatArray) -> float:
+    """How far a parabola through samples is from them, root mean square."""
+    scaled: FloatArray = t / float(np.max(np.abs(t)))
+    return float(np.sqrt(np.mean((x - np.polyval(np.polyfit(scaled, x, 2), scaled)) ** 2)))
+
+
 def _long(length: float) -> str:
     return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
+
+
+def _set_clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
+    """A clock that was set while the rig went on."""
+    for at, length in clock_jumps(t, x)[:1] if s.unit == "rad" else ():
+        yield Finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), "s between two samples",
+                      f"its clock jumps by {length:.4g} s after {at:.6g} s, and the motion goes on as if it had not: "
+                      "it may have been set. Take the part before or after it with from and to.")  # fmt: skip
 
 
 # --- jumps -------------------------------------------------------------------------------------------
@@ -224,8 +330,8 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     if s.unit != "rad" or x.size < 16:
         return
     far = np.diff(x)
-    turn = np.abs(np.abs(far) - 2 * math.pi) < 0.1 * 2 * math.pi
-    if turn.any() and float(np.max(np.abs(far[~turn]), initial=0.0)) < 0.5 * math.pi:  # however often
+    turn = wraps(x)
+    if turn.any():  # however often
         often = "once" if turn.sum() == 1 else f"{turn.sum()} times, first"
         yield Finding("jump", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5, "turns between two samples",
                       f"between two samples it jumps by a whole turn, {often} after {t[np.argmax(turn)]:.6g} s: was "
@@ -249,6 +355,20 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     yield Finding("jump", s.name, times, JUMP, "times the greatest lasting speed", says)
 
 
+def wraps(x: FloatArray) -> NDArray[np.bool_]:
+    """Where an angle jumps by a whole turn to the next sample, shape (n - 1,); nowhere if it jumps otherwise too.
+
+    Examples
+    --------
+    >>> wraps(np.array([3.0, 3.1, -3.1, -3.0])).tolist()
+    [False, True, False]
+    """
+    far = np.abs(np.diff(x))
+    turn = np.abs(far - 2 * math.pi) < 0.1 * 2 * math.pi
+    others = np.where(turn | ~np.isfinite(far), 0.0, far)
+    return turn & bool(np.max(others, initial=0.0) < 0.5 * math.pi)
+
+
 def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.4g}°" if abs(angle) < 1e3 else f"{angle / (2 * math.pi):.4g} turns"
 
@@ -260,7 +380,7 @@ def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
     """Of angles alone: a command is held on purpose."""
     if s.unit != "rad" or x.size < 100:
         return
-    share, each = _repeats(x, s.resolution or 0.0)
+    share, each = _repeats(t, x, s.resolution or 0.0)
     if share > REPEATED:
         late = 0.5e3 * (each - 1) * float(np.median(np.diff(t)))
         yield Finding("repeated", s.name, 100 * share, 100 * REPEATED, "% of its samples",
@@ -269,13 +389,16 @@ def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
                       "average, by which orders are bent. Log as fast as it answers, or keep one of each.")  # fmt: skip
 
 
-def _repeats(x: FloatArray, q: float) -> tuple[float, float]:
-    """The share of samples that stand still while the motion goes on, and how many do at a time."""
+def _repeats(t: FloatArray, x: FloatArray, q: float) -> tuple[float, float]:
+    """The share of samples that stand still while the motion goes on, and how many do at a time; none beside a gap."""
     equal = np.concatenate([[False], x[1:] == x[:-1], [False]])
     first, last = np.flatnonzero(~equal[:-1] & equal[1:]), np.flatnonzero(equal[:-1] & ~equal[1:])
     n = last - first + 1
     inside = (first - n >= 0) & (last + 1 < x.size)
     first, last, n = first[inside], last[inside], n[inside]
+    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP * np.median(np.diff(t)))])
+    even = gaps[last + 1] == gaps[first - n]
+    first, last, n = first[even], last[even], n[even]
     before, after = x[first] - x[first - n], x[last + 1] - x[last]
     rough = np.diff(x, 3)[: (x.size - 3) // 32 * 32].reshape(-1, 32)
     noise = math.sqrt(float(np.quantile(np.mean(rough**2, axis=1), 0.25)) / 20)  # where it is quietest

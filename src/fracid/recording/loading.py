@@ -18,11 +18,16 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
-from fracid.recording.channel import Channel, header_unit, measurable
+from fracid.recording.channel import COUNTING, Channel, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
-from fracid.recording.readers.table import read_table
+from fracid.recording.guess import guessed_units
+from fracid.recording.readers.table import Table, read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 
@@ -117,10 +122,17 @@ def inspect_recording(
     stop: float | None = None,
     name: str | None = None,
     variable: str | None = None,
+    guess_units: bool = False,
 ) -> Recording:
     """Read a recording however unfit it is, so that its report can say why.
 
-    Parameters and errors are those of :func:`load_recording`, but for unfitness.
+    Parameters and errors are those of :func:`load_recording`, but for unfitness and this:
+
+    Parameters
+    ----------
+    guess_units : bool
+        Where neither the caller nor the file says a unit take the one that the numbers speak for, as
+        ``fracid init`` does (:func:`fracid.recording.guess.guessed_units`), where else it is radians.
 
     Examples
     --------
@@ -139,33 +151,58 @@ def inspect_recording(
     channels, more = choose_channels(table, columns, source.column, rows)
     if columns is not None:
         refuse_shared(table, channels, source.column)
-    reading = [*table.notes, *source.sentences, *more]
-    signals, units, holds, assumed = {}, {}, set(), set()
-    for signal, channel in channels.items():
-        stated = channel.unit or header_unit(table.units[table.find(channel.column)])
-        channel, unit_said = channel_with_unit(table, signal, channel, guessed=columns is None)
-        raw, beyond = measurable(table.values[:, table.find(channel.column)], channel.scale)
-        reading += [f"{signal}: {beyond}"] if beyond else []
-        if channel.fill == "hold":
-            raw, filled = hold_blanks(raw, signal, channel)
-            reading.append(filled)
-            holds.add(signal)
-        signals[signal] = channel.convert(raw[rows].copy(), signal)
-        units[signal] = channel.signal_unit
-        if not stated and channel.unit != "counts":
-            assumed.add(signal)
-        reading += [unit_said] if unit_said else []
-    report = measure(clock, signals, units, tuple(reading))
-    report = replace(report, findings=(*source.findings, *report.findings))
-    frozen = {n: read_only(x) for n, x in signals.items()}
-    digest = _digest(path)
+    digest, reading = _digest(path), (*table.notes, *source.sentences, *more)
+
+    def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
+        signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses)
+        values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
+        report = measure(clock, values, units, (*reading, *sentences))
+        return Recording(
+            name or path.stem, path, digest, read_only(clock), {n: read_only(x) for n, x in values.items()}, units,
+            replace(report, findings=(*source.findings, *report.findings)),
+            frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
+        )  # fmt: skip
+
+    whole = recording(channels, {})
+    guessed = _guesses(whole, table, channels, columns is not None) if guess_units else {}
+    if guessed:
+        channels = {n: replace(c, **guessed[n][0]) if n in guessed else c for n, c in channels.items()}
+        whole = recording(channels, {n: sentence for n, (_, sentence) in guessed.items()})
     if _state(path) != before:
         raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
-    whole = Recording(
-        name or path.stem, path, digest, read_only(clock), frozen, units, report, frozenset(holds),
-        assumed=frozenset(assumed),
-    )  # fmt: skip
     return whole if start is None and stop is None else whole.trim(start, stop)
+
+
+def _signals(
+    table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], chosen: bool, guesses: Mapping[str, str]
+) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str]]:
+    """Signal → samples and unit; the signals whose unit nobody says; and what was done, in sentences."""
+    signals, assumed, sentences = {}, set(), []
+    for signal, given in channels.items():
+        column = table.find(given.column)
+        channel, unit_said = channel_with_unit(table, signal, given, guessed=chosen)
+        raw, beyond = measurable(table.values[:, column], channel.scale)
+        sentences += [f"{signal}: {beyond}"] if beyond else []
+        if channel.fill == "hold":
+            raw, filled = hold_blanks(raw, signal, channel)
+            sentences.append(filled)
+        signals[signal] = (channel.convert(raw[rows].copy(), signal), channel.signal_unit)
+        if not (given.unit or header_unit(table.units[column])) and channel.unit != "counts":
+            assumed.add(signal)
+        sentences += [said] if (said := guesses.get(signal, unit_said)) else []
+    return signals, frozenset(assumed), sentences
+
+
+def _guesses(
+    recording: Recording, table: Table, channels: Mapping[str, Channel], named: bool
+) -> dict[str, tuple[dict[str, Any], str]]:
+    """Signal → the fields that its numbers speak for, and the sentence on them; none where they are radians."""
+    return {
+        n: (fields, f"{n} has no unit: taken to be {why}.")
+        for n, (fields, why) in guessed_units(recording, named=named).items()
+        if fields.get("unit") != recording.units[n]
+        and (not (header := table.units[table.find(channels[n].column)]) or header.lower() in COUNTING)
+    }
 
 
 def _state(path: Path) -> tuple[int, int] | None:

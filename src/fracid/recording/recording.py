@@ -162,16 +162,16 @@ class Recording:
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
         how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{hold_note}.{gaps}{more}"
-        new = self._with(grid, signals, how)
+        slack = 1e-3 * h  # its two ends were measured
+        gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
+        bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
+        new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, how)
         # a line between two encoder steps lies on no lattice: what was measured before still holds
         reports = tuple(
             replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
             for s, r in zip(new.report.signals, self.report.signals, strict=True)
         )
-        slack = 1e-3 * h  # its two ends were measured
-        gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
-        bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
-        return replace(new, report=replace(new.report, signals=reports), bridged=(*self.bridged, *bridged))
+        return replace(new, report=replace(new.report, signals=reports))
 
     def _at(self, name: str, grid: FloatArray) -> FloatArray:
         x = self.signals[name]
@@ -196,7 +196,7 @@ class Recording:
         return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
 
     def _with(self, time: FloatArray, signals: Mapping[str, FloatArray], resampled: str | None) -> Recording:
-        report = measure(time, signals, self.units, self.report.reading, resampled)
+        report = measure(time, signals, self.units, self.report.reading, resampled, self.bridged)
         of_the_file = tuple(f for f in self.report.findings if f.where == "time")
         report = replace(report, findings=(*of_the_file, *report.findings))
         return replace(self, time=read_only(time), signals={n: read_only(x) for n, x in signals.items()}, report=report)

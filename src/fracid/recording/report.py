@@ -182,6 +182,7 @@ def measure(
     units: Mapping[str, str],
     reading: tuple[str, ...] = (),
     resampled: str | None = None,
+    bridged: tuple[tuple[float, float], ...] = (),
 ) -> Report:
     """Measure a recording.
 
@@ -193,6 +194,8 @@ def measure(
         Name to samples, shape (n_samples,), and name to unit.
     reading, resampled
         What was done before, carried into the report.
+    bridged
+        From when to when a gap was bridged [s]: what is there is no sample, and has no faults.
 
     Returns
     -------
@@ -211,8 +214,20 @@ def measure(
     else:
         release, reason = release_time(time, _swinging(signals, units))
     measured = tuple(measure_signal(n, units[n], time, x) for n, x in signals.items())
-    findings = () if clock.duplicated or clock.backward else signal_faults(time, signals, measured)
+    findings = (
+        () if clock.duplicated or clock.backward else signal_faults(time, _samples(time, signals, bridged), measured)
+    )
     return Report(clock, measured, release, reason, reading, resampled, findings)
+
+
+def _samples(
+    time: FloatArray, signals: Mapping[str, FloatArray], bridged: tuple[tuple[float, float], ...]
+) -> Mapping[str, FloatArray]:
+    """Signals without what bridges a gap: NaN there."""
+    inside = np.zeros(time.size, dtype=bool)
+    for a, b in bridged:
+        inside |= (time > a) & (time < b)
+    return {n: np.where(inside, np.nan, x) for n, x in signals.items()} if inside.any() else signals
 
 
 def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:

@@ -37,7 +37,8 @@ from fracid.safety.json_files import json_of, text_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
 from fracid.safety.text import ascii_short
-from fracid.schemas.result import EstimateBlock, ResultBlock, StartBlock
+from fracid.schemas.result import EstimateBlock, OpenedBoundBlock, ResultBlock, StartBlock
+from fracid.selection.opened_bounds import OpenedBound, reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.unknown_past import CutCheck
 
@@ -64,10 +65,11 @@ class SavedRun(FitPictures):
     values: Mapping[str, float]
     """Name of each unknown → its value, those of validation recordings too."""
 
-    @property
+    @cached_property
     def problem(self) -> Problem:
-        """The problem that was fitted."""
-        return self.project.problem
+        """The problem that was fitted: the project's, with the bounds that the fit opened."""
+        blocks = [OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", [])]
+        return reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
 
     @property
     def x(self) -> FloatArray:
@@ -174,6 +176,10 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
         if hashes.get(r.name) != r.sha256:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
     run = SavedRun(folder, result, project, _values(result))
+    try:
+        _ = run.problem
+    except InputError as error:
+        raise InputError(f"{folder / 'result.json'} is not of the project beside it: {error} Fit it again.") from None
     if fault := next(_strange(run), ""):
         raise InputError(f"{folder / 'result.json'} is not of the project beside it: {fault}. Fit it again.")
     return run

@@ -16,6 +16,7 @@ __all__ = [
     "EstimateBlock",
     "FindingBlock",
     "FitBlock",
+    "OpenedBoundBlock",
     "RecordingBlock",
     "ResultBlock",
     "SpreadBlock",
@@ -187,6 +188,19 @@ class FindingBlock(Block):
     sentence: str
 
 
+class OpenedBoundBlock(Block):
+    """A bound that stopped the search, and was opened."""
+
+    name: str
+    unit: str = ""
+    upper: bool
+    was: float
+    bound: float
+    value: float
+    cost: float
+    lowered: float
+
+
 class FitBlock(Block):
     """A fit without its samples."""
 
@@ -204,6 +218,7 @@ class FitBlock(Block):
     outcome: str
     claim: ClaimWord | None = None
     claim_reasons: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    opened_bounds: list[OpenedBoundBlock] = Field([])
     alternative: AlternativeBlock | None = None
     starts: list[StartBlock] = Field([])
     start_that_won: str | None = None

@@ -166,7 +166,12 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     if len(crossings) < 4 * FEWEST:
         return 0.0
     size = np.array([np.max(np.abs(alpha[int(a) : int(b) + 1])) for a, b in pairwise(crossings)])
-    omega = (2 * ellipk(np.sin(0.5 * size) ** 2) / np.diff(crossings))[np.argsort(size)]
+    swings = (size < math.pi) & (np.diff(crossings) > 0)  # what goes over the top has no period
+    omega = (2 * ellipk(np.sin(0.5 * size) ** 2) / np.maximum(np.diff(crossings), 1.0))[swings][
+        np.argsort(size[swings])
+    ]
+    if len(omega) < 4 * FEWEST - 1:
+        return 0.0
     small, large = omega[: len(omega) // 4], omega[-(len(omega) // 4) :]
     change = np.median(small) / np.median(large) - 1
     chance = 3 * np.hypot(*(1.25 * np.std(o) / np.sqrt(len(o)) / np.median(o) for o in (small, large)))

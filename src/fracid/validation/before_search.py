@@ -227,7 +227,7 @@ def _driven(e: Experiment) -> bool:
 
 def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, FloatArray, FloatArray]]:
     """Times, states and inputs at some samples: the rates are slopes of the samples, other states are zero."""
-    w = max(1, round(0.01 / e.step))
+    w = min(max(1, round(0.01 / e.step)), (len(e.measured) - 1) // 2)
     for k in np.linspace(w, len(e.measured) - 1 - w, ASKED, dtype=int).tolist():
         x = np.zeros(len(problem.model.states))
         for o, y in zip(problem.outputs, e.measured.T, strict=True):

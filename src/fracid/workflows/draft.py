@@ -1,15 +1,26 @@
-"""A commented project file for a recording, written and proved to load: ``fracid init``."""
+"""A commented project file for a recording, written and proved to load: ``fracid init``.
+
+Of a rig that a voltage drives the constants begin where a linear regression at orders 1 has them, if the first swings
+are simulated better from there: motors, gears and back-EMF differ by more than a search from another rig's bridges.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import unwritable
+import numpy as np
+
+from fracid.errors import InputError, unwritable
+from fracid.estimation.horizons import horizons
 from fracid.files import write_text
-from fracid.problem.draft import Draft, draft_project
-from fracid.problem.project import load_project
+from fracid.problem import Free, Problem
+from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
+from fracid.problem.project import Project, load_project, project_from_text
+from fracid.regression import start_values
 
 __all__ = ["write_draft"]
 
@@ -40,9 +51,50 @@ def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any
     True
     """
     draft = draft_project(file, columns, folder=target.parent, **options)
+    project = _written(draft, target)
+    if MOTOR not in project.problem.names or (starts := _regressed(project.problem)) is None:
+        return draft
+    begun = draft_project(file, columns, folder=target.parent, starts=starts, **options)
+    other = project_from_text(begun.text, target)
+    first = min(horizons(project.problem), default=math.inf)
+    costs = [p.until(FIRST * first).cost(p.until(FIRST * first).start) for p in (project.problem, other.problem)]
+    if not costs[1] < costs[0]:
+        return draft
+    _written(begun, target)
+    return replace(begun, notes=(*begun.notes, "The constants begin where a linear regression has them."))
+
+
+FIRST = 4
+"""Swings on which two starts are compared."""
+
+MANY = 200_000
+"""Samples that a regression is asked for."""
+
+
+def _written(draft: Draft, target: Path) -> Project:
+    """Write it; it runs as it is, or says what stands against it."""
     try:
         write_text(target, draft.text)
     except OSError as error:
         raise unwritable(str(target), error, "Give another: --out FILE.") from None
-    load_project(target)  # it runs as it is, or says what stands against it
-    return draft
+    return load_project(target)
+
+
+def _regressed(problem: Problem) -> dict[str, float] | None:
+    """Constants of a driven rig by regression at orders 1: motors and back-EMF differ by more than a search bridges."""
+    if sum(e.samples for e in problem.experiments) > MANY:
+        return None
+    wide = {n: _wide(n, v) for n, v in problem.parameters.items() if isinstance(v, Free)}
+    at_one = replace(problem, orders=dict.fromkeys(problem.orders, 1.0), parameters={**problem.parameters, **wide})
+    try:
+        x, _ = start_values(at_one)
+    except (InputError, np.linalg.LinAlgError):
+        return None
+    starts = {n: float(v) for n, v in zip(at_one.names, x.tolist(), strict=True) if n in BEGUN}
+    return starts if starts.get(MOTOR) and np.all(np.isfinite([*starts.values()])) else None
+
+
+def _wide(name: str, free: Free) -> Free:
+    """A range that no motor is beyond, on either side for its direction."""
+    far = 100 * max(abs(free.lower), abs(free.upper))
+    return replace(free, lower=-far if name == MOTOR else 1e-2 * free.lower, upper=far)

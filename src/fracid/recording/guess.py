@@ -1,0 +1,222 @@
+"""What the columns of a rotary pendulum's recording are, and in which units: from their names, then from how they move.
+
+A name tells first (``theta``, ``joint0/position``, ``pend_angle``), then the motion: the pendulum swings, the arm
+follows; commands and rates are neither.  A unit comes from the header, else from the numbers:
+
+==================================================  ===================================================
+the numbers                                         taken for
+==================================================  ===================================================
+whole, through more than 50                         counts of 4096 a turn
+an encoder's step, which is a turn over a familiar  degrees or radians, in which it is
+number of counts
+a range above two turns in radians                  degrees: more than a pendulum does
+a command, or what is called like an input          volts
+==================================================  ===================================================
+
+``fracid check`` and ``fracid init`` both take what is found here; a project file says its units itself.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
+from fracid.recording.measures import SignalReport
+from fracid.recording.recording import Recording
+
+__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units"]
+
+Columns = dict[str, dict[str, Any]]
+"""Signal → the fields of its channel, ``column`` first."""
+
+NAMES = {
+    "alpha": r"alpha|pend|pole|rod\b|joint_?1|joint_?2(?!.*joint_?1)|swing",
+    "theta": r"theta|\barm|arm\b|base|motor|servo|joint_?0|yaw",
+    "voltage": r"volt|\bvm\b|\bu\b|input|command|effort_control|\bcmd",
+}
+"""How the columns of angles and inputs are called, in words of a header."""
+
+OTHER = r"dot|veloc|speed|rate|\bd_|deriv|accel|effort$|torque|stamp|offset|current|temp"
+"""Who is called so is no angle."""
+
+NOTHING = "in radians, as nothing says otherwise"
+"""Where numbers say nothing of the unit."""
+
+DIGITS = 1e6
+"""Steps: what moves through more lies on the lattice of a file's digits, not of an encoder."""
+
+WHOLE = 50
+"""Whole numbers through more than this are counts."""
+
+LEVELS = 12
+"""A column that has no more values than this, and keeps each for long, is a command."""
+
+
+def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Columns, tuple[str, ...]]:
+    """Guess which column is the pendulum's angle, which the arm's, which the input, and their units.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read without naming columns: each signal is a column of the file.
+    header : sequence of str
+        The columns' full names, where signals have shorter ones.
+
+    Returns
+    -------
+    dict
+        ``alpha``, and ``theta`` and ``voltage`` where there are such, → the fields of a channel.
+    tuple of str
+        What was guessed, in sentences.
+
+    Raises
+    ------
+    InputError
+        If no column moves.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> swing = np.round(4096 / 6.2832 * 0.3 * np.exp(-t / 3) * np.cos(6 * t))
+    >>> found, _ = guess_columns(Recording.of("log", t, {"motor": 0.1 * swing, "pend": swing, "pend_dot": swing}))
+    >>> found["alpha"], found["theta"]["column"]
+    ({'column': 'pend', 'unit': 'counts', 'counts_per_turn': 4096}, 'motor')
+    """
+    columns: Columns = {}
+    roles, notes = _roles(recording), []
+    for what, (name, fields, why) in _with_units(recording, roles).items():
+        columns[what] = {"column": _column(name, header)} | fields
+        notes.append(f"{what} is taken from {name!r}, {why}.")
+    others = [n for n in _angles(recording) if n not in roles.values()]
+    if others and "voltage" not in columns:
+        notes.append(f"Not used: {', '.join(map(repr, others))}. The motor's voltage: --column voltage=COLUMN,unit=V.")
+    return columns, tuple(notes)
+
+
+def guessed_units(recording: Recording, *, named: bool) -> dict[str, tuple[dict[str, Any], str]]:
+    """The units of the signals of which neither the caller nor the file says one.
+
+    Parameters
+    ----------
+    recording : Recording
+        Read with radians for them.
+    named : bool
+        Whether the caller named its columns: then ``alpha``, ``theta`` and ``voltage`` are what they are called.
+
+    Returns
+    -------
+    dict
+        Signal → the fields of its channel, and what they are guessed from.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> guessed_units(Recording.of("log", t, {"alpha": 30 * np.cos(6 * t)}), named=True)["alpha"][0]
+    {'unit': 'deg'}
+    """
+    if named:
+        roles = {n: n for n in NAMES if n in recording.signals}
+    else:
+        try:
+            roles = _roles(recording)
+        except InputError:  # nothing moves
+            return {}
+    return {n: (fields, why) for n, fields, why in _with_units(recording, roles).values() if n in recording.assumed}
+
+
+def _angles(recording: Recording) -> list[str]:
+    """Which signals may be an angle: they move, and are not called a rate if any other is there."""
+    moving = [s.name for s in recording.report.signals if s.range > 0 and s.unit in ("rad", "1")]
+    return [n for n in moving if not re.search(OTHER, n.lower())] or moving
+
+
+def _roles(recording: Recording) -> dict[str, str]:
+    """``alpha``, ``theta``, ``voltage`` → the signal that it is."""
+    reports, angles = {s.name: s for s in recording.report.signals}, _angles(recording)
+    if not angles:
+        raise InputError(
+            f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
+        )
+    moving = [n for n, s in reports.items() if s.range > 0]
+    roles = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
+    commands = [n for n in angles if n not in roles.values() and len(angles) > 1 and _is_command(recording.signals[n])]
+    roles["voltage"] = roles["voltage"] or next(iter(commands), None)
+    rest = _by_travel([reports[n] for n in angles if n not in roles.values()])
+    if roles["alpha"] is None:
+        roles["alpha"] = rest.pop(0) if rest else angles[0]
+    if roles["theta"] is None and rest:
+        roles["theta"] = rest.pop(0)
+    if roles["theta"] == roles["alpha"]:
+        roles["theta"] = None
+    return {what: name for what, name in roles.items() if name is not None}
+
+
+def _first(pattern: str, names: Mapping[str, Any] | list[str]) -> str | None:
+    """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
+    matches = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
+    return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
+
+
+def _by_travel(signals: Sequence[SignalReport]) -> list[str]:
+    """The names, who moves most first: in steps of encoders where each has one, for units may differ."""
+    stepped = all(s.resolution and s.range < DIGITS * s.resolution for s in signals)
+    return [s.name for s in sorted(signals, key=lambda s: s.range / (s.resolution or 1.0) if stepped else s.range,
+                                   reverse=True)]  # fmt: skip
+
+
+def _column(name: str, header: Sequence[str]) -> int | str:
+    """A column's full name; its place, where it has none, or one that is no word."""
+    place = re.fullmatch(r"column (\d+)", name)
+    if place:
+        return int(place[1])
+    full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]
+    return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
+
+
+def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tuple[str, dict[str, Any], str]]:
+    """``alpha``, ``theta``, ``voltage`` → the signal, the fields of its unit, and what these are guessed from."""
+    units = {what: (name, *_unit(recording, name, what)) for what, name in roles.items()}
+    for angle, other in (("alpha", "theta"), ("theta", "alpha")):
+        if {angle, other} <= units.keys() and units[angle][2] == NOTHING and units[other][1]:
+            units[angle] = (
+                units[angle][0],
+                units[other][1],
+                f"as {other} is" if units[other][2] != NOTHING else NOTHING,
+            )
+    return units
+
+
+def _unit(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
+    """Unit and counts of a signal, and a clause that says what they are guessed from."""
+    s = next(s for s in recording.report.signals if s.name == name)
+    if what == "voltage" and np.isnan(recording.signals[name]).any():
+        return {"unit": "V", "fill": "hold"}, "in volts: a command that is logged when it changes"
+    if what == "voltage":
+        return {"unit": "V"}, "in volts"
+    if any(line.startswith(f"{name} is in ") for line in recording.report.reading):
+        return {}, "whose unit the header says"
+    q = s.resolution
+    if q is not None and abs(q - 1) < 1e-6 and s.range > WHOLE:
+        return {"unit": "counts", "counts_per_turn": 4096}, "counts of 4096 a turn: its numbers are whole"
+    if q and familiar_counts(360 / q) and not familiar_counts(2 * math.pi / q):
+        return {"unit": "deg"}, f"in degrees: its step is that of {360 / q:.0f} counts a turn"
+    if q and familiar_counts(2 * math.pi / q):
+        return {"unit": "rad"}, f"in radians: its step is that of {2 * math.pi / q:.0f} counts a turn"
+    if s.range > 4 * math.pi and s.range < 2000:
+        return {"unit": "deg"}, "in degrees: two turns of radians are more than a pendulum does"
+    if what == "alpha" and turns_to_both_sides(s, recording.signals[name])[0] >= BOTH_SIDES:
+        return {"unit": "deg"}, "in degrees: in radians it would turn over to both sides, again and again"
+    return {"unit": "rad"}, NOTHING
+
+
+def _is_command(x: FloatArray) -> bool:
+    """Whether a column has a few values alone, and keeps each for long: steps and pulses."""
+    levels = np.unique(x[np.isfinite(x)])
+    return 2 <= levels.size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size
