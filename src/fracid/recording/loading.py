@@ -54,7 +54,8 @@ def load_recording(
         The part to keep [s], both included; `start` may be ``"release"``.
     resample : optional
         True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
-        True only where time jitters by more than 1 % of a step or has gaps.
+        True only where time jitters by more than 1 % of a step or has gaps.  False says that samples may lie unevenly:
+        a fit takes them where they are.
     name : str, optional
         None is the file's name without its ending.
     variable : str, optional
@@ -79,7 +80,9 @@ def load_recording(
     >>> load_recording(file, {"alpha": {"column": "alpha", "unit": "deg"}}).signals["alpha"].round(3)
     array([0.175, 0.157, 0.122])
     """
-    recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    recording = inspect_recording(
+        path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample is False
+    )
     return resampled(recording, resample)
 
 
@@ -117,10 +120,12 @@ def inspect_recording(
     stop: float | None = None,
     name: str | None = None,
     variable: str | None = None,
+    uneven: bool = False,
 ) -> Recording:
     """Read a recording however unfit it is, so that its report can say why.
 
-    Parameters and errors are those of :func:`load_recording`, but for unfitness.
+    Parameters and errors are those of :func:`load_recording`, but for unfitness; `uneven` says that samples are meant
+    to lie unevenly.
 
     Examples
     --------
@@ -155,7 +160,7 @@ def inspect_recording(
         if not stated and channel.unit != "counts":
             assumed.add(signal)
         reading += [unit_said] if unit_said else []
-    report = measure(clock, signals, units, tuple(reading))
+    report = measure(clock, signals, units, tuple(reading), uneven=uneven)
     report = replace(report, findings=(*source.findings, *report.findings))
     frozen = {n: read_only(x) for n, x in signals.items()}
     digest = _digest(path)

@@ -20,7 +20,9 @@ Stribeck's friction   LuGre's model: ``stiction_…`` … free too      the same
 an elastic arm        ``arm_stiffness`` … free                      the same
 ====================  ============================================  ====================================================
 
-each from the best of those before it, the cheap ones first.  What lowers Schwarz's criterion stays for those that
+each from the best of those before it, the cheap ones first.  Before them come the models of integer order that a
+project names (``[[alternative]]``): who writes a model knows what it is held against, as a springpot is against Maxwell
+elements.  All of these are fitted, by the search that found the orders.  What lowers Schwarz's criterion stays for those that
 follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
 the model take many times as long: they are tried where nothing else contradicts the orders.
 """
@@ -37,7 +39,8 @@ import numpy as np
 from fracid.estimation.climbing import embedded, entries
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.windows import in_parts, shared_values
-from fracid.optimise import Evaluation
+from fracid.estimation.search import search
+from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
 from fracid.selection.bic import STRONG
@@ -133,8 +136,8 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
 
 
 def _inputs(problem: Problem) -> Iterator[Element]:
-    if not _driven(problem):
-        return
+    if not _driven(problem) or problem.model.input_rates or any(e.times is not None for e in problem.experiments):
+        return  # a line's slope is the rate
     ways: tuple[tuple[Between, str], ...] = (
         ("hold", "inputs held between samples"),
         ("line", "inputs in lines between samples"),
@@ -186,8 +189,9 @@ ELEMENTS: tuple[Change, ...] = (
 
 
 def integer_alternatives(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1
-) -> Alternative | None:
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1,
+    own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1,
+) -> Alternative | None:  # fmt: skip
     """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.
 
     Parameters
@@ -201,6 +205,10 @@ def integer_alternatives(
         Whether what adds states to the model is tried too.
     jobs : int
         Threads.
+    own : mapping, optional
+        Models of integer order that are tried too, by name, on the same recordings.
+    starts, seed : int
+        Of their search.
 
     Returns
     -------
@@ -229,8 +237,13 @@ def integer_alternatives(
     n, gain = gain_over(here, problem, best)
     name = "friction" if here.own else "the same model"
     trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
+    named = [_searched(name, alternative, here, starts, seed, jobs) for name, alternative in (own or {}).items()]
+    others = [(there, *gain_over(there, problem, best)) for there in named if there is not None]
+    trials += [Trial(there.integers, there.evaluation.cost, gain_there,
+                     _as_well(gain_there, there.evaluation.cost, best.cost)) for there, _, gain_there in others]  # fmt: skip
+    settled = any(t.as_well for t in trials)
     for change in ELEMENTS:
-        for element in () if trials[-1].as_well else change(here.problem):
+        for element in () if settled else change(here.problem):
             if element.slow and not slow:
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
@@ -244,13 +257,26 @@ def integer_alternatives(
             if as_well or (element.whole is None and gain_there < gain - STRONG):
                 here, n, gain = there, samples, gain_there
             if as_well:
+                settled = True
                 break
+    here, n, gain = min([(here, n, gain), *others],
+                        key=lambda r: (not _as_well(r[2], r[0].evaluation.cost, best.cost), r[2]))  # fmt: skip
     return Alternative(
         here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
         here.evaluation.cost, here.parameters, gain, n,
-        warning_of(here, best.cost, gain) if trials[-1].as_well else "", tuple(trials),
+        warning_of(here, best.cost, gain) if settled else "", tuple(trials),
         here.nested_in(problem),
     )  # fmt: skip
+
+
+def _searched(name: str, alternative: Problem, here: Rival, starts: int, seed: int, jobs: int) -> Rival | None:
+    """The minimum of a model that the project names; None where its runs fail."""
+    result, _ = search(alternative, OPTIMISERS["multistart"], np.random.default_rng(seed), jobs=jobs, starts=starts)
+    best = min(result.best, uninterrupted(refined(alternative, alternative.start, jobs, Watch())).best,
+               key=lambda e: e.cost)  # fmt: skip
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return None if best.residuals is None else Rival(alternative, best, name, here.off, nested=False)
 
 
 def _as_well(gain: float, cost: float, fractional: float) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.solver.right_hand_side import name_of
+from fracid.solver.right_hand_side import name_of, teach_helpers
 from fracid.solver.same_function import once_for_equals
 
 __all__ = ["output_along"]
@@ -61,7 +61,9 @@ def output_along(h: Output, times: FloatArray, states: FloatArray, inputs: Float
 
 @once_for_equals
 def _compiled(h: Any) -> Any:
-    one = nb.njit(nogil=True, error_model="numpy", boundscheck=True)(getattr(h, "py_func", h))
+    function = getattr(h, "py_func", h)
+    teach_helpers(function)
+    one = nb.njit(nogil=True, error_model="numpy", boundscheck=True)(function)
 
     @nb.njit(nogil=True, error_model="numpy", boundscheck=True)  # type: ignore[untyped-decorator]
     def along(times: FloatArray, states: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:

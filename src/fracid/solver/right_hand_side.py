@@ -24,7 +24,7 @@ from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
-__all__ = ["RightHandSide", "compile_rhs", "name_of", "probe"]
+__all__ = ["RightHandSide", "compile_rhs", "name_of", "probe", "teach_helpers"]
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -57,6 +57,8 @@ def _compiled(function: Any) -> Any:
     own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
     checked = _largest_indices(function) is None
     _teach_joints()
+    if not own:
+        teach_helpers(function)
     try:
         return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
     except nb.core.errors.NumbaError as error:
@@ -72,6 +74,32 @@ def _teach_joints() -> None:
     """Make the elements of :mod:`fracid.models.joints` known to Numba; plain Python they stay all the same."""
     for element in joints.ELEMENTS:
         nb.extending.register_jitable(error_model="numpy")(element)
+
+
+def teach_helpers(function: Any) -> None:
+    """Make the plain functions that a user's function calls by name known to Numba, and those that they call.
+
+    Examples
+    --------
+    >>> def cubed(x):
+    ...     return x**3
+    >>> def rhs(t, x, u, p, out):
+    ...     out[0] = -cubed(x[0])
+    >>> out = np.zeros(1)
+    >>> compile_rhs(rhs)(0.0, np.array([2.0]), np.zeros(0), np.zeros(0), out)
+    >>> float(out[0])
+    -8.0
+    """
+    for name in function.__code__.co_names:
+        helper = function.__globals__.get(name)
+        if inspect.isfunction(helper) and helper not in (*joints.ELEMENTS, *_TAUGHT):
+            _TAUGHT.add(helper)
+            nb.extending.register_jitable(error_model="numpy", boundscheck=True)(helper)
+            teach_helpers(helper)
+
+
+_TAUGHT: set[Any] = set()
+"""The helpers that Numba knows."""
 
 
 @once_for_equals

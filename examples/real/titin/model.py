@@ -1,0 +1,128 @@
+"""Titin, the spring of muscle: force over length of a relaxed fibre, as titin.toml and leave_one_out.py use it.
+
+A fibre resists a stretch at once like a spring, more the faster it is stretched, and then relaxes for minutes, with no
+time of its own.  Titin's folded domains make chains that stiffen as they are drawn out: the force of a worm-like chain
+grows like 1/(1 − L/L_c)² towards its contour length L_c, which gives the strain measure
+
+    e(L) = (1 − L/L_c)⁻² − (1 − L_0/L_c)⁻²,       L_0 = 0.95, the length at which all recordings begin,
+
+and the model is a spring and a *springpot* in it, five constants, one of which is an order:
+
+    F = f0 + k e + c D^ν e,        0 < ν < 1: between a spring and a dashpot.
+
+What it is held against has Maxwell elements, springs in series with dashpots, in the springpot's place,
+
+    F = f0 + k e + Σ c_i y_i,      ẏ_i = ė − y_i/τ_i,
+
+one of them as large as the springpot, each further one two constants more; and two of them beside a power law of the
+strain in e's place.  The length is measured; its rate, which both kinds of element resist, fracid takes from it.
+"""
+
+from fracid import Model, Parameter
+from fracid.models.joints import Complement, maxwell, springpot
+
+L0 = 0.95  # half a sarcomere at the beginning, relative
+
+
+def strain(length, contour):
+    return (1.0 - length / contour) ** -2.0 - (1.0 - L0 / contour) ** -2.0
+
+
+def strain_rate(length, speed, contour):
+    return 2.0 / contour * (1.0 - length / contour) ** -3.0 * speed
+
+
+ELASTIC = (
+    Parameter("f0", "1", 0.0, "force at the beginning"),
+    Parameter("k", "1", 0.04, "the spring", lower=0.0),
+    Parameter("contour", "1", 1.28, "contour length of the chain", lower=1.18),
+)
+MEASURED = {"inputs": ("length", "speed"), "input_rates": {"speed": "length"}, "zero": "",
+            "source": "relaxed fibres, github beards-lab/TitinViscoelasticity"}  # fmt: skip
+
+# --- the springpot -----------------------------------------------------------------------------------------------
+
+
+def rhs(t, x, u, p, out):  # noqa: ARG001
+    springpot(x, out, 0, strain_rate(u[0], u[1], p[2]), p[3])
+
+
+def force(t, x, u, p):  # noqa: ARG001
+    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0]
+
+
+model = Model(
+    name="springpot", rhs=rhs, states=("y",), orders=(Complement("nu"),), outputs={"force": force},
+    parameters=(*ELASTIC, Parameter("c", "s^nu", 0.04, "the springpot", lower=0.0)), **MEASURED,
+)  # fmt: skip
+
+# --- one to three Maxwell elements -------------------------------------------------------------------------------
+
+
+def element(i):
+    return (Parameter(f"c{i}", "1", 0.04, f"stiffness of Maxwell element {i}", lower=0.0),
+            Parameter(f"tau{i}", "s", 1.0, "its time constant", lower=1e-4))  # fmt: skip
+
+
+def rhs1(t, x, u, p, out):  # noqa: ARG001
+    maxwell(x, out, 0, strain_rate(u[0], u[1], p[2]), p[3], p[4])
+
+
+def force1(t, x, u, p):  # noqa: ARG001
+    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0]
+
+
+def rhs2(t, x, u, p, out):  # noqa: ARG001
+    rate = strain_rate(u[0], u[1], p[2])
+    maxwell(x, out, 0, rate, p[3], p[4])
+    maxwell(x, out, 1, rate, p[5], p[6])
+
+
+def force2(t, x, u, p):  # noqa: ARG001
+    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0] + p[5] * x[1]
+
+
+def rhs3(t, x, u, p, out):  # noqa: ARG001
+    rate = strain_rate(u[0], u[1], p[2])
+    maxwell(x, out, 0, rate, p[3], p[4])
+    maxwell(x, out, 1, rate, p[5], p[6])
+    maxwell(x, out, 2, rate, p[7], p[8])
+
+
+def force3(t, x, u, p):  # noqa: ARG001
+    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0] + p[5] * x[1] + p[7] * x[2]
+
+
+def of_elements(count, rhs, force, elastic=ELASTIC):
+    states = tuple(f"y{i}" for i in range(1, count + 1))
+    return Model(
+        name=f"{count} Maxwell", rhs=rhs, states=states, orders=(1.0,) * count, outputs={"force": force},
+        relaxing={y: f"tau{i}" for i, y in enumerate(states, 1)},
+        parameters=(*elastic, *(p for i in range(1, count + 1) for p in element(i))), **MEASURED,
+    )  # fmt: skip
+
+
+maxwell1 = of_elements(1, rhs1, force1)
+maxwell2 = of_elements(2, rhs2, force2)
+maxwell3 = of_elements(3, rhs3, force3)
+
+# --- a power law of the strain, two Maxwell elements -------------------------------------------------------------
+
+
+def rhs_power(t, x, u, p, out):  # noqa: ARG001
+    stretch = max(u[0] - p[2], 1e-9)
+    rate = p[3] * stretch ** (p[3] - 1.0) * u[1]
+    maxwell(x, out, 0, rate, p[4], p[5])
+    maxwell(x, out, 1, rate, p[6], p[7])
+
+
+def force_power(t, x, u, p):  # noqa: ARG001
+    return p[0] + p[1] * max(u[0] - p[2], 1e-9) ** p[3] + p[4] * x[0] + p[6] * x[1]
+
+
+POWER = (
+    ELASTIC[0], ELASTIC[1],
+    Parameter("slack", "1", 0.8, "length from which on it resists"),
+    Parameter("power", "-", 6.0, "of the strain", lower=1.0),
+)  # fmt: skip
+power2 = of_elements(2, rhs_power, force_power, POWER)
