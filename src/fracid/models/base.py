@@ -307,7 +307,7 @@ class Model:
         """Names of the orders that have one, each once, in order of appearance."""
         of_springpots = {*self.springpot_orders.values()}
         names = (q.parameter if isinstance(q, Complement) else q for q in self.orders)
-        return tuple(dict.fromkeys(n for n in names if isinstance(n, str) and n not in self.parameter_names
+        return tuple(dict.fromkeys(n for n in names if (isinstance(n, str) and n not in self.parameter_names)
                                    or n in of_springpots))  # fmt: skip
 
     @cached_property
@@ -631,7 +631,7 @@ def _check_shapes(model: Model) -> None:
             " expected at least one state, and one order name for each"
         )
     for order in model.orders:
-        if not isinstance(order, Complement) and not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
+        if not isinstance(order, Complement | str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
                 f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
             )

@@ -340,9 +340,7 @@ def _steps_to(end: float, step: float) -> int:
     return math.ceil(end / step * (1 - 1e-9))
 
 
-def _on_the_grid(
-    recording: Recording, model: Model, times: FloatArray, inputs: FloatArray
-) -> tuple[float, FloatArray]:
+def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
     """The step with which a model goes through uneven samples, and the inputs on its grid."""
     step = float(np.min(np.diff(times)))
     count = _steps_to(float(times[-1]), step) + 1

@@ -386,8 +386,9 @@ def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     """The same recordings with another model, every order of which is an integer."""
     model, parameters = _model(_Model(name=spec.model, parameters=spec.parameters), folder)
     orders = _orders(spec.orders, model)
-    for kind, ours, theirs in (("inputs", problem.model.inputs, model.inputs),
-                               ("outputs", problem.outputs, tuple(n for n in problem.outputs if n in model.outputs))):  # fmt: skip
+    outputs = tuple(n for n in problem.outputs if n in model.outputs)
+    pairs = {"inputs": (problem.model.inputs, model.inputs), "outputs": (problem.outputs, outputs)}
+    for kind, (ours, theirs) in pairs.items():
         if theirs != ours:
             raise InputError(
                 f"[[alternative]] {spec.name}: its {kind} are {', '.join(theirs) or 'none'}, and the model's "

@@ -92,7 +92,9 @@ class Simulator:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         model, names = self.parametrisation.model, self.parametrisation.outputs
-        if e.sensors or e.times is not None or any(n not in model.output_states for n in names):
+        if e.times is not None and not e.sensors:
+            return np.column_stack([self._at_samples(x, e, run, n) for n in names])
+        if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
             signals = [self._signal(x, e, run, n) for n in names]
             return np.column_stack([
@@ -105,6 +107,15 @@ class Simulator:
         moving = e.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([initial, run.at(e.time[moving])[:, columns]])
+
+    def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
+        """One output at uneven samples; those before the release have its first value."""
+        y, times = self.parametrisation.model.outputs[output], np.maximum(e.time, run.time[0])
+        states = run.at(times)
+        if isinstance(y, int):
+            return np.asarray(states[:, y])
+        p, u = self.parametrisation.unpack(x, e).parameters, self.inputs(x, e)
+        return output_along(y, times, states, u.at((times - run.time[0]) / run.step), p)
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""

@@ -60,8 +60,8 @@ from fracid.files import from_json, json_number
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
-from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.costs import COSTS
+from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
@@ -400,9 +400,7 @@ def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
     keep, rungs = origin.only
     fitted_problem = replace(problem, experiments=fitted)
-    beside = {
-        n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()
-    }
+    beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
     return _Fold(others, ladder(fitted_problem, keep=keep, rungs=rungs, others=others, alternatives=beside))
 
 
@@ -754,7 +752,8 @@ def _verdict(comparison: Comparison, integers: Mapping[str, float | None] | None
 def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
     ratio, N = _ratio(fractional, integer), len(comparison.held_out)
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    against = f"{fractional.name} ({_errors(fractional, comparison.units)}) against {integer.name} ({_errors(integer, comparison.units)})"
+    errors = {row.name: _errors(row, comparison.units) for row in (fractional, integer)}
+    against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
     few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
     if ratio < 1 - MARGIN and helped > N / 2:
         return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
@@ -780,9 +779,10 @@ def _replaced(comparison: Comparison) -> str:
     plain, paper, dry = (rows[name] for name in names)
     if not (_ratio(paper, plain) < 1 - MARGIN and _ratio(dry, paper) < 1 - MARGIN):
         return ""
+    units = comparison.units
     return (
-        f"Orders replace Coulomb friction and lose to it: {_errors(paper, comparison.units)} held out with viscous friction and free "
-        f"orders, {_errors(dry, comparison.units)} with viscous and Coulomb friction and orders 1."
+        f"Orders replace Coulomb friction and lose to it: {_errors(paper, units)} held out with viscous friction and "
+        f"free orders, {_errors(dry, units)} with viscous and Coulomb friction and orders 1."
     )
 
 

@@ -20,11 +20,12 @@ Stribeck's friction   LuGre's model: ``stiction_…`` … free too      the same
 an elastic arm        ``arm_stiffness`` … free                      the same
 ====================  ============================================  ====================================================
 
-each from the best of those before it, the cheap ones first.  Before them come the models of integer order that a
-project names (``[[alternative]]``): who writes a model knows what it is held against, as a springpot is against Maxwell
-elements.  All of these are fitted, by the search that found the orders.  What lowers Schwarz's criterion stays for those that
+each from the best of those before it, the cheap ones first.  What lowers Schwarz's criterion stays for those that
 follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
 the model take many times as long: they are tried where nothing else contradicts the orders.
+
+Before them come the models of integer order that a project names (``[[alternative]]``): who writes a model knows what
+it is held against, as a springpot is against Maxwell elements.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ import numpy as np
 
 from fracid.estimation.climbing import embedded, entries
 from fracid.estimation.horizons import Watch, refined, uninterrupted
-from fracid.estimation.windows import in_parts, shared_values
 from fracid.estimation.search import search
+from fracid.estimation.windows import in_parts, shared_values
 from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
@@ -237,10 +238,8 @@ def integer_alternatives(
     n, gain = gain_over(here, problem, best)
     name = "friction" if here.own else "the same model"
     trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
-    named = [_searched(name, alternative, here, starts, seed, jobs) for name, alternative in (own or {}).items()]
-    others = [(there, *gain_over(there, problem, best)) for there in named if there is not None]
-    trials += [Trial(there.integers, there.evaluation.cost, gain_there,
-                     _as_well(gain_there, there.evaluation.cost, best.cost)) for there, _, gain_there in others]  # fmt: skip
+    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs)]
+    trials += [trial for _, trial in others]
     settled = any(t.as_well for t in trials)
     for change in ELEMENTS:
         for element in () if settled else change(here.problem):
@@ -259,8 +258,9 @@ def integer_alternatives(
             if as_well:
                 settled = True
                 break
-    here, n, gain = min([(here, n, gain), *others],
-                        key=lambda r: (not _as_well(r[2], r[0].evaluation.cost, best.cost), r[2]))  # fmt: skip
+    for there, trial in others:
+        if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
+            here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
     return Alternative(
         here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
         here.evaluation.cost, here.parameters, gain, n,
@@ -269,14 +269,25 @@ def integer_alternatives(
     )  # fmt: skip
 
 
-def _searched(name: str, alternative: Problem, here: Rival, starts: int, seed: int, jobs: int) -> Rival | None:
-    """The minimum of a model that the project names; None where its runs fail."""
-    result, _ = search(alternative, OPTIMISERS["multistart"], np.random.default_rng(seed), jobs=jobs, starts=starts)
-    best = min(result.best, uninterrupted(refined(alternative, alternative.start, jobs, Watch())).best,
-               key=lambda e: e.cost)  # fmt: skip
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return None if best.residuals is None else Rival(alternative, best, name, here.off, nested=False)
+def _of_the_project(
+    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, jobs: int
+) -> Iterator[tuple[Rival, Trial]]:
+    """The models that a project names at their minima; not one whose runs fail.
+
+    One that is larger than the fractional model must earn its further unknowns by Schwarz's criterion, however low its
+    cost: enough relaxations imitate a springpot over any record, as enough terms do any function, and what tells them
+    apart is how many it takes.
+    """
+    for name, alternative in own.items():
+        result, _ = search(alternative, OPTIMISERS["multistart"], np.random.default_rng(seed), jobs=jobs, starts=starts)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        if result.best.residuals is not None:
+            rival = Rival(alternative, result.best, name, here.off, nested=False)
+            _, gain = gain_over(rival, problem, best)
+            larger = len(alternative.names) > len(problem.names)
+            as_well = gain <= STRONG if larger else _as_well(gain, result.best.cost, best.cost)
+            yield rival, Trial(name, result.best.cost, gain, as_well)
 
 
 def _as_well(gain: float, cost: float, fractional: float) -> bool:

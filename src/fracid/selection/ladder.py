@@ -28,8 +28,8 @@ it is 0.  All else that the problem leaves free stays so: inertias, rests (each 
 Orders are free as the problem has them; where it fixes all, all are freed.  Ranges are widened to hold 0, and 1 for
 orders, so that each rung holds the ones below it, and can never fit worse.
 
-A project may name models of integer order (``[[alternative]]``), which are structures beside the ladder's.  A model that
-has no friction is then there with its orders as they are, and at their integers.
+A project may name models of integer order (``[[alternative]]``), which are structures beside the ladder's.  A model
+that has no friction is then there with its orders as they are, and at their integers.
 
 What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) is 0 if it
 is friction, else it keeps its start; it is no parameter of the fit, and that is said.  A rung of which the recordings
