@@ -1,12 +1,12 @@
 """Titin, the spring of muscle: force over length of a relaxed fibre, as titin.toml and leave_one_out.py use it.
 
 A fibre resists a stretch at once like a spring, more the faster it is stretched, and then relaxes for minutes, with no
-time of its own.  Titin's folded domains make chains that stiffen as they are drawn out: the force of a worm-like chain
-grows like 1/(1 − L/L_c)² towards its contour length L_c, which gives the strain measure
+time of its own.  Titin's domains make a worm-like chain, whose force over its stretch z is, by Marko and Siggia,
 
-    e(L) = (1 − L/L_c)⁻² − (1 − L_0/L_c)⁻²,       L_0 = 0.95, the length at which all recordings begin,
+    e(z) = 1/(4 (1 − z)²) − 1/4 + z,       z = (L − L_0)/(L_c − L_0),
 
-and the model is a spring and a *springpot* in it, five constants, one of which is an order:
+from its slack length L_0 = 0.95, at which all recordings begin, towards its contour length L_c.  The model is a spring
+and a *springpot* in this strain, five constants, one of which is an order:
 
     F = f0 + k e + c D^ν e,        0 < ν < 1: between a spring and a dashpot.
 
@@ -25,17 +25,19 @@ L0 = 0.95  # half a sarcomere at the beginning, relative
 
 
 def strain(length, contour):
-    return (1.0 - length / contour) ** -2.0 - (1.0 - L0 / contour) ** -2.0
+    z = (length - L0) / (contour - L0)
+    return 0.25 / (1.0 - z) ** 2 - 0.25 + z
 
 
 def strain_rate(length, speed, contour):
-    return 2.0 / contour * (1.0 - length / contour) ** -3.0 * speed
+    z = (length - L0) / (contour - L0)
+    return (0.5 / (1.0 - z) ** 3 + 1.0) * speed / (contour - L0)
 
 
 ELASTIC = (
     Parameter("f0", "1", 0.0, "force at the beginning"),
-    Parameter("k", "1", 0.04, "the spring", lower=0.0),
-    Parameter("contour", "1", 1.28, "contour length of the chain", lower=1.18),
+    Parameter("k", "1", 1.0, "the spring", lower=0.0),
+    Parameter("contour", "1", 1.25, "contour length of the chain", lower=1.18),
 )
 MEASURED = {"inputs": ("length", "speed"), "input_rates": {"speed": "length"}, "zero": "",
             "source": "relaxed fibres, github beards-lab/TitinViscoelasticity"}  # fmt: skip
@@ -53,14 +55,14 @@ def force(t, x, u, p):  # noqa: ARG001
 
 model = Model(
     name="springpot", rhs=rhs, states=("y",), orders=(Complement("nu"),), outputs={"force": force},
-    parameters=(*ELASTIC, Parameter("c", "s^nu", 0.04, "the springpot", lower=0.0)), **MEASURED,
+    parameters=(*ELASTIC, Parameter("c", "s^nu", 1.0, "the springpot", lower=0.0)), **MEASURED,
 )  # fmt: skip
 
 # --- one to three Maxwell elements -------------------------------------------------------------------------------
 
 
 def element(i):
-    return (Parameter(f"c{i}", "1", 0.04, f"stiffness of Maxwell element {i}", lower=0.0),
+    return (Parameter(f"c{i}", "1", 1.0, f"stiffness of Maxwell element {i}", lower=0.0),
             Parameter(f"tau{i}", "s", 1.0, "its time constant", lower=1e-4))  # fmt: skip
 
 

@@ -49,6 +49,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.errors import InputError, NotTrusted, unknown_name
@@ -61,7 +62,7 @@ from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
-from fracid.recording.channel import Channel
+from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
@@ -445,14 +446,19 @@ class _Channels(NamedTuple):
     """What stands between it and the model."""
     between: dict[str, Between]
     """What an input does between its samples."""
+    constants: dict[str, tuple[float, str]]
+    """Inputs that no column has, for they do not change: the value and its unit [SI]."""
 
 
 def _channels(spec: _Recording, model: Model) -> _Channels:
     """Part the tables of the signals."""
-    channels = _Channels(dict(spec.model_extra or {}), {}, {})
+    channels = _Channels(dict(spec.model_extra or {}), {}, {}, {})
     for name, table in [*channels.columns.items()]:
         if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
-            known = (*CHANNEL, *QUANTITIES, "between" if name in model.inputs else "sd")
+            if "constant" in table and name in model.inputs:
+                channels.constants[name] = _constant(name, channels.columns.pop(name))
+                continue
+            known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
             for key in table.keys() - {*known}:
                 raise unknown_name(f"field of {name}", key, known)
             channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
@@ -466,6 +472,19 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
                     raise unknown_name(f"between of {name}", table["between"], BETWEEN)
                 channels.between[name] = table["between"]
     return channels
+
+
+def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
+    """An input that does not change: its value in SI, and its unit there."""
+    value, unit = table["constant"], table.get("unit", "1")
+    for key in table.keys() - {"constant", "unit"}:
+        raise unknown_name(f"field of {name}, which is constant", key, ("constant", "unit"))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
+    if unit not in UNITS:
+        raise unknown_name(f"unit of {name}", str(unit), tuple(UNITS))
+    factor, si = UNITS[unit]
+    return factor * float(value), si
 
 
 def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, Any]:
@@ -530,6 +549,14 @@ def _load(
     )  # fmt: skip
     held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
+    recording = replace(
+        recording,
+        signals={
+            **recording.signals,
+            **{n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()},
+        },
+        units={**recording.units, **{n: unit for n, (_, unit) in channels.constants.items()}},
+    )
     if not past:
         return recording, None
     after = recording.trim(spec.start)
