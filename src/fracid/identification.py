@@ -396,6 +396,7 @@ def _recording(
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
         e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored, deviations_of(problem.outputs, e),
+        e.times is not None,
     )  # fmt: skip
 
 

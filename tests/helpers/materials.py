@@ -1,4 +1,4 @@
-"""A strip of rubber that is stretched and held: a springpot of known order, its samples uneven, its noise that grows."""
+"""A strip of rubber that is stretched and held: a springpot of known order, uneven samples, noise that grows."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ c = { start = 3.0, lower = 0.0, upper = 20.0 }
 file = "fast.csv"
 length = { column = "L", unit = "m" }
 force = { column = "F", unit = "N", sd = "SD" }
-resample = false
+resample = "uneven"
 [[recording]]
 file = "slow.csv"
 length = { column = "L", unit = "m" }
 force = { column = "F", unit = "N", sd = "SD" }
-resample = false
+resample = "uneven"
 [[alternative]]
 name = "a Maxwell element"
 model = "model.py:relaxation"

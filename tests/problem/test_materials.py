@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.materials import NU, strip
 
 import fracid
 from fracid.errors import InputError
 from fracid.models.joints import Complement
 from fracid.problem import Free
+from helpers.materials import NU, strip
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_a_short_relaxation_is_stepped_without_loss(project):
 
 
 def test_uneven_samples_that_nobody_says_are_meant_so_are_refused_with_what_to_type(tmp_path):
-    assert "type resample = false" in refusal(changed(tmp_path, "resample = false\n", ""))
+    assert 'type resample = "uneven"' in refusal(changed(tmp_path, 'resample = "uneven"\n', ""))
 
 
 def test_a_rate_and_a_held_position_contradict_each_other(tmp_path):
@@ -116,10 +116,10 @@ def test_an_alternative_that_cannot_be_is_refused(tmp_path, old, new, says):
 
 def test_an_input_that_does_not_change_is_a_number_and_time_may_begin_at_the_first_sample(tmp_path):
     path = changed(tmp_path, '"L", unit = "m" }', '"L", unit = "m" }\nspeed = { constant = 20.0, unit = "1" }')
-    text = path.read_text(encoding="utf-8").replace("resample = false", 'resample = false\ntime = { column = "time", '
-                                                    'zero = "first" }')  # fmt: skip
-    path.write_text(text, encoding="utf-8")
-    rows = np.loadtxt(tmp_path / "fast.csv", delimiter=",", skiprows=1) + [7.0, 0, 0, 0]
+    clock = 'time = { column = "time", zero = "first" }\nforce ='
+    path.write_text(path.read_text(encoding="utf-8").replace("force =", clock), encoding="utf-8")
+    rows = np.loadtxt(tmp_path / "fast.csv", delimiter=",", skiprows=1)
+    rows[:, 0] += 7.0
     np.savetxt(tmp_path / "fast.csv", rows, delimiter=",", header="time,L,F,SD", comments="")
     fast, _ = fracid.load_project(path, trust=True).problem.experiments
     assert fast.start == 0.0

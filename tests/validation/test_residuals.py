@@ -478,10 +478,13 @@ def test_any_residual_is_told_of_without_a_nan(residual):
 def test_a_callers_mistakes_are_told():
     with pytest.raises(InputError, match="twin has no output 'beta'; it has alpha"):
         residual_analysis(twin(white()), "beta")
+    uneven = TIME + 1e-4 * rng().uniform(size=N)
+    with pytest.raises(InputError, match="s apart; a residual's correlation in time needs them evenly spaced"):
+        residual_analysis(replace(twin(white()), time=uneven), "alpha")
 
 
 def test_uneven_samples_are_taken_one_after_the_other_and_not_asked_for_frequencies():
-    uneven = residual_analysis(replace(twin(white()), time=np.geomspace(1e-3, 20.0, N)), "alpha")
+    uneven = residual_analysis(replace(twin(white()), time=np.geomspace(1e-3, 20.0, N), uneven=True), "alpha")
     assert uneven.whiteness.white
     assert "spectrum" not in uneven.sentences
 

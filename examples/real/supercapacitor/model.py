@@ -1,7 +1,7 @@
 """A supercapacitor that is discharged at constant current: maxwell.toml and eaton.toml use it.
 
-The capacity of a double layer grows with its voltage, C(v) = C0 + C1 v + C2 v², and between the terminals lies v − R i while
-the current i is drawn.  Does the charge creep into the pores of the electrode, so that the capacitor has an order?
+The capacity of a double layer grows with its voltage, C(v) = C0 + C1 v + C2 v², and between the terminals lies v − R i
+while the current i is drawn.  Does the charge creep into the electrode's pores, so that the capacitor has an order?
 
     C(v) D^q v = −i                                             q = 1: an ordinary capacitor
 
@@ -51,7 +51,7 @@ def cell(name, rhs, order, branches):
     of_branches = tuple(
         p for i in range(1, branches + 1) for p in (
             Parameter(f"R_{i}", "Ohm", 3.0, f"resistance of branch {i}", lower=1e-3),
-            Parameter(f"C_{i}", "F", 1.0, f"its capacity", lower=1e-3),
+            Parameter(f"C_{i}", "F", 1.0, "its capacity", lower=1e-3),
         )
     )  # fmt: skip
     slow = tuple(f"v{i}" for i in range(1, branches + 1))

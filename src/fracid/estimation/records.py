@@ -83,6 +83,8 @@ class RecordingFit:
     """Which samples count, shape (n_samples,); None for all."""
     deviations: Mapping[str, FloatArray] = field(default_factory=dict)
     """Output → the standard deviation of its samples, in its unit, shape (n_samples,); empty where none is known."""
+    uneven: bool = False
+    """Whether its samples are meant to lie unevenly."""
 
     def zero_of(self, output: str) -> str:
         """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.

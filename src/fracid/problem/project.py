@@ -148,7 +148,7 @@ class _Recording(_Table):
     start: float | Literal["release"] | None = Field(default=None, alias="from")
     stop: float | None = Field(default=None, alias="to")
     use: Literal["fit", "validate"] = "fit"
-    resample: bool | float | Literal["needed"] = "needed"
+    resample: bool | float | Literal["needed", "uneven"] = "needed"
     variable: str | None = None
     initial: dict[str, float] = {}
     """States known at the start [rad], such as the angle of release."""
@@ -545,7 +545,7 @@ def _load(
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     recording = load_recording(
         folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
-        variable=spec.variable, resample=False if spec.resample is False else None,
+        variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
     held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)

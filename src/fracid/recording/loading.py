@@ -54,8 +54,8 @@ def load_recording(
         The part to keep [s], both included; `start` may be ``"release"``.
     resample : optional
         True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
-        True only where time jitters by more than 1 % of a step or has gaps.  False says that samples may lie unevenly:
-        a fit takes them where they are.
+        True only where time jitters by more than 1 % of a step or has gaps.  ``"uneven"`` says that samples are meant
+        to lie unevenly: a fit takes them where they are.
     name : str, optional
         None is the file's name without its ending.
     variable : str, optional
@@ -81,7 +81,7 @@ def load_recording(
     array([0.175, 0.157, 0.122])
     """
     recording = inspect_recording(
-        path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample is False
+        path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample == "uneven"
     )
     return resampled(recording, resample)
 
@@ -104,10 +104,10 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     array([0. , 0.1, 0.2, 0.3])
     """
     demand_fitness(recording)
-    if resample is None or resample is False or (resample == "needed" and recording.step is not None):
+    if resample in (None, False, "uneven") or (resample == "needed" and recording.step is not None):
         return recording
     if not isinstance(resample, Real) and resample != "needed":
-        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s] or "needed".')
+        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s], "needed" or "uneven".')
     return recording.resample(None if resample in (True, "needed") else float(resample))
 
 

@@ -50,7 +50,7 @@ class Recording:
 
     @property
     def uneven(self) -> bool:
-        """Whether its samples lie unevenly, and are meant to: ``resample=False`` of :func:`fracid.load_recording`."""
+        """Whether its samples are meant to lie unevenly: ``resample="uneven"`` of :func:`fracid.load_recording`."""
         return self.report.uneven
 
     @property

@@ -250,7 +250,7 @@ def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
         yield (
             f"a gap of {longest:.4g} s after {at:.4g} s is {100 * longest / c.duration:.0f} % of the "
             "recording. Use the part before or after it (from, to); or if its samples crowd where much happens, as "
-            "those of a relaxation do, type resample = false."
+            'those of a relaxation do, type resample = "uneven".'
         )
 
 

@@ -120,7 +120,7 @@ class SavedRun(FitPictures):
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
                             self.problem.model.zero, self.problem.model.pendulum, e.scored,
-                            deviations_of(problem.outputs, e))  # fmt: skip
+                            deviations_of(problem.outputs, e), e.times is not None)  # fmt: skip
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):

@@ -125,7 +125,7 @@ def residual_analysis(
     Raises
     ------
     InputError
-        If the recording has no such output.
+        If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
 
     References
     ----------
@@ -172,7 +172,13 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     """The median sampling interval [s], and whether all are about that."""
     intervals = np.diff(recording.time)
     step = float(np.median(intervals)) if intervals.size else NAN
-    return step, bool(np.all(np.abs(intervals - step) <= 0.02 * step))
+    even = bool(np.all(np.abs(intervals - step) <= 0.02 * step))
+    if not even and not recording.uneven:
+        raise InputError(
+            f"The samples of {recording.name} are {intervals.min():.3g} … {intervals.max():.3g} s apart; a residual's "
+            "correlation in time needs them evenly spaced: resample the recording (resample = true)."
+        )
+    return step, even
 
 
 def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None) -> Whiteness:
