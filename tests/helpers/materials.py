@@ -29,15 +29,20 @@ def force(t, x, u, p):
 
 
 def rhs1(t, x, u, p, out):
-    maxwell(x, out, 0, u[1], p[1], p[2])
+    maxwell(x, out, 0, u[0], p[1], p[2])
 
 
-MEASURED = {"outputs": {"force": force}, "inputs": ("length", "speed"), "input_rates": {"speed": "length"},
+def force1(t, x, u, p):
+    return of_spring(u[0], p[0]) + p[1] * (u[0] - x[0])
+
+
+MEASURED = {"inputs": ("length", "speed"), "input_rates": {"speed": "length"},
             "zero": "", "source": "a test"}
 SPRINGS = (Parameter("k", "N/m", 1.0, "spring", lower=0.0), Parameter("c", "N/m", 1.0, "element", lower=0.0))
-model = Model(name="springpot", rhs=rhs, states=("y",), orders=(Complement("nu"),), parameters=SPRINGS, **MEASURED)
+model = Model(name="springpot", rhs=rhs, states=("y",), orders=(Complement("nu"),), parameters=SPRINGS,
+              outputs={"force": force}, **MEASURED)
 relaxation = Model(name="Maxwell", rhs=rhs1, states=("y",), orders=(1.0,), relaxing={"y": "tau"},
-                   parameters=(*SPRINGS, Parameter("tau", "s", 1.0, "its time", lower=1e-6)), **MEASURED)
+                   outputs={"force": force1}, parameters=(*SPRINGS, Parameter("tau", "s", 1.0, "its time", lower=1e-6)), **MEASURED)
 """
 
 PROJECT = """

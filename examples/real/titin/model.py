@@ -12,16 +12,16 @@ and a *springpot* in this strain, five constants, one of which is an order:
 
 What it is held against has Maxwell elements, springs in series with dashpots, in the springpot's place,
 
-    F = f0 + k e + Σ c_i y_i,      ẏ_i = ė − y_i/τ_i,
+    F = f0 + k e + Σ c_i (e − y_i),      ẏ_i = (e − y_i)/τ_i,
 
 one of them as large as the springpot, each further one two constants more; and two of them beside a power law of the
-strain in e's place.  The length is measured; its rate, which both kinds of element resist, fracid takes from it.
+strain in e's place.  The length is measured; its rate, which the springpot resists, fracid takes from it.
 """
 
 from fracid import Model, Parameter
 from fracid.models.joints import Complement, maxwell, springpot
 
-L0 = 0.95  # half a sarcomere at the beginning, relative
+L0, LONGEST = 0.95, 1.175  # half a sarcomere at the beginning and at the end of a ramp, relative
 
 
 def strain(length, contour):
@@ -67,32 +67,35 @@ def element(i):
 
 
 def rhs1(t, x, u, p, out):  # noqa: ARG001
-    maxwell(x, out, 0, strain_rate(u[0], u[1], p[2]), p[3], p[4])
+    maxwell(x, out, 0, strain(u[0], p[2]), p[3], p[4])
 
 
 def force1(t, x, u, p):  # noqa: ARG001
-    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0]
+    e = strain(u[0], p[2])
+    return p[0] + p[1] * e + p[3] * (e - x[0])
 
 
 def rhs2(t, x, u, p, out):  # noqa: ARG001
-    rate = strain_rate(u[0], u[1], p[2])
-    maxwell(x, out, 0, rate, p[3], p[4])
-    maxwell(x, out, 1, rate, p[5], p[6])
+    e = strain(u[0], p[2])
+    maxwell(x, out, 0, e, p[3], p[4])
+    maxwell(x, out, 1, e, p[5], p[6])
 
 
 def force2(t, x, u, p):  # noqa: ARG001
-    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0] + p[5] * x[1]
+    e = strain(u[0], p[2])
+    return p[0] + p[1] * e + p[3] * (e - x[0]) + p[5] * (e - x[1])
 
 
 def rhs3(t, x, u, p, out):  # noqa: ARG001
-    rate = strain_rate(u[0], u[1], p[2])
-    maxwell(x, out, 0, rate, p[3], p[4])
-    maxwell(x, out, 1, rate, p[5], p[6])
-    maxwell(x, out, 2, rate, p[7], p[8])
+    e = strain(u[0], p[2])
+    maxwell(x, out, 0, e, p[3], p[4])
+    maxwell(x, out, 1, e, p[5], p[6])
+    maxwell(x, out, 2, e, p[7], p[8])
 
 
 def force3(t, x, u, p):  # noqa: ARG001
-    return p[0] + p[1] * strain(u[0], p[2]) + p[3] * x[0] + p[5] * x[1] + p[7] * x[2]
+    e = strain(u[0], p[2])
+    return p[0] + p[1] * e + p[3] * (e - x[0]) + p[5] * (e - x[1]) + p[7] * (e - x[2])
 
 
 def of_elements(count, rhs, force, elastic=ELASTIC):
@@ -111,20 +114,24 @@ maxwell3 = of_elements(3, rhs3, force3)
 # --- a power law of the strain, two Maxwell elements -------------------------------------------------------------
 
 
+def power_law(length, slack, power):
+    return ((length - slack) / (LONGEST - slack)) ** power - ((L0 - slack) / (LONGEST - slack)) ** power
+
+
 def rhs_power(t, x, u, p, out):  # noqa: ARG001
-    stretch = max(u[0] - p[2], 1e-9)
-    rate = p[3] * stretch ** (p[3] - 1.0) * u[1]
-    maxwell(x, out, 0, rate, p[4], p[5])
-    maxwell(x, out, 1, rate, p[6], p[7])
+    e = power_law(u[0], p[2], p[3])
+    maxwell(x, out, 0, e, p[4], p[5])
+    maxwell(x, out, 1, e, p[6], p[7])
 
 
 def force_power(t, x, u, p):  # noqa: ARG001
-    return p[0] + p[1] * max(u[0] - p[2], 1e-9) ** p[3] + p[4] * x[0] + p[6] * x[1]
+    e = power_law(u[0], p[2], p[3])
+    return p[0] + p[1] * e + p[4] * (e - x[0]) + p[6] * (e - x[1])
 
 
 POWER = (
     ELASTIC[0], ELASTIC[1],
-    Parameter("slack", "1", 0.8, "length from which on it resists"),
+    Parameter("slack", "1", 0.8, "length from which on it resists", upper=0.949),
     Parameter("power", "-", 6.0, "of the strain", lower=1.0),
 )  # fmt: skip
 power2 = of_elements(2, rhs_power, force_power, POWER)

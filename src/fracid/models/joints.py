@@ -14,8 +14,7 @@ drag                :math:`d\,v|v|`
                     Dahl's model where s = 0, LuGre's otherwise
 :func:`springpot`   :math:`c\,D^ν q`, between a spring (ν = 0) and a dashpot (ν = 1):                      y, order
                     :math:`D^{1-ν} y = v`, torque :math:`c\,y`                                             1 − ν
-:func:`maxwell`     :math:`c\,e^{-t/τ} * v`, a spring in series with a dashpot: :math:`\dot y = v - y/τ`,   y, order 1
-                    torque :math:`c\,y`
+:func:`maxwell`     :math:`c\,(q - y)`, a spring in series with a dashpot, :math:`\dot y = (q - y)/τ`          y, order 1
 spring              :math:`k\,(q - q_0)`
 :func:`gap`         of a gear: what of an angle or a voltage is beyond its play
 :func:`saturated`   what an amplifier gives of a voltage
@@ -171,22 +170,23 @@ def springpot(x: FloatArray, out: FloatArray, i: int, v: float, c: float) -> flo
     return float(c * x[i])
 
 
-def maxwell(x: FloatArray, out: FloatArray, i: int, v: float, c: float, tau: float) -> float:
-    """Torque c·y [N m] of a spring in series with a dashpot, ẏ = v − y/τ for the state i: what a springpot is not.
+def maxwell(x: FloatArray, out: FloatArray, i: int, q: float, c: float, tau: float) -> float:
+    """Torque c·(q − y) [N m] of a spring in series with a dashpot, ẏ = (q − y)/τ for the state i, the dashpot's angle.
 
-    ``relaxing = {"y": "tau"}`` in the model has the solver step it without loss, however short τ is.
+    It asks for the angle alone, no rate.  ``relaxing = {"y": "tau"}`` in the model has the solver step it without loss,
+    however short τ is.
 
     Examples
     --------
     >>> import numpy as np
     >>> out = np.zeros(1)
     >>> maxwell(np.array([0.5]), out, 0, 3.0, 2.0, 0.25), float(out[0])
-    (1.0, 1.0)
+    (5.0, 10.0)
     """
-    out[i] = v - x[i] / tau
+    out[i] = (q - x[i]) / tau
     if len(out) > len(x):
         out[len(x) + i] = 1.0 / tau
-    return float(c * x[i])
+    return float(c * (q - x[i]))
 
 
 def gap(q: float, half: float) -> float:

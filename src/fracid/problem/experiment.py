@@ -32,6 +32,10 @@ __all__ = ["DEVIATION", "Experiment", "held_inputs"]
 DEVIATION = "_sd"
 """Behind an output's name: the signal that is the standard deviation of its samples."""
 
+LEAST_STEPS = 2000
+"""Steps of a model from the first to the last of uneven samples: more than one from sample to sample where these are
+few, for what relaxes between them must be followed too."""
+
 MOST_UNEVEN = 10**7
 """Steps of a model from the first to the last of uneven samples: what the compressed memory is certified for."""
 
@@ -343,6 +347,7 @@ def _steps_to(end: float, step: float) -> int:
 def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
     """The step with which a model goes through uneven samples, and the inputs on its grid."""
     step = float(np.min(np.diff(times)))
+    step /= math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step))
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
         raise InputError(

@@ -59,7 +59,7 @@ from fracid.figures import Style, draw
 from fracid.files import from_json, json_number
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
-from fracid.problem import Experiment, Problem
+from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
@@ -581,11 +581,13 @@ class _Study:
         self.done += len(tasks)
         return results
 
-    def alternative(self, row: Row) -> Alternative | None:
+    def alternative(self, comparison: Comparison, row: Row) -> Alternative | None:
         """What of integer order comes nearest to a fractional structure."""
+        own = self.origin.load()[2]
+        others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
         half = {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
         key = f"alternatives | {row.name}"
-        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half,
+        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half, others,
                           self.execution.jobs, self.starts, self.seed))  # fmt: skip
         content = self._run(_try_alternatives, [task])[key]["alternative"]
         return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
@@ -616,14 +618,23 @@ def _test_amplitude(
 
 def _try_alternatives(
     origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: dict[str, float], half: dict[str, float], jobs: int, starts: int, seed: int,
+    values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]], jobs: int, starts: int,
+    seed: int,
 ) -> dict[str, Any]:  # fmt: skip
     fold = _fold(origin, held_out, leave_one_out).ladder
     problem = fold[name].problem
     best = problem.evaluate(np.array([values[n] for n in problem.names]))
-    beside = {s.friction: s.problem for s in fold.structures if s.friction in origin.load()[2]}
+    beside = {s.friction: _from_there(s.problem, others[s.name]) for s in fold.structures if s.name in others}
     nearest = integer_alternatives(problem, best, half, jobs=jobs, own=beside, starts=starts, seed=seed)
     return {"alternative": None if nearest is None else as_json(AlternativeBlock, nearest)}
+
+
+def _from_there(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """The same, its search to begin at the minimum that it is known to have."""
+    return replace(problem, parameters={
+        n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
+        for n, v in problem.parameters.items()
+    })  # fmt: skip
 
 
 def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison:
@@ -640,7 +651,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     doubts = [*_not_helped(comparison)]
     first = claim_of(orders, None, fractional.left_over, doubts)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
-        nearest = study.alternative(fractional)
+        nearest = study.alternative(comparison, fractional)
         comparison = replace(comparison, alternative=nearest)
         first = claim_of(orders, nearest, fractional.left_over)
         if first.claim == "fractional":
