@@ -42,7 +42,8 @@ SPRINGS = (Parameter("k", "N/m", 1.0, "spring", lower=0.0), Parameter("c", "N/m"
 model = Model(name="springpot", rhs=rhs, states=("y",), orders=(Complement("nu"),), parameters=SPRINGS,
               outputs={"force": force}, **MEASURED)
 relaxation = Model(name="Maxwell", rhs=rhs1, states=("y",), orders=(1.0,), relaxing={"y": "tau"},
-                   outputs={"force": force1}, parameters=(*SPRINGS, Parameter("tau", "s", 1.0, "its time", lower=1e-6)), **MEASURED)
+                   parameters=(*SPRINGS, Parameter("tau", "s", 1.0, "its time", lower=1e-6)),
+                   outputs={"force": force1}, **MEASURED)
 """
 
 PROJECT = """
