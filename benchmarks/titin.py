@@ -50,7 +50,7 @@ def drawing(ramps: tuple[Experiment, ...], forces: dict[tuple[str, str], FloatAr
             axes.plot(t, forces[name, e.name][1:], color=color, lw=1.5, label=name)
         axes.set(xscale="log", xlabel="time since the ramp began [s]", title=f"predicted: the ramp of {e.name}")
     figure.axes[0].set(ylabel="force", ylim=(-0.5, 20))
-    figure.axes[0].legend(fontsize="small", loc="upper left")
+    figure.axes[-1].legend(fontsize="small", loc="upper left")
     return figure
 
 
