@@ -14,7 +14,7 @@ drag                :math:`d\,v|v|`
                     Dahl's model where s = 0, LuGre's otherwise
 :func:`springpot`   :math:`c\,D^ν q`, between a spring (ν = 0) and a dashpot (ν = 1):                      y, order
                     :math:`D^{1-ν} y = v`, torque :math:`c\,y`                                             1 − ν
-:func:`maxwell`     :math:`c\,(q - y)`, a spring in series with a dashpot,                                  y, order 1
+:func:`maxwell`     :math:`c\,(q - y)`, a spring in series with a dashpot,                                 y, order 1
                     :math:`\dot y = (q - y)/τ`
 spring              :math:`k\,(q - q_0)`
 :func:`gap`         of a gear: what of an angle or a voltage is beyond its play

@@ -85,6 +85,7 @@ def teach_helpers(function: Any) -> None:
     ...     return x**3
     >>> def rhs(t, x, u, p, out):
     ...     out[0] = -cubed(x[0])
+    >>> teach_helpers(rhs)
     >>> out = np.zeros(1)
     >>> compile_rhs(rhs)(0.0, np.array([2.0]), np.zeros(0), np.zeros(0), out)
     >>> float(out[0])
