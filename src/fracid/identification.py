@@ -43,7 +43,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
@@ -85,6 +85,7 @@ def identify(
     journal: Journal | None = None,
     seen: tuple[Finding, ...] | None = None,
     options: Mapping[str, Any] | None = None,
+    alternatives: Mapping[str, Problem] | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
 
@@ -116,6 +117,9 @@ def identify(
         What :func:`fracid.validation.before_search.before` found; asked for if left out.
     options : mapping
         Passed on to the optimiser.
+    alternatives : mapping, optional
+        Models of integer order on the same recordings that the orders are held against, by name; a project has its
+        own, ``[[alternative]]``.
 
     Returns
     -------
@@ -146,7 +150,7 @@ def identify(
         if validation:
             raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem
-        problem, validation = project.problem, project.validation
+        problem, validation, alternatives = project.problem, project.validation, alternatives or project.alternatives
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
     seed = 1 if seed is None else seed
@@ -163,7 +167,8 @@ def identify(
     result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen))
+    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+                         alternatives=alternatives or {}, multi_start=1 if starts is None else starts)  # fmt: skip
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
@@ -212,6 +217,10 @@ class _Findings:
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
     """What was seen before the search."""
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    """Models of integer order that the user names."""
+    multi_start: int = 1
+    """Starts of a search."""
     asked: Problem | None = None
     """The problem with its own bounds, where some were opened."""
     within: float = np.inf
@@ -328,8 +337,9 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
     analysis.alternative = integer_alternatives(
-        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs
-    )
+        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
+        own=analysis.alternatives, starts=analysis.multi_start, seed=analysis.seed,
+    )  # fmt: skip
     analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
 
@@ -344,7 +354,8 @@ CHANCE = "no different from {:g} as far as the recordings can tell"
 def _missed_by(analysis: _Findings) -> Iterator[Finding]:
     problem, errors = analysis.problem, analysis.problem.errors(analysis.result.best.point)
     if not isinstance(errors, Failure):
-        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in errors) for k, n in enumerate(problem.outputs)}
+        raw = [e.in_units(r) for e, r in zip(problem.experiments, errors, strict=True)]
+        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in raw) for k, n in enumerate(problem.outputs)}
         yield from missed(analysis.validated, rms)
 
 
@@ -403,14 +414,15 @@ def _recording(
     simulated = problem.fitted(x, e)
     failure = isinstance(simulated, Failure)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values, e.scored)
+    cost = np.inf if failure else problem.cost_function.value(e.time, e.in_deviations(e.measured - values), e.scored)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
-        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored,
+        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored, deviations_of(problem.outputs, e),
+        e.times is not None,
     )  # fmt: skip
 
 

@@ -45,25 +45,26 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
-from fracid.problem.experiment import Experiment, held_inputs
+from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
-from fracid.problem.problem import Problem
+from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
-from fracid.recording.channel import Channel
+from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
@@ -80,6 +81,9 @@ CHANNEL = tuple(field.name for field in fields(Channel))
 
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
+
+SPRINGPOT_RANGE = Free(0.5, 0.02, 0.98)
+"""The same of a springpot's."""
 
 LARGEST_FILE = 2**24
 """Of a project [bytes]: 100,000 recordings."""
@@ -147,7 +151,7 @@ class _Recording(_Table):
     start: float | Literal["release"] | None = Field(default=None, alias="from")
     stop: float | None = Field(default=None, alias="to")
     use: Literal["fit", "validate"] = "fit"
-    resample: bool | float | Literal["needed"] = "needed"
+    resample: bool | float | Literal["needed", "uneven"] = "needed"
     variable: str | None = None
     initial: dict[str, float | _Range] = {}
     """States known at the start [rad], such as the angle of release, or to be found in a range."""
@@ -177,8 +181,18 @@ class _Fit(_Table):
     preset: str | None = None
 
 
+class _Alternative(_Table):
+    """A model of integer order that the orders are held against."""
+
+    name: str
+    model: str
+    parameters: _Values = {}
+    orders: _Values = {}
+
+
 class _File(_Table):
     model: _Model = _Model()
+    alternative: list[_Alternative] = []
     recording: list[_Recording] = Field(min_length=1)
     fit: _Fit = _Fit()
 
@@ -201,6 +215,8 @@ class Project:
     preset: str | None
     notes: tuple[str, ...] = ()
     """What was done that the file does not say in so many words."""
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    """Models of integer order that its orders are held against, by name, on the recordings that are fitted."""
     own_code: tuple[Path, ...] = ()
     """Files of its own whose code was run: it is trusted."""
 
@@ -321,7 +337,8 @@ def _short(message: object) -> str:
 
 def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
     fit = _apply(content.fit, preset)
-    own_code = refuse_untrusted(path, (content.model.name, fit.cost), trust)
+    named = (content.model.name, *(a.model for a in content.alternative), fit.cost)
+    own_code = refuse_untrusted(path, named, trust)
     optimiser_from_name(fit.optimiser)
     paper = preset == "paper"
     model, parameters = _model(content.model, path.parent, paper)
@@ -365,9 +382,35 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
+    alternatives = {refuse_unseen("the alternative's name", a.name): _alternative(a, problem, path.parent)
+                    for a in content.alternative}  # fmt: skip
+    if len(alternatives) < len(content.alternative):
+        raise InputError("two alternatives have the same name; give each its own.")
     return Project(
-        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
-    )
+        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes),
+        alternatives, own_code,
+    )  # fmt: skip
+
+
+def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
+    """The same recordings with another model, every order of which is an integer."""
+    model, parameters = _model(_Model(name=spec.model, parameters=spec.parameters), folder, paper=False)
+    orders = _orders(spec.orders, model)
+    outputs = tuple(n for n in problem.outputs if n in model.outputs)
+    pairs = {"inputs": (problem.model.inputs, model.inputs), "outputs": (problem.outputs, outputs)}
+    for kind, (ours, theirs) in pairs.items():
+        if theirs != ours:
+            raise InputError(
+                f"[[alternative]] {spec.name}: its {kind} are {', '.join(theirs) or 'none'}, and the model's "
+                f"{', '.join(ours)}; expected the same."
+            )
+    values = [*orders.values(), *(q for q in model.orders if isinstance(q, float | int))]
+    if model.complements or not all(isinstance(q, float | int) and float(q).is_integer() for q in values):
+        raise InputError(
+            f"[[alternative]] {spec.name}: not all of its orders are integers; give each, [alternative.orders] "
+            f"{(model.order_names or ('q',))[0]} = 1.0, or the number itself in the model."
+        )
+    return alternative_of(problem, model, orders, parameters)
 
 
 def _apply(fit: _Fit, preset: str | None) -> _Fit:
@@ -418,17 +461,24 @@ class _Channels(NamedTuple):
     """What stands between it and the model."""
     between: dict[str, Between]
     """What an input does between its samples."""
+    constants: dict[str, tuple[float, str]]
+    """Inputs that no column has, for they do not change: the value and its unit [SI]."""
 
 
 def _channels(spec: _Recording, model: Model) -> _Channels:
     """Part the tables of the signals."""
-    channels = _Channels(dict(spec.model_extra or {}), {}, {})
-    for name, table in channels.columns.items():
+    channels = _Channels(dict(spec.model_extra or {}), {}, {}, {})
+    for name, table in [*channels.columns.items()]:
         if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
-            known = (*CHANNEL, *QUANTITIES, *(["between"] if name in model.inputs else []))
+            if "constant" in table and name in model.inputs:
+                channels.constants[name] = _constant(name, channels.columns.pop(name))
+                continue
+            known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
             for key in table.keys() - {*known}:
                 raise unknown_name(f"field of {name}", key, known)
             channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
+            if "sd" in table:
+                channels.columns[f"{name}{DEVIATION}"] = _deviation(channels.columns[name], name, table["sd"])
             values = {key: _of_sensor(name, key, value) for key, value in table.items() if key in QUANTITIES}
             if values:
                 channels.sensors[name] = _named(f"[[recording]] {spec.name or spec.file}: {name}", Sensor, **values)
@@ -437,6 +487,30 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
                     raise unknown_name(f"between of {name}", table["between"], BETWEEN)
                 channels.between[name] = table["between"]
     return channels
+
+
+def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
+    """An input that does not change: its value in SI, and its unit there."""
+    value, unit = table["constant"], table.get("unit", "1")
+    for key in table.keys() - {"constant", "unit"}:
+        raise unknown_name(f"field of {name}, which is constant", key, ("constant", "unit"))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
+    if unit not in UNITS:
+        raise unknown_name(f"unit of {name}", str(unit), tuple(UNITS))
+    factor, si = UNITS[unit]
+    return factor * float(value), si
+
+
+def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, Any]:
+    """The column of an output's standard deviations: in its unit, without its sign and zero."""
+    if isinstance(column, bool) or not isinstance(column, int | str):
+        raise InputError(
+            f'{name}: sd = {column!r} is not possible; expected the column of its standard deviations, sd = "SD".'
+        )
+    same = {key: value for key, value in channel.items() if key in ("unit", "counts_per_turn")}
+    scale = channel.get("scale", 1.0)
+    return {**same, "column": column, "scale": abs(scale) if isinstance(scale, int | float) else scale}
 
 
 def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
@@ -468,7 +542,7 @@ def _load(
     columns = channels.columns
     signals = (*model.outputs, *model.inputs)
     for name in columns:
-        if name not in signals:
+        if name not in signals and name.removesuffix(DEVIATION) not in model.outputs:
             close = difflib.get_close_matches(name, [*signals, "from", "to", "file", "time", "use", "resample"], 1)
             hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(signals)}."
             raise InputError(f"[[recording]] {spec.name or spec.file}: unknown key {name!r}; {hint}")
@@ -486,10 +560,18 @@ def _load(
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     recording = load_recording(
         folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
-        variable=spec.variable,
+        variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
     held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
+    recording = replace(
+        recording,
+        signals={
+            **recording.signals,
+            **{n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()},
+        },
+        units={**recording.units, **{n: unit for n, (_, unit) in channels.constants.items()}},
+    )
     if not past:
         return recording, None
     after = recording.trim(spec.start)
@@ -534,7 +616,10 @@ def _orders(specs: Mapping[str, float | _Range | str], model: Model) -> dict[str
     for name in specs:
         if name not in model.order_names:
             raise unknown_name("order in [model.orders]", name, model.order_names)
-    return {n: _value(n, specs.get(n, ORDER_RANGE)) for n in model.order_names}
+    ranges = dict.fromkeys(model.order_names, ORDER_RANGE) | dict.fromkeys(
+        model.springpot_orders.values(), SPRINGPOT_RANGE
+    )
+    return {n: _value(n, specs.get(n, ranges[n])) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -619,9 +704,9 @@ def _keys(fault: Any) -> str:
 
 def _place(path: list[Any]) -> str:
     """``["recording", 0, "file"]`` → ``[[recording]] number 1: file``."""
-    if path and path[0] == "recording":
+    if path and path[0] in ("recording", "alternative"):
         number = f" number {path[1] + 1}" if len(path) > 1 else ""
-        return f"[[recording]]{number}" + "".join(f": {p}" for p in path[2:])
+        return f"[[{path[0]}]]{number}" + "".join(f": {p}" for p in path[2:])
     table, key = ".".join(map(str, path[:-1])), str(path[-1]) if path else ""
     return f"[{table}] {key}" if table else f"[{key}]"
 
@@ -629,6 +714,7 @@ def _place(path: list[Any]) -> str:
 def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
+    tables |= {path[:2]: _Alternative} if path[0] == "alternative" else {}
     table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
     keys = [*table.model_fields]
     match = difflib.get_close_matches(str(path[-1]), keys, 1)

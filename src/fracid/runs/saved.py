@@ -29,7 +29,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.starts import Start
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import Project, project_from_text
@@ -114,14 +114,15 @@ class SavedRun(FitPictures):
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)
         fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
-        cost = problem.cost_function.value(e.time, e.measured - fitted, e.scored)
+        cost = problem.cost_function.value(e.time, e.in_deviations(e.measured - fitted), e.scored)
         entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
             {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
-                            self.problem.model.zero, self.problem.model.pendulum, e.scored)  # fmt: skip
+                            self.problem.model.zero, self.problem.model.pendulum, e.scored,
+                            deviations_of(problem.outputs, e), e.times is not None)  # fmt: skip
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):
