@@ -12,7 +12,8 @@ anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, 
    tell of it (:func:`fracid.identifiability`),
 2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
-   far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
+   far the orders move when they are refined there: a scheme that manufactures fractional orders shows; where a project
+   does not say its ``substeps`` the step is halved, before all this, until the check is quiet,
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
 5. goes on by least squares from the best of an optimiser that keeps its own, as the genetic algorithm does, and says so
    where that finds better (the result of the others without derivatives is polished already),
@@ -56,7 +57,13 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.after_search import after, failed
 from fracid.validation.before_search import before
-from fracid.validation.discretisation import COARSE_STEP, Discretisation, coarse_step, discretisation_check
+from fracid.validation.discretisation import (
+    COARSE_STEP,
+    Discretisation,
+    coarse_step,
+    discretisation_check,
+    finer_step,
+)
 from fracid.validation.misfits import cost_of, misfits, missed
 from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
 
@@ -81,6 +88,7 @@ def identify(
     journal: Journal | None = None,
     seen: tuple[Finding, ...] | None = None,
     options: Mapping[str, Any] | None = None,
+    fixed_step: bool | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
 
@@ -112,6 +120,9 @@ def identify(
         What :func:`fracid.validation.before_search.before` found; asked for if left out.
     options : mapping
         Passed on to the optimiser.
+    fixed_step : bool, optional
+        Whether the step stays as it is; else it is halved until the discretisation check is quiet.  A problem's
+        stays if nothing is said, a project's where it says ``substeps``.
 
     Returns
     -------
@@ -151,6 +162,7 @@ def identify(
     refuse_twins([*problem.experiments, *validation])
     executor_from_name(executor)
     entry = optimiser_from_name(optimiser or "multistart")
+    fixed_step = (project is None or project.fixed_step) if fixed_step is None else fixed_step
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
     whole = whole_records(project) if cut and project is not None else {}
     reports = None if project is None else {r.name: r.report for r in project.recordings}
@@ -159,7 +171,8 @@ def identify(
     result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen))
+    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+                         fixed_step=fixed_step)  # fmt: skip
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
@@ -208,12 +221,23 @@ class _Findings:
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
     """What was seen before the search."""
+    fixed_step: bool = True
 
     def restart(self, lower: Evaluation) -> None:
         """Take a lower minimum, and forget what was said of the former one."""
         self.result = replace(self.result, best=lower)
         self.restarts += 1
         self.seen, self.warnings, self.validated = [*self.first], [], {}
+
+    def with_quiet_step(self, jobs: int) -> None:
+        """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
+        problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
+        self.check = replace(discretisation_check(problem, x, self.known, jobs), refinement=taken)
+        fixed = self.fixed_step or self.optimiser.keeps_its_own  # nor is what it found polished
+        finer = None if fixed else finer_step(problem, x, self.check, jobs)
+        if finer is not None:
+            self.problem, self.known, self.check = finer.problem, finer.uncertainty, finer.check
+            self.result = replace(self.result, best=finer.best)
 
 
 def _examine(
@@ -224,10 +248,12 @@ def _examine(
     clock: _Clock,
 ) -> None:
     """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
-    problem, x = analysis.problem, analysis.result.best.point
     unpolished = analysis.optimiser.keeps_its_own
     try:
-        analysis.known = uncertainty(problem, x, jobs=jobs)
+        analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
+        analysis.with_quiet_step(jobs)
+        clock.lap("discretisation")
+        problem, x = analysis.problem, analysis.result.best.point
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
         clock.lap("uncertainty")
         analysis.seen += [
@@ -238,10 +264,9 @@ def _examine(
             analysis.validated[e.name], reason = _validate(problem, x, e, jobs)
             analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         clock.lap("validation")
-        analysis.check = discretisation_check(problem, x, analysis.known, jobs)
-        analysis.warnings.append(analysis.check.warning)
-        analysis.seen += coarse_step(problem, analysis.check)
-        clock.lap("discretisation")
+        if analysis.check is not None:
+            analysis.warnings.append(analysis.check.warning)
+            analysis.seen += coarse_step(problem, analysis.check)
         if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
             analysis.spread = spread(problem, x, jobs=jobs)
             analysis.warnings += analysis.spread.sentences()

@@ -264,4 +264,5 @@ def _discretisation(fit: Fit) -> str:
     assert check is not None
     shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
-    return f"{cost} and the orders move by {shifts}" if shifts else cost
+    said = f"{cost} and the orders move by {shifts}" if shifts else cost
+    return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -168,7 +168,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     refuse_mistaken(folder, "run")
     refuse_links(folder)
     result = _read(folder / "result.json")
-    project = _project(folder, result, trust)
+    project = _at_its_step(_project(folder, result, trust), result)
     hashes = result.get("data_sha256", {})
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
@@ -186,6 +186,8 @@ def _strange(run: SavedRun) -> Iterator[str]:
         yield "its recordings are others"
     if missing := set(model.order_names) - set(result["orders"]):
         yield f"it has no order {min(missing)!r}"
+    if result.get("substeps") not in (None, run.problem.substeps):
+        yield f"its substeps are {result['substeps']}, and the project fixes {run.problem.substeps}"
     outputs = set(run.problem.outputs)
     for name, r in result["recordings"].items():
         if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:
@@ -261,6 +263,14 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
                      "or fit again: fracid fit PROJECT.")  # fmt: skip
+
+
+def _at_its_step(project: Project, result: Mapping[str, Any]) -> Project:
+    """The project with the step that the fit chose, where the file leaves it the choice."""
+    chosen = result.get("substeps")
+    if project.fixed_step or chosen in (None, project.problem.substeps):
+        return project
+    return replace(project, problem=replace(project.problem, substeps=chosen))
 
 
 def _text(path: Path) -> str | None:

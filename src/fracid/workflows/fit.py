@@ -268,7 +268,7 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
         remembering = replace(project, problem=replace(project.problem, memo=memo))
         fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
                        journal=journal, seen=findings, **options)  # fmt: skip
-    return replace(fit, problem=project.problem)
+    return replace(fit, problem=replace(fit.problem, memo=project.problem.memo))
 
 
 def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
