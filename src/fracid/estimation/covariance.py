@@ -74,6 +74,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.estimation.rounding import edges, half_widths
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.qr import triangle
@@ -310,6 +311,9 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
         tall /= norm
     _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
     nonzero = singular > UNSEEN * max(singular[0], 1e-300)
+    rounding = edges(problem, errors, J, _loss(problem).psi)
+    if rounding is not None:
+        _leave_out(problem, errors, J, rounding.alone, scores, norm)
     S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
     S, S0 = (
@@ -319,11 +323,27 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
+    if rounding is not None:
+        S = np.outer(wider, wider) * S + rounding.white / scale  # few samples tell of the one alone
+        tables = tuple(t / norm @ inverse for t in rounding.tables)
+        wider = half_widths(tables, np.diag(inverse @ S @ inverse)) / NORMAL_95
+        S = S + rounding.covariance / scale
     covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
     return Sandwich(
         free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
         bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
     )  # fmt: skip
+
+
+def _leave_out(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray], outputs: tuple[FloatArray, ...],
+    scores: list[FloatArray], norm: FloatArray,
+) -> None:  # fmt: skip
+    """Take those outputs whose errors are noise and rounding alone, 1 of each recording's, out of the scores."""
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
+    for s, e, j, w, explained in zip(scores, errors, J, weights, outputs, strict=True):
+        if explained.any():
+            s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
 
 
 def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:

@@ -64,10 +64,13 @@ class SavedRun(FitPictures):
     values: Mapping[str, float]
     """Name of each unknown → its value, those of validation recordings too."""
 
-    @property
+    @cached_property
     def problem(self) -> Problem:
-        """The problem that was fitted."""
-        return self.project.problem
+        """The problem that was fitted, at the step that the fit chose where the project left it the choice."""
+        problem, chosen = self.project.problem, self.result.get("substeps")
+        if self.project.fixed_step or chosen in (None, problem.substeps):
+            return problem
+        return replace(problem, substeps=chosen)
 
     @property
     def x(self) -> FloatArray:
@@ -168,7 +171,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     refuse_mistaken(folder, "run")
     refuse_links(folder)
     result = _read(folder / "result.json")
-    project = _at_its_step(_project(folder, result, trust), result)
+    project = _project(folder, result, trust)
     hashes = result.get("data_sha256", {})
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
@@ -263,14 +266,6 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
                      "or fit again: fracid fit PROJECT.")  # fmt: skip
-
-
-def _at_its_step(project: Project, result: Mapping[str, Any]) -> Project:
-    """The project with the step that the fit chose, where the file leaves it the choice."""
-    chosen = result.get("substeps")
-    if project.fixed_step or chosen in (None, project.problem.substeps):
-        return project
-    return replace(project, problem=replace(project.problem, substeps=chosen))
 
 
 def _text(path: Path) -> str | None:
