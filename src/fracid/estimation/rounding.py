@@ -20,7 +20,8 @@ so the scores' sum :math:`\sum_t r_t J_t` is, but for white noise, a function of
 with f the fitted trajectory: :attr:`Edges.tables` has it on a grid of edges, one for each encoder, for recordings of
 one encoder have its edges in common.  What is left of the residual's variance is white.  The estimate's error is the
 sum of such functions and a normal variable: where one rest decides it is next to uniform, and its 95 % lie within
-1.65 standard deviations instead of 1.96.  :func:`half_widths` has the distribution by its characteristic function [GP]_.
+1.65 standard deviations instead of 1.96.  :func:`half_widths` has the distribution, by its characteristic
+function [GP]_.
 
 σ is found from neighbours, whose edge and whose slow errors of the fit cancel (:func:`noise_in_steps`):
 
