@@ -195,7 +195,8 @@ def _print_estimates(console: Console, fit: Fit) -> None:
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     for name, e in estimates.items():
-        verdict = "" if e.identifiable == "identifiable" else e.identifiable
+        given = e.reason.partition("given that")
+        verdict = "".join(given[1:]) if e.identifiable == "identifiable" else e.identifiable
         table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
     console.print(table)
 
