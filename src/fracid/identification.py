@@ -251,6 +251,7 @@ def _examine(
     unpolished = analysis.optimiser.keeps_its_own
     try:
         analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
+        clock.lap("uncertainty")
         analysis.with_quiet_step(jobs)
         clock.lap("discretisation")
         problem, x = analysis.problem, analysis.result.best.point
@@ -389,7 +390,7 @@ class _Clock:
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
-        self.laps[stage], self._last = now - self._last, now
+        self.laps[stage], self._last = self.laps.get(stage, 0.0) + now - self._last, now
 
 
 # --- what the minimum says -------------------------------------------------------------------------

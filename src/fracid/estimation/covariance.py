@@ -54,7 +54,7 @@ names that take part in them.
 
 An encoder without dither leaves errors that are no noise: where it rests all are one.  What they do is known from the
 trajectory (:mod:`fracid.estimation.rounding`), and takes the place of S for outputs of which noise and rounding explain
-all; of others it is added.
+all; of others that leave up to twice as much it is added.
 
 References
 ----------
@@ -361,12 +361,13 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
-    if rounding is not None:
-        S = np.outer(wider, wider) * S + rounding.white / scale  # few samples tell of the one alone
-        tables = tuple(t / norm @ inverse for t in rounding.tables)
-        wider = half_widths(tables, np.diag(inverse @ S @ inverse)) / NORMAL_95
-        S = S + rounding.covariance / scale
-    covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
+    covariance = np.outer(wider, wider) * (inverse @ S @ inverse)
+    if rounding is not None:  # of which the trajectory tells, not few samples
+        covariance += inverse @ (rounding.white / scale) @ inverse
+        narrower = half_widths(tuple(t / norm @ inverse for t in rounding.tables), np.diag(covariance)) / NORMAL_95
+        covariance += inverse @ (rounding.covariance / scale) @ inverse
+        covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
+    covariance /= scale
     return Sandwich(
         free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
         bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,

@@ -65,6 +65,9 @@ DITHERED = 0.45
 EXPLAINED = 1.25
 """Times the variance of noise and rounding: what moves and leaves no more is explained by them."""
 
+NEARLY = 4.0
+"""The same: what leaves more lacks something, beside which rounding does not matter."""
+
 
 @dataclass(frozen=True)
 class Edges:
@@ -151,9 +154,11 @@ def _channels(
             continue
         moving = np.where(scored, np.minimum(np.abs(np.gradient(f)) / q, 1.0), 0.0)
         moving /= moving.sum()
-        explained = float(moving @ r**2) <= EXPLAINED * q**2 * (1 / 12 + noise**2)
+        times = float(moving @ r**2) / (q**2 * (1 / 12 + noise**2))
+        if times > NEARLY:
+            continue
         yield _Channel(o, q, noise, 2 * np.pi * (f - measured[0]) / q, weights[:, o, None] * J[:, o],
-                       float(moving @ psi(r) ** 2), explained)  # fmt: skip
+                       float(moving @ psi(r) ** 2), times <= EXPLAINED)  # fmt: skip
 
 
 def noise_in_steps(residual: FloatArray, fitted: FloatArray, step: float) -> float:
