@@ -72,6 +72,7 @@ from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import refuse_untrusted
 from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
+from fracid.solver.methods import METHODS
 
 __all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
 
@@ -174,7 +175,8 @@ class _Fit(_Table):
     method: str = "pi2"
     memory: str = "compressed"
     tolerance: float = 1e-10
-    substeps: int = Field(default=1, ge=1)
+    substeps: int | None = Field(default=None, ge=1)
+    """None: chosen by the fit."""
     optimiser: str = "multistart"
     starts: int = Field(default=1, ge=1, le=MOST_STARTS)
     seed: int = Field(default=1, ge=0)
@@ -217,6 +219,8 @@ class Project:
     """What was done that the file does not say in so many words."""
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     """Models of integer order that its orders are held against, by name, on the recordings that are fitted."""
+    fixed_step: bool = True
+    """Whether the file says its ``substeps``, or its method is the paper's; else the fit chooses them."""
     own_code: tuple[Path, ...] = ()
     """Files of its own whose code was run: it is trusted."""
 
@@ -375,7 +379,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     problem = Problem(
         model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
-        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps, fit.weights,  # type: ignore[arg-type]
+        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps or 1, fit.weights,  # type: ignore[arg-type]
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
@@ -388,7 +392,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         raise InputError("two alternatives have the same name; give each its own.")
     return Project(
         path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes),
-        alternatives, own_code,
+        alternatives, fit.substeps is not None or METHODS[problem.method].raw, own_code,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -67,9 +67,13 @@ class SavedRun(FitPictures):
 
     @cached_property
     def problem(self) -> Problem:
-        """The problem that was fitted: the project's, with the bounds that the fit opened."""
+        """The project's, with the bounds that the fit opened and the step that it chose."""
         blocks = [OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", [])]
-        return reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
+        problem = reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
+        chosen = self.result.get("substeps")
+        if self.project.fixed_step or chosen in (None, problem.substeps):
+            return problem
+        return replace(problem, substeps=chosen)
 
     @property
     def x(self) -> FloatArray:
@@ -193,6 +197,8 @@ def _strange(run: SavedRun) -> Iterator[str]:
         yield "its recordings are others"
     if missing := set(model.order_names) - set(result["orders"]):
         yield f"it has no order {min(missing)!r}"
+    if result.get("substeps") not in (None, run.problem.substeps):
+        yield f"its substeps are {result['substeps']}, and the project fixes {run.problem.substeps}"
     outputs = set(run.problem.outputs)
     for name, r in result["recordings"].items():
         if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:

@@ -54,6 +54,7 @@ from fracid.selection.integer_rival import (
     freed_friction,
     gain_over,
     integer_rival,
+    moving,
     warning_of,
 )
 from fracid.solver.inputs import Between
@@ -71,9 +72,6 @@ SCALE = 0.05
 
 PARTS = 3
 """Of a recording, each with its own friction where that changes with time."""
-
-STILL = 1e-2
-"""A joint that moves by less than this part of what moves most stands still."""
 
 ROUGH = {"tolerance": 1e-3, "budget": 12}
 """Least squares from each entry of an element."""
@@ -114,8 +112,8 @@ Change = Callable[[Problem], Iterator[Element]]
 
 def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = False) -> Iterator[Element]:
     """Elements of the joints that move."""
-    moving = _moving(problem)
-    kinds = {n: k for n, k in problem.model.friction.items() if k.rung in rungs and k.joint in ("", *moving)}
+    joints = ("", *moving(problem))
+    kinds = {n: k for n, k in problem.model.friction.items() if k.rung in rungs and k.joint in joints}
     ranges = freed_friction(problem, kinds)
     if not any(kinds[n].rung == rungs[-1] for n in ranges):
         return
@@ -169,11 +167,6 @@ def _changing(problem: Problem) -> Iterator[Element]:
     if names and not _has_past(problem):
         yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True,
                       whole=problem)  # fmt: skip
-
-
-def _moving(problem: Problem) -> list[str]:
-    size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
-    return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
 
 
 def _has_past(problem: Problem) -> bool:

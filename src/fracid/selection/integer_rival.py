@@ -51,9 +51,13 @@ __all__ = [
     "integer_values",
     "integers_of",
     "is_off",
+    "moving",
     "springpots",
     "warning_of",
 ]
+
+STILL = 1e-2
+"""A joint that moves by less than this part of what moves most stands still."""
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
@@ -356,6 +360,12 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         least = -most if kind.signed else bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
     return ranges
+
+
+def moving(problem: Problem) -> list[str]:
+    """The outputs that move: by a hundredth of what moves most."""
+    size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
+    return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
 
 
 def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dict[str, Free]:

@@ -50,7 +50,7 @@ from fracid.errors import Failure, InputError, unknown_name
 from fracid.models import Model
 from fracid.models.friction import BY_NAME, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
-from fracid.selection.integer_rival import freed_friction
+from fracid.selection.integer_rival import freed_friction, moving
 from fracid.solver.methods import METHODS
 
 __all__ = [
@@ -225,6 +225,7 @@ def ladder(
     names, missing = _rungs(problem, keep, {*rungs} | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
+    blind |= _offsets(problem, [n for rung in names.values() for n in rung])
     nowhere = blind - {n for e in others for n in _seen_in(e, top)}
     exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
@@ -236,6 +237,12 @@ def ladder(
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
     return Ladder((*_structures(problem, names, blind), *beside), tuple(notes))
+
+
+def _offsets(problem: Problem, names: Collection[str]) -> set[str]:
+    """What only shifts a zero where its joint stands still: a lean of the axis under an arm that is clamped."""
+    kinds, moves = problem.model.friction, moving(problem)
+    return {n for n in names if kinds[n].signed and kinds[n].joint not in moves}
 
 
 def _seen_in(e: Experiment, top: Problem) -> set[str]:
