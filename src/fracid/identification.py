@@ -365,7 +365,8 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
     analysis.alternative = integer_alternatives(
         problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
-        own={n: replace(other, substeps=problem.substeps) for n, other in analysis.alternatives.items()}, starts=analysis.multi_start, seed=analysis.seed,
+        own={n: replace(other, substeps=problem.substeps) for n, other in analysis.alternatives.items()},
+        starts=analysis.multi_start, seed=analysis.seed,
     )  # fmt: skip
     analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
