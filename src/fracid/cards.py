@@ -1,7 +1,7 @@
 """Cards: how a result shows itself, in at most eight lines of text, and as a small table in a notebook.
 
-A class that is a :class:`CardDisplay` names the rows of its card; ``repr``, ``print`` and the notebook take them from it.
-The table needs no script, takes the colours of the page, light or dark, and escapes every text: names come from files,
+A class that is a :class:`CardDisplay` names the rows of its card; ``repr``, ``print`` and the notebook take them.  The
+table needs no script, takes the colours of the page, light or dark, and escapes every text: names come from files,
 which come from strangers.
 """
 
