@@ -132,7 +132,7 @@ def fit_card(
     Fit of a rig: undecided
       orders      μ = 0.91458 ± 0.00016
       parameters  none free, 0 fixed
-      search      multistart; rmse = 0.002
+      search      rmse = 0.002; multistart
       warnings    none
       release     fit, RMSE of α 0.115°
     """
@@ -142,7 +142,7 @@ def fit_card(
     return Card(title, (
         ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in orders.items())),
         ("parameters", f"{listed(free)}{' free' * (not free)}, {len(parameters) - len(free)} fixed"),
-        ("search", search + ("" if value is None else f"; {name} = {value:.4g}")),
+        ("search", search if value is None else f"{name} = {value:.4g}; {search}"),
         ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
         *((n, _score(*score)) for n, score in scores.items()),
     ))  # fmt: skip
