@@ -18,7 +18,7 @@ LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
     {"figures", "files", "qr"},
     {"safety"},
-    {"schemas"},
+    {"cards", "schemas"},
     {"findings", "signals", "tasks"},
     {"models", "optimise", "recording"},
     {"solver"},

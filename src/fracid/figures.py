@@ -4,11 +4,12 @@
 style                   ``screen``                                    ``journal``
 ======================  ============================================  =============================================
 width                   as wide as its panels need                    88 mm, one column; 180 mm, the page
-text                    8 to 11 pt                                    6.5 to 8 pt
+text                    8 to 11 pt                                    8 pt; letters of a drawing 9 pt
 lines, marks            as drawn                                      a fifth thinner, none below 0.5 pt; a third
                                                                       smaller
 heading                 above the figure                              none: it belongs into the caption
 panels                  without letters                               (a), (b), …
+legend, panel titles    in full                                       brief; the rest is in the caption
 pixels, if any          150 per inch                                  600 per inch
 ======================  ============================================  =============================================
 
@@ -59,6 +60,8 @@ class Style:
     """Whether the figure's heading stands above it; it is in the file's metadata in any case."""
     letters: bool = False
     """Whether panels are lettered."""
+    brief: bool = False
+    """Whether legends and titles of panels are short; the file's metadata has them in full, for the caption."""
     dpi: int = 150
     """Of a PNG, and of what is rasterised in an SVG or a PDF [1/inch]."""
 
@@ -66,7 +69,17 @@ class Style:
 STYLES = {
     "screen": Style(),
     "journal": Style(
-        88, 180, text=0.85, least_text=6.5, lines=0.8, marks=0.65, least_line=0.5, heading=False, letters=True, dpi=600
+        88,
+        180,
+        text=0.85,
+        least_text=8.0,
+        lines=0.8,
+        marks=0.65,
+        least_line=0.5,
+        heading=False,
+        letters=True,
+        brief=True,
+        dpi=600,
     ),
 }
 """The styles by name."""

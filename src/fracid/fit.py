@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.estimation.agreement import Spread
 from fracid.estimation.covariance import METHODS, Uncertainty
 from fracid.estimation.fit_figures import FitPictures
@@ -18,14 +19,15 @@ from fracid.safety.schema import as_json
 from fracid.schemas.result import EstimateBlock, FitBlock
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
+from fracid.units import GREEK, with_unit
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
-__all__ = ["Fit"]
+__all__ = ["Fit", "fit_card"]
 
 
-@dataclass(frozen=True)
-class Fit(FitPictures):
+@dataclass(frozen=True, repr=False)
+class Fit(CardDisplay, FitPictures):
     """The result of :func:`identify`."""
 
     problem: Problem
@@ -86,6 +88,72 @@ class Fit(FitPictures):
             "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
         })  # fmt: skip
 
+    def _card(self) -> Card:
+        p = self.problem
+        scores = {n: (r.use, r.rmse, r.units) for n, r in self.recordings.items()}
+        search = f"{self.optimiser}, {self.evaluations} evaluations, {self.outcome}"
+        return fit_card(f"Fit of {p.model.name}: {self.claim}", (self.orders, self.parameters), search,
+                        (p.cost_function.name, self.cost), self.warnings, scores)  # fmt: skip
+
     def _named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
         return dict(zip(self.problem.names, x.tolist(), strict=True))
+
+
+def fit_card(
+    title: str,
+    estimates: tuple[Mapping[str, Estimate], Mapping[str, Estimate]],
+    search: str,
+    cost: tuple[str, float | None],
+    warnings: Sequence[str],
+    scores: Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]],
+) -> Card:
+    """The card of a fit, of this session or of a folder.
+
+    Parameters
+    ----------
+    title : str
+        Of the card.
+    estimates : pair of mappings
+        The orders and the parameters, by name.
+    search : str
+        The optimiser and how its search ended.
+    cost : (str, float)
+        Name and value.
+    warnings : sequence of str
+        Of the fit.
+    scores : mapping
+        Recording → use, RMSE of each output [SI], and the units of outputs that are no angles.
+
+    Examples
+    --------
+    >>> orders = {"mu": Estimate(0.914578, "", True, 8e-5, (0.914418, 0.914738))}
+    >>> scores = {"release": ("fit", {"alpha": 2e-3}, {})}
+    >>> print(fit_card("Fit of a rig: undecided", (orders, {}), "multistart", ("rmse", 2e-3), (), scores).text())
+    Fit of a rig: undecided
+      orders      μ = 0.91458 ± 0.00016
+      parameters  none free, 0 fixed
+      search      rmse = 0.002; multistart
+      warnings    none
+      release     fit, RMSE of α 0.115°
+    """
+    orders, parameters = estimates
+    free = [_estimate(n, e) for n, e in parameters.items() if e.free]
+    name, value = cost
+    return Card(title, (
+        ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in orders.items())),
+        ("parameters", f"{listed(free)}{' free' * (not free)}, {len(parameters) - len(free)} fixed"),
+        ("search", search if value is None else f"{name} = {value:.4g}; {search}"),
+        ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
+        *((n, _score(*score)) for n, score in scores.items()),
+    ))  # fmt: skip
+
+
+def _estimate(name: str, e: Estimate) -> str:
+    return estimate_text(name, e.value if e.bound is None else e.bound, e.interval95, e.unit)
+
+
+def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str]) -> str:
+    errors = (f"{GREEK.get(n, n)} " + ("none" if value is None else with_unit(value, units.get(n, "rad")))
+              for n, value in rmse.items())  # fmt: skip
+    return f"{'validation' if use == 'validate' else use}, RMSE of {listed(errors)}"

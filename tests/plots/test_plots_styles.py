@@ -27,7 +27,8 @@ from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
 from fracid.selection.comparison import Comparison, Row, Score
 from fracid.validation.unknown_past import CutCheck, Treatment
-from twins import fit_of, release
+from lettering import faults_of_lettering
+from twins import COUNT, fit_of, release
 
 TIME = np.arange(0, 12, 5e-3)
 SWING = 0.3 * np.exp(-0.2 * TIME) * np.cos(6 * TIME)
@@ -44,7 +45,8 @@ def rig():
 @cache
 def twin():
     swing = {"theta": 0.2 * SWING, "alpha": SWING}
-    return fit_of(swing, dict.fromkeys(swing, NOISE), TIME, "release 92°", zero="hanging")
+    residual = {name: COUNT * np.round((y + NOISE) / COUNT) - y for name, y in swing.items()}
+    return fit_of(swing, residual, TIME, "release 92°", zero="hanging")
 
 
 @cache
@@ -162,23 +164,49 @@ def test_no_line_of_a_journals_figure_is_thinner_than_half_a_point(name):
 def test_a_journals_figure_has_letters_and_no_heading(name):
     screen, journal = drawn(name), drawn(name, "journal")
     assert journal.get_suptitle() == ""
-    assert screen.get_suptitle() == journal.get_label() != ""  # for the file's metadata, and for the caption
+    assert "" != screen.get_suptitle() == screen.get_label()
+    assert journal.get_label().startswith(screen.get_suptitle())  # for the file's metadata, and for the caption
     headed = [a for a in journal.axes if a.get_title() or a.get_title(loc="left")]
     said = " ".join(words(journal))
     for letter, _ in zip("abcdefgh", headed if len(headed) > 1 else (), strict=False):
         assert f"({letter}) " in said
 
 
+QUICK = {"fitted_over_time", "cost_plane", "ladder", "waterfall", "rig_drawing", "cut_shifts", "amplitudes"}
+"""Figures whose data cost nothing to make."""
+
+
+@pytest.mark.parametrize(
+    ("name", "style"),
+    [pytest.param(name, style, marks=[] if name in QUICK and style == "journal" else pytest.mark.broad)
+     for name in FIGURES for style in STYLES],
+)  # fmt: skip
+def test_no_text_leaves_the_sheet_or_lies_on_another(name, style):
+    assert not [*faults_of_lettering(drawn(name, style))]
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
-def test_nothing_written_leaves_a_journals_page(name):
+def test_the_legend_of_a_journals_figure_is_one_row(name):
     figure = drawn(name, "journal")
-    sheet, slack = figure.bbox, 2.0  # [pixels]
-    for text in (part for part in parts(figure) if isinstance(part, Text)):
-        if text.get_text() and text.get_visible():
-            box = text.get_window_extent()
-            assert sheet.x0 - slack <= box.x0 <= box.x1 <= sheet.x1 + slack, text.get_text()
-            assert sheet.y0 - slack <= box.y0 <= box.y1 <= sheet.y1 + slack, text.get_text()
+    for legend in figure.legends:
+        heights = {round(text.get_window_extent().y0) for text in legend.get_texts()}
+        assert max(heights) - min(heights) < 5, [text.get_text() for text in legend.get_texts()]  # [pixels]
+
+
+@pytest.mark.broad
+def test_a_journals_caption_has_what_its_panels_leave_out():
+    figure = drawn("fitted_over_time", "journal")
+    assert "RMSE 0.11" in figure.axes[0].get_title(loc="left")
+    assert "encoder steps" in figure.get_label()
+    assert "encoder steps" not in figure.axes[0].get_title(loc="left")
+
+
+def test_a_title_longer_than_its_panel_is_broken_into_lines():
+    left = replace(STARTS[0], cost=None, ended="left")
+    figure = plots.waterfall([*STARTS, *[left] * 30], cost_name="rmse", style="journal")
+    assert figure.axes[0].get_title() == "1 of 32 starts at the lowest cost;\n30 left for their cost"
+    assert not [*faults_of_lettering(figure)]
 
 
 @pytest.mark.few(1)

@@ -69,6 +69,15 @@ def test_a_run_gives_its_problem_and_unknowns_back(fitted):
     assert run.notes == ()
 
 
+def test_a_run_shows_the_card_of_its_fit_without_simulating_anything(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    assert repr(run).splitlines()[1:] == repr(fit).splitlines()[1:]
+    assert len(repr(run)) <= 1000
+    assert "release 10°" in run._repr_html_()
+    assert "recordings" not in vars(run)
+
+
 def test_a_run_that_opened_a_bound_is_read_back_with_it(tmp_path):
     write_release(tmp_path / "swing.csv", parameters={"b_alpha": 2e-3}, orders={"lambda": 1, "mu": 1}, alpha=0.35,
                   step=1e-2, end=4.0, noise=1e-3)  # fmt: skip

@@ -52,6 +52,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, NORMAL_95
 from fracid.estimation.profile_walk import LOWER, THRESHOLD, THRESHOLD_2, Branch, End, Surface, crossing, refit, walk
@@ -60,6 +61,7 @@ from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 from fracid.solver.trajectory import vector
+from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,8 +76,8 @@ _In = TypeVar("_In")
 _Out = TypeVar("_Out")
 
 
-@dataclass(frozen=True)
-class Profile:
+@dataclass(frozen=True, repr=False)
+class Profile(CardDisplay):
     """The profile of one unknown."""
 
     name: str
@@ -111,6 +113,26 @@ class Profile:
         sides = [f"{side} {end.value}" for side, end in zip(("below", "above"), self.ends, strict=True)
                  if end is not End.CROSSED]  # fmt: skip
         return self.verdict + (f": {', '.join(sides)}" if sides else "")
+
+    def _card(self) -> Card:
+        points = f"{self.values.size} from {self._shown(self.values[0])} to {self._shown(self.values[-1])}"
+        return Card(f"Profile of {GREEK.get(self.name, self.name)}: {self.sentence}", (
+            ("minimum", self._shown(self.best)),
+            ("95 % interval", self._interval(self.interval95)),
+            ("sandwich", "none" if self.wald95 is None else self._interval(self.wald95)),
+            ("points", points),
+        ))  # fmt: skip
+
+    @property
+    def summary(self) -> str:
+        """The minimum, the interval and the verdict, in one line."""
+        return f"{self._shown(self.best)}, 95 % interval {self._interval(self.interval95)}, {self.sentence}"
+
+    def _shown(self, value: float | None) -> str:
+        return "open" if value is None else with_unit(value, self.unit or "1", ".6g").replace("-", "−")
+
+    def _interval(self, ends: tuple[float | None, float | None]) -> str:
+        return " to ".join(map(self._shown, ends))
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values, without the other unknowns along the way."""
@@ -153,8 +175,8 @@ def _joint_of(block: JointBlock) -> JointProfile:
     return JointProfile(**own | {key: np.array(own[key]) for key in ("first", "second", "rise")})
 
 
-@dataclass(frozen=True)
-class Profiles:
+@dataclass(frozen=True, repr=False)
+class Profiles(CardDisplay):
     """What :func:`profile` found."""
 
     problem: Problem
@@ -193,6 +215,13 @@ class Profiles:
         profiles = {n: _profile_of(n, p, len(x)) for n, p in block.profiles.items()}
         joint = None if block.joint is None else _joint_of(block.joint)
         return cls(problem, x, block.cost.value, profiles, joint, tuple(block.notes))
+
+    def _card(self) -> Card:
+        joint = "" if self.joint is None else f" and {' with '.join(GREEK.get(n, n) for n in self.joint.names)}"
+        return Card(f"Profiles of {listed(GREEK.get(n, n) for n in self.profiles)}{joint}", (
+            *((GREEK.get(n, n), p.summary) for n, p in self.profiles.items()),
+            *(("note", note) for note in self.notes),
+        ))  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """The rise of the cost over each unknown, and its threshold; see :func:`fracid.plots.profiles`.

@@ -56,11 +56,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.geometry import RigGeometry
 from fracid.models.joints import Complement
+from fracid.units import GREEK
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -178,8 +180,8 @@ class LinearTerms:
     """(model, θ, α, (x₂, D^λ x₂), (x₄, D^μ x₄), drive) → the arm's and the pendulum's by name, shape (n,)."""
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(CardDisplay):
     """A fractional state-space model: D^{q_i} x_i = f_i(t, x, u, p).
 
     The module's docstring shows how to write one.
@@ -575,6 +577,19 @@ class Model:
         88
         """
         return draw("rig_drawing", self, style=style)
+
+    def _card(self) -> Card:
+        orders = (q if isinstance(q, str) else f"{q:g}" if isinstance(q, float) else str(q) for q in self.orders)
+        values = ((p.name, f"{p.value:.6g} {p.unit if p.unit != '1' else ''}".rstrip()) for p in self.parameters)
+        return Card(f"Model {self.name}", (
+            ("states", listed(self.states)),
+            ("orders", listed(GREEK.get(q, q) for q in orders)),
+            ("outputs", listed(GREEK.get(n, n) for n in self.outputs)),
+            ("inputs", listed(self.inputs)),
+            ("parameters", f"{len(self.parameters)}: {listed(self.parameter_names)}"),
+            ("zero", f"{self.zero}, where {GREEK.get(self.pendulum, self.pendulum)} = 0" if self.zero else "none"),
+            ("source", self.source),
+        ), tuple(values))  # fmt: skip
 
     def _overridden(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
         for name in values:

@@ -11,6 +11,8 @@ References
 
 from __future__ import annotations
 
+import math
+import textwrap
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -65,6 +67,23 @@ MARKS: dict[str, dict[str, Any]] = {
 
 SYMBOLS = {name: rf"$\{name}$" for name in GREEK}
 
+BRIEF = {
+    "one encoder step, ": "encoder step ",
+    "residual (measured − fitted)": "",
+    "the paper's structure": "the paper's",
+    "mean of each bin": "bin means",
+    "normal distribution": "normal",
+    "95 % of white noise": "white noise, 95 %",
+    "rounding of the encoder alone": "rounding",
+    "the swing and its multiples": "swing harmonics",
+    "parabola of the sandwich": "parabola",
+    "multiples of the least cost": "× least cost",
+    ", left in another's minimum": ", merged",
+    "± claimed standard error": "± claimed error",
+    "95 % interval of the fit": "95 % interval",
+}
+"""Phrases of legends, and what stands for them in a brief style; nothing for what its axis names."""
+
 NARROW = 8.0
 """What is drawn no wider than this [inch] fits a journal's column."""
 
@@ -80,7 +99,7 @@ def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     millimetres = theme.column if width <= NARROW else theme.page
     if millimetres is not None:
         shrunk = millimetres / 25.4 / width
-        width, height = shrunk * width, min(shrunk**0.8 * height, TALLEST)  # text does not shrink as much as panels
+        width, height = shrunk * width, min(shrunk**0.6 * height, TALLEST)  # text does not shrink as much as panels
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     vars(figure)[_STYLE] = theme  # with the figure, wherever it goes
     return figure
@@ -95,8 +114,11 @@ def style_of(figure: Figure) -> Style:
     return style
 
 
-def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
-    """Give all panels one look, the figure its heading and one legend for all, and everything its style."""
+def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = "") -> None:
+    """Give all panels one look, the figure its heading and one legend for all, and everything its style.
+
+    `caption` is what a brief style leaves out of the figure: it follows the heading in the file's metadata.
+    """
     style = style_of(figure)
     legend: dict[str, Any] = {}
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
@@ -105,18 +127,61 @@ def finish(figure: Figure, heading: str, *, grid: bool = True) -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             legend.setdefault(label, handle)
     if legend:
-        widths = [0.6 + 0.07 * style.text * len(label.replace("$", "")) for label in legend]  # [inch], about
-        row = figure.get_figwidth()
-        columns = len(legend) if sum(widths) < row else max(1, int(row / max(widths)))
-        figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns,
-                      fontsize=SMALL, frameon=False)  # fmt: skip
+        entries = {_brief(label) if style.brief else label: handle for label, handle in legend.items()}
+        _legend(figure, {label: handle for label, handle in entries.items() if label})
     if style.heading:
         figure.suptitle(heading, fontsize=LARGE, wrap=True)
-    figure.set_label(heading)  # the title in its file's metadata
+    figure.set_label(
+        f"{heading}. {caption}" if caption and style.brief else heading
+    )  # the title in its file's metadata
     if style.letters:
         _letter(panels)
+    _wrap_titles(figure, panels)
+    figure.align_labels(panels)
     _no_latex(figure)
     _bring_to(style, figure)
+
+
+def _legend(figure: Figure, entries: Mapping[str, Any]) -> None:
+    """One legend below all panels: in one row where it fits, else in as few as its longest entry allows."""
+    style = style_of(figure)
+    size, row = text_size(style, SMALL), 72 * figure.get_figwidth() - 2 * SMALL
+    spacing = {"handlelength": 1.5, "handletextpad": 0.5, "columnspacing": 1.2} if style.brief else {}
+    beside = size * (3.2 if style.brief else 4.8)  # the handle and the gaps of an entry [pt]
+    widths = [beside + text_width(label, size) for label in entries]
+    columns = len(entries) if sum(widths) < row else max(1, int(row / max(widths)))
+    figure.legend(entries.values(), entries, loc="outside lower center", ncols=columns, fontsize=SMALL, frameon=False,
+                  **spacing)  # fmt: skip
+
+
+def _brief(label: str) -> str:
+    """An entry of a legend in the words of :data:`BRIEF`."""
+    for phrase, short in BRIEF.items():
+        label = label.replace(phrase, short)
+    return label
+
+
+def text_width(text: str, size: float) -> float:
+    """How long a line of text is [pt], formulas included."""
+    from matplotlib.textpath import TextPath
+
+    return float(TextPath((0, 0), text, size=size).get_extents().width) if text.strip() else 0.0
+
+
+def _wrap_titles(figure: Figure, panels: list[Axes]) -> None:
+    """Break the titles of panels that are longer than their columns."""
+    style = style_of(figure)
+    for axes in panels:
+        place, where = axes.get_subplotspec(), axes.get_position()
+        if place is None:
+            continue
+        for loc in ("left", "center"):
+            text = axes.get_title(loc=loc)
+            room = 72 * where.width * figure.get_figwidth() * (1.1 if loc == "center" else 1.0)
+            length = text_width(text, text_size(style, MEDIUM))
+            if length > room:
+                lines = math.ceil(length / room)  # about as long as each other
+                axes.set_title(textwrap.fill(text, len(text) // lines + 6), loc=loc, fontsize=MEDIUM)
 
 
 def _no_latex(figure: Figure) -> None:
@@ -145,12 +210,12 @@ def _bring_to(style: Style, figure: Figure) -> None:
     from matplotlib.patches import Patch
     from matplotlib.text import Text
 
-    size, width = max(style.text * SMALL, style.least_text), _thin(style, 0.8)
+    size, width = text_size(style, SMALL), _thin(style, 0.8)
     for axes in figure.axes:  # ticks are made when they are drawn, and would not know
         axes.tick_params(labelsize=size, width=width, size=2.5)
     for part in _parts(figure):
         if isinstance(part, Text):
-            part.set_fontsize(max(style.text * float(part.get_fontsize()), style.least_text))
+            part.set_fontsize(text_size(style, float(part.get_fontsize())))
         elif isinstance(part, Line2D):
             part.set_linewidth(_thin(style, part.get_linewidth()))
             part.set_markersize(style.marks * part.get_markersize())
@@ -159,6 +224,11 @@ def _bring_to(style: Style, figure: Figure) -> None:
             part.set_linewidth(_thin(style, part.get_linewidth()))
         elif isinstance(part, Collection):
             part.set_linewidth([_thin(style, width) for width in np.atleast_1d(part.get_linewidth())])
+
+
+def text_size(style: Style, size: float) -> float:
+    """A text's size in a style [pt]."""
+    return max(style.text * size, style.least_text)
 
 
 def _thin(style: Style, width: float) -> float:

@@ -65,25 +65,37 @@ def fitted_over_time(
     steps = {n: appearance.encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
     figure = appearance.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
-    shape = {"height_ratios": [3, 1] * len(outputs), "width_ratios": (2, 1.3)[: len(spans)]}
+    brief = appearance.style_of(figure).brief
+    shape = {
+        "height_ratios": [2, 1] * len(outputs) if brief else [3, 1] * len(outputs),
+        "width_ratios": (2, 1.3)[: len(spans)],
+    }
     grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col", gridspec_kw=shape)
+    headings: list[str] = []
     for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
             _measured_and_fitted(panel, recording, name, span)
             _residual_strip(strip, recording, name, span, steps[name])
+        heading = f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}"
+        headings.append(heading)
+        rmse = recording.rmse[name]
         appearance.title(
-            panels[0], f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}", loc="left"
+            panels[0],
+            f"RMSE {with_unit(rmse, recording.unit(name))}" if brief and np.isfinite(rmse) else heading,
+            "left",
         )
         display_unit, _ = appearance.unit_of(recording, name)
-        panels[0].set_ylabel(appearance.angle_label(name, display_unit, recording.zero_of(name)))
+        where = appearance.angle_label(name, display_unit, recording.zero_of(name))
+        panels[0].set_ylabel(where.replace(", ", ",\n") if brief else where)
         strips[0].set_ylabel(f"residual\n[{display_unit}]")
+        strips[0].locator_params(axis="y", nbins=3)
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
             appearance.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    appearance.finish(figure, f"{appearance.plain(recording.name)}, {_role(recording)}")
+    appearance.finish(figure, f"{appearance.plain(recording.name)}, {_role(recording)}", caption="; ".join(headings))
     return figure
 
 

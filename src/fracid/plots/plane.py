@@ -85,15 +85,20 @@ def cost_plane(
         _filled(figure, axes, (first, second, values), cost_name)
     else:
         appearance.note(axes, "every simulation diverges", 0.93)
-    _search(axes, evaluations, (first[[0, -1]], second[[0, -1]]))
+    _search(figure, axes, evaluations, (first[[0, -1]], second[[0, -1]]))
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
+    places = {
+        what: f"{what}: " + ", ".join(f"{appearance.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
+        for what, point in marks.items()
+    }
+    brief = appearance.style_of(figure).brief
     for what, point in marks.items():
-        where = ", ".join(f"{appearance.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
-        axes.plot(*point, ls="", label=f"{what}: {where}", **appearance.MARKS[what])
+        axes.plot(*point, ls="", label=what if brief else places[what], **appearance.MARKS[what])
     axes.set_xlim(appearance.extent(np.append(first, [point[0] for point in marks.values()])))
     axes.set_ylim(appearance.extent(np.append(second, [point[1] for point in marks.values()])))
     appearance.label(axes, "", f"order {appearance.symbol(names[0])} [–]", f"order {appearance.symbol(names[1])} [–]")
-    appearance.finish(figure, f"{appearance.cost_label(cost_name)[0]} over the orders", grid=False)
+    heading = f"{appearance.cost_label(cost_name)[0]} over the orders"
+    appearance.finish(figure, heading, grid=False, caption="; ".join(places.values()))
     return figure
 
 
@@ -167,13 +172,15 @@ def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
     return list(map(float, ticks if ticks.size > 2 else even))
 
 
-def _search(axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray, FloatArray]) -> None:
+def _search(figure: Figure, axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray, FloatArray]) -> None:
     """Draw where the search has been; what lies outside the plane is counted only."""
     points = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
     corners = np.transpose(window)
     inside = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
     if points.size:
-        label = f"evaluations ({np.count_nonzero(inside)} of {len(points)} in this window)"
+        count = f" ({np.count_nonzero(inside)} of {len(points)} in this window)"
+        brief = appearance.style_of(figure).brief
+        label = "evaluations" if brief else f"evaluations{count}"
         axes.plot(
             *points[inside].T,
             ls="",

@@ -103,10 +103,13 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     (left, bottom), (right, top) = (low + high - paper / scale) / 2, (low + high + paper / scale) / 2
     axes.set(aspect="equal", xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
-    columns = int(figure.get_figwidth() / (0.062 * appearance.style_of(figure).text))
-    figure.supxlabel(
-        "\n".join(textwrap.wrap(_note(model, shape), columns)), x=0.02, ha="left", fontsize=appearance.SMALL
-    )
+    note = _note(model, shape)
+    length = appearance.text_width(note, appearance.text_size(appearance.style_of(figure), appearance.SMALL))
+    columns = int(len(note) * 0.92 * 72 * figure.get_figwidth() / length)
+    lines = textwrap.wrap(note, columns)
+    if (shrunk := figure.get_figwidth() / WIDTH) != 1:  # the drawing keeps its shape, its note needs its lines
+        figure.set_figheight(shrunk * float(paper[1]) + 0.17 * (len(lines) + 1))
+    figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=appearance.SMALL)
     appearance.finish(figure, appearance.plain(model.source.split(". ")[0], 90), grid=False)
     return figure
 

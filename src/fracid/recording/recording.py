@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError
 from fracid.figures import Style, draw
 from fracid.recording.channel import UNITS
+from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
+from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,8 +29,8 @@ MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(CardDisplay):
     """Measured signals over one clock."""
 
     name: str
@@ -58,6 +61,19 @@ class Recording:
         """Step of the uniform grid [s], None where the samples lie on none: :meth:`resample` first."""
         clock = self.report.clock
         return clock.duration / (clock.samples - 1) if clock.samples > 1 and clock.uniform else None
+
+    def _card(self) -> Card:
+        report, clock = self.report, self.report.clock
+        every = "" if self.step is None else f", one every {1e3 * self.step:.6g} ms"
+        release = report.release_reason if report.release is None else f"{report.release:.3f} s"
+        findings = f"{len(report.warnings)}: {report.warnings[0]}" if report.warnings else "none"
+        signals = ((GREEK.get(s.name, s.name), _extent(s)) for s in report.signals)
+        return Card(f"Recording {self.name}: {report.level}", (
+            ("samples", f"{clock.samples:,} over {clock.duration:.4g} s{every}"),
+            ("release", release),
+            ("findings", findings),
+            *signals,
+        ), (("file", self.path.name or "none"), ("verdict", report.verdict), ("SHA-256", self.sha256)))  # fmt: skip
 
     def plot(self, *, zero: str = "", style: str | Style = "screen") -> Figure:
         """Each signal whole, and close up about the release; see :func:`fracid.plots.recording_overview`.
@@ -259,6 +275,11 @@ class Recording:
             name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report,
             assumed=frozenset(arrays.keys() - (units or {}).keys()),
         )  # fmt: skip
+
+
+def _extent(s: SignalReport) -> str:
+    ends = " to ".join(with_unit(x, s.unit) for x in (s.minimum, s.maximum)).replace("-", "−")
+    return f"{ends}, step of the encoder {with_unit(s.resolution, s.unit)}" if s.resolution else ends
 
 
 def demand_fitness(recording: Recording) -> None:

@@ -27,10 +27,12 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.starts import Start
+from fracid.fit import fit_card
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import Project, project_from_text
 from fracid.safety.json_files import json_of, text_of
@@ -54,8 +56,8 @@ MOST_WORDS = 1000
 """Of a command, that are looked at for a project file."""
 
 
-@dataclass(frozen=True)
-class SavedRun(FitPictures):
+@dataclass(frozen=True, repr=False)
+class SavedRun(CardDisplay, FitPictures):
     """What :func:`load_run` gives."""
 
     folder: Path
@@ -114,6 +116,16 @@ class SavedRun(FitPictures):
     def notes(self) -> tuple[str, ...]:
         """What differs from the run as it was: simulates all recordings."""
         return tuple(self._differences())
+
+    def _card(self) -> Card:
+        result, project = self.result, self.project
+        units = {e.name: e.units for e in (*project.problem.experiments, *project.validation)}
+        scores = {n: (r["use"], r["rmse"], units.get(n, {})) for n, r in result["recordings"].items()}
+        orders = {n: _estimate(entry) for n, entry in result["orders"].items()}
+        search = f"{result['optimiser']}, {result['evaluations']} evaluations, {result['outcome']}"
+        title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
+        return fit_card(f"{title}: {result.get('claim') or 'undecided'}", (orders, self.parameters), search,
+                        (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores)  # fmt: skip
 
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)

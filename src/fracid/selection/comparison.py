@@ -49,6 +49,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
 from fracid.estimation.covariance import uncertainty
@@ -148,8 +149,8 @@ class Row:
         return float(np.exp(np.mean(np.log(errors)))) if errors else math.nan
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(CardDisplay):
     """The result of :func:`compare`."""
 
     rows: tuple[Row, ...]
@@ -212,6 +213,15 @@ class Comparison:
                    amplitude, block.claim or "undecided", block.claim_reasons, nearest,
                    block.units)  # fmt: skip
 
+    def _card(self) -> Card:
+        return Card(f"Comparison of {len(self.rows)} structures: {self.claim}", (
+            ("verdict", self.verdict),
+            ("fractional", _row_text(self.best(fractional=True))),
+            ("integer", _row_text(self.best(fractional=False))),
+            ("held out", listed(self.held_out)),
+            ("notes", f"{len(self.notes)}: {self.notes[0]}" if self.notes else "none"),
+        ), tuple((row.name, _row_text(row)) for row in self.rows))  # fmt: skip
+
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
 
@@ -225,6 +235,15 @@ class Comparison:
     def table(self) -> list[dict[str, Any]]:
         """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""
         return [line for row in self.rows for line in _lines(row, self.outputs, self.units)]
+
+
+def _row_text(row: Row) -> str:
+    error = f"held-out error {with_unit(row.error)}" if row.held_out else f"cost {row.cost:.4g}"
+    return (
+        f"{row.name}: {error}, ΔBIC {row.bic:.4g}".replace("-", "−")
+        if math.isfinite(row.bic)
+        else f"{row.name}: {error}"
+    )
 
 
 def compare(

@@ -1,0 +1,146 @@
+"""Cards: how a result shows itself, in at most eight lines of text, and as a small table in a notebook.
+
+A class that is a :class:`CardDisplay` names the rows of its card; ``repr``, ``print`` and the notebook take them.  The
+table needs no script, takes the colours of the page, light or dark, and escapes every text: names come from files,
+which come from strangers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from html import escape
+
+from fracid.safety.text import printable
+from fracid.units import GREEK, shown_unit
+
+__all__ = ["Card", "CardDisplay", "estimate_text", "listed", "rounded"]
+
+LINES, LENGTH = 8, 120
+"""Of a card as text: so many lines at most, of so many characters."""
+
+ROWS, CELL = 60, 600
+"""Of a card as a table: so many rows at most, of so many characters a cell."""
+
+TABLE = "border-collapse:collapse;color:inherit;background:transparent;font-size:90%"
+CAPTION = "caption-side:top;text-align:left;font-weight:bold;color:inherit;padding:4px 8px"
+LINE = "border-bottom:1px solid rgba(128,128,128,0.35);text-align:left;vertical-align:top;padding:3px 8px"
+"""Inline styles: the colours are the page's own, the lines a grey that is seen on white and on black."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """A title and rows of two texts.
+
+    Examples
+    --------
+    >>> card = Card("Recording release", (("samples", "2,001"), ("released", "at 1.2 s")))
+    >>> print(card.text())
+    Recording release
+      samples   2,001
+      released  at 1.2 s
+    >>> "<td" in card.html()
+    True
+    """
+
+    title: str
+    rows: tuple[tuple[str, str], ...]
+    """What and its value; the first seven at most are in the text."""
+    details: tuple[tuple[str, str], ...] = ()
+    """Rows that only the table has."""
+
+    def text(self) -> str:
+        """At most eight lines."""
+        rows = [(_one_line(what), _one_line(value)) for what, value in self.rows]
+        room = LINES - 1
+        if len(rows) > room:
+            rows = [*rows[: room - 1], ("…", f"{len(rows) - room + 1} more rows")]
+        width = min(max((len(what) for what, _ in rows), default=0), LENGTH // 3)
+        lines = [f"  {_cut(what, width):<{width}}  {value}" for what, value in rows]
+        return "\n".join(_cut(line, LENGTH) for line in (_one_line(self.title), *lines))
+
+    def html(self) -> str:
+        """A table without a script or a class, every text escaped."""
+        rows = [*self.rows, *self.details]
+        if len(rows) > ROWS:
+            rows = [*rows[:ROWS], ("…", f"{len(rows) - ROWS} more rows")]
+        cells = (f'<th style="{LINE}">{_safe(what)}</th><td style="{LINE}">{_safe(value)}</td>' for what, value in rows)
+        body = "".join(f"<tr>{cell}</tr>" for cell in cells)
+        return f'<table style="{TABLE}"><caption style="{CAPTION}">{_safe(self.title)}</caption>{body}</table>'
+
+
+class CardDisplay:
+    """Shows its card: as text to ``repr`` and ``print``, as a table to a notebook."""
+
+    def _card(self) -> Card:
+        """What is on the card."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """At most eight lines."""
+        return self._card().text()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return self._card().html()
+
+
+def rounded(value: float, half: float | None) -> str:
+    """A value to the second digit of its interval's half-width, with that half-width; to four digits without one.
+
+    Examples
+    --------
+    >>> rounded(0.914578, 0.00016), rounded(-0.0012345, None), rounded(2.0, 30.0)
+    ('0.91458 ± 0.00016', '−0.001234', '2 ± 30')
+    """
+    if not math.isfinite(value):
+        return "none"
+    if half is None or not 0 < half < math.inf:
+        return _true_minus(f"{value:.4g}")
+    digits = math.floor(math.log10(abs(value) or half)) - math.floor(math.log10(half)) + 2
+    shown = f"{value:#.{min(max(digits, 1), 15)}g}".rstrip(".")
+    return _true_minus(f"{shown} ± {f'{half:#.2g}'.rstrip('.')}")
+
+
+def _true_minus(number: str) -> str:
+    """A minus before a number; the one of an exponent stays, as terminals have it."""
+    return f"−{number[1:]}" if number.startswith("-") else number
+
+
+def estimate_text(name: str, value: float, interval: tuple[float, float] | None, unit: str) -> str:
+    """A value with its name, its interval's half-width and its unit.
+
+    Examples
+    --------
+    >>> estimate_text("mu", 0.914578, (0.914418, 0.914738), "")
+    'μ = 0.91458 ± 0.00016'
+    >>> estimate_text("offset", 0.1, None, "rad")
+    'offset = 5.73 °'
+    """
+    display_unit, factor = shown_unit(unit)
+    half = None if interval is None else factor * (interval[1] - interval[0]) / 2
+    return f"{GREEK.get(name, name)} = {rounded(factor * value, half)} {display_unit}".rstrip()
+
+
+def listed(items: Iterable[str]) -> str:
+    """Items with commas, ``none`` without any.
+
+    Examples
+    --------
+    >>> listed(["a", "b"]), listed([])
+    ('a, b', 'none')
+    """
+    return ", ".join(items) or "none"
+
+
+def _one_line(text: str) -> str:
+    return printable(" ".join(str(text).split()))
+
+
+def _cut(text: str, length: int) -> str:
+    return text if len(text) <= length else f"{text[: length - 1]}…"
+
+
+def _safe(text: str) -> str:
+    return escape(_cut(_one_line(text), CELL))

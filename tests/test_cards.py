@@ -1,0 +1,107 @@
+"""Every result shows itself in eight lines, and in a notebook as a table that no text can break out of."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from fracid.cards import CELL, LENGTH, Card
+from fracid.estimation.cost_profile import Profile, Profiles
+from fracid.estimation.profile_walk import End
+from fracid.estimation.records import Estimate, RecordingFit
+from fracid.fit import Fit
+from fracid.problem import Problem
+from fracid.recording import Recording
+from fracid.selection.comparison import Comparison, Row, Score
+from twins import ORDERS, RIG, release
+
+HOSTILE = "<script>alert('λ')</script>"
+"""A name that a stranger's file may have."""
+TIME = np.arange(0, 2, 1e-2)
+SWING = {"theta": 0.1 * np.cos(6 * TIME), "alpha": np.cos(6 * TIME)}
+
+
+def problem():
+    swing = release("twin", RIG, alpha=0.3, step=1e-2, end=1.0)
+    return Problem(RIG, (swing,), ORDERS)
+
+
+def fit():
+    orders = {"lambda": Estimate(0.9, free=True, interval95=(0.89, 0.91)), "mu": Estimate(1.0)}
+    recordings = {f"{HOSTILE} {k}": RecordingFit(f"{k}", "fit", TIME, SWING, SWING, 0.0, {}, {}) for k in range(20)}
+    return Fit(problem(), np.zeros(0), orders, {"C1": Estimate(0.0043, "kg m^2", True)}, recordings, 1e-3, HOSTILE, 9,
+               None, None, 1, "multistart", (HOSTILE * 99,))  # fmt: skip
+
+
+def profile():
+    values = np.linspace(0.8, 1.0, 5)
+    return Profile(HOSTILE, "rad", 0.9, values, values, values, values[:, None], (End.CROSSED, End.CROSSED),
+                   (0.85, None), (0.84, 0.96), "two-sided")  # fmt: skip
+
+
+def comparison():
+    score = {HOSTILE: Score({"alpha": 0.01}, {"alpha": 95.0}, {"alpha": 0.1})}
+    rows = tuple(Row("viscous", free, f"{HOSTILE} {k}", free, 1.0, 3, 0.0, {}, {}, (), score, {}, "")
+                 for k in range(9) for free in (False, True))  # fmt: skip
+    return Comparison(rows, HOSTILE, (HOSTILE,), ("alpha",), 9.0, False, "rmse", 1, 1)
+
+
+CARDS = {
+    "fit": fit,
+    "recording": lambda: Recording.of(HOSTILE, TIME, {f"{HOSTILE} {k}": SWING["alpha"] for k in range(20)}),
+    "model": lambda: RIG,
+    "comparison": comparison,
+    "profile": profile,
+    "profiles": lambda: Profiles(problem(), np.zeros(1), 1.0, {f"{HOSTILE} {k}": profile() for k in range(20)}),
+}
+
+
+class Tags(HTMLParser):
+    """Which tags, and which attributes of them, a text has."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.names, self.words = set(), set(), ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.names |= {name for name, _ in attrs}
+
+    def handle_data(self, data):
+        self.words += data
+
+
+@pytest.mark.parametrize("name", CARDS)
+def test_a_result_shows_itself_in_eight_lines_of_at_most_a_thousand_characters(name):
+    text = repr(CARDS[name]())
+    assert text == str(CARDS[name]())
+    assert 2 <= len(text.splitlines()) <= 8
+    assert len(text) <= 1000
+
+
+@pytest.mark.parametrize("name", CARDS)
+def test_a_notebook_gets_a_table_without_scripts_whatever_the_names_are(name):
+    html = Tags(table := CARDS[name]()._repr_html_())
+    assert html.tags == {"table", "caption", "tr", "th", "td"}
+    assert html.names == {"style"}
+    assert name == "model" or "<script>alert" in html.words  # as text
+    colours = re.findall(r"color:([^;\"]+)", table)
+    assert set(colours) == {"inherit"}  # the page's own, light or dark
+
+
+def test_no_text_of_a_card_is_longer_than_its_cell_nor_hides_anything():
+    card = Card("a\x1b[31m\u202e" * 900, (("what\n", "value " * 900),))
+    assert all(len(line) <= LENGTH for line in card.text().splitlines())
+    assert "\x1b" not in card.text() + card.html()
+    assert max(map(len, re.findall(r">([^<]*)<", card.html()))) <= CELL
+
+
+def test_a_fit_shows_its_orders_its_rmse_and_its_warnings():
+    text = repr(fit())
+    assert "λ = 0.900 ± 0.010, μ = 1 (fixed)" in text
+    assert "C1 = 0.0043 kg m^2" in text
+    assert "1: <script>" in text
+    assert "fit, RMSE of θ 0°, α 0°" in text
+    assert "more rows" in text
