@@ -476,8 +476,8 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
 
 
 SAID = {
-    "practically not": "can practically not be told",
-    "not at all": "cannot be told at all",
+    "practically not": "is practically non-identifiable",
+    "not at all": "is not identifiable",
     "at its bound": "lies at its bound",
     "only in a ratio": "is known only in a ratio",
 }

@@ -313,7 +313,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + '[fit]\nweights = "noisy"', "unknown weights 'noisy': did you mean noise"),
         (ONE + "[model.parameters]\nC2 = 1e-3", "C2, C5 and I2xx go together"),
         (ONE + "[model.parameters]\nC5 = 1e-2\nI2xx = 0.0\nC2 = { start = 1e-3, lower = 0.0, upper = 1.0 }",
-         "C2 is converted, not fitted; free one of C1, C3"),
+         "C2 is converted and cannot be fitted; free one of C1, C3"),
         ('[model]\nrig = "srv02"\n' + ONE, "unknown rig 'srv02'.*srv02-rotpen"),
         ('[model]\nzero = "down"\n' + ONE, "zero = 'down': expected 'hanging' or 'upright'"),
         ('[model]\nactuation = "pwm"\n' + ONE, r"actuation = 'pwm'; expected 'voltage' or 'torque'"),

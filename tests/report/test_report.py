@@ -313,7 +313,7 @@ LINES = {
     ),
     "an order of which no integer makes sense": (
         "Orders", {"orders": {"r": estimate(0.4, 0.01) | {"integer": None}}}, True,
-        "The model gives r no integer value, so it has no integer-order rival.",
+        "The model gives r no integer value, so it has no integer-order alternative.",
     ),
     "an order off 0": ("Orders", {"orders": {"r": estimate(0.9, 0.01) | {"integer": 0}}}, False, "r is off 0; no"),
     "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
@@ -323,17 +323,17 @@ LINES = {
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was not fitted, to 0.57°"),
-    "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "nothing shows that the model predicts"),
+    "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
     "all values known": ("Values", {}, True, "The recordings tell all 2 values"),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of the 2 values that were left free; not, or not for sure: C1",
     ),
     "where a joint began, which nobody misses": (
-        "Values", {"recordings": FORGOTTEN}, True, "The recordings tell all 2 values that were left free.",
+        "Values", {"recordings": FORGOTTEN}, True, "All 2 free values are identifiable.",
     ),
     "a search that ended": ("Checks", {}, True, "The search converged. Solved at half the step, no order moves"),
-    "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search ended so: interrupted"),
+    "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search did not converge: interrupted"),
     "a step too coarse": (
         "Checks", {"discretisation": {"warning": "Too coarse.", "shift": {"mu": 1.0}}}, False, "Too coarse.",
     ),

@@ -279,7 +279,7 @@ SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters
     [
         ({"initial": np.ma.masked_array([1.0], [True])}, "initial: 1 of 1 values are masked"),
         ({"inputs": np.ones((101, 1), complex)}, "expected numbers"),
-        ({"inputs": np.ones((1, 101))}, "Turn it round: inputs.T."),
+        ({"inputs": np.ones((1, 101))}, "Transpose it: inputs.T."),
         ({"inputs": np.full((101, 1), np.nan)}, "every value must be a finite number"),
         ({"step": "0.01"}, "step = '0.01': expected a number of seconds."),
         ({"step": None}, "step = None: expected a number of seconds."),

@@ -212,7 +212,7 @@ def test_the_spectrum_adds_up_to_the_variance():
     (lambda g: g.exponential(size=N), "longer above than on the other side"),
     (lambda g: -g.exponential(size=N), "longer below than on the other side"),
     (lambda g: g.uniform(size=N), "with cut tails"),
-    (lambda g: np.sin(2 * np.pi * g.uniform(size=N)), "Rounding or a swing left over looks so"),
+    (lambda g: np.sin(2 * np.pi * g.uniform(size=N)), "Rounding or a residual swing looks like this"),
 ])  # fmt: skip
 def test_a_shape_that_is_not_normal_is_named(draw, words):
     e = 1e-3 * draw(rng())

@@ -394,7 +394,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
             model.parameter(name)
         if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
             raise InputError(
-                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
+                f"{name} is converted and cannot be fitted; free one of {', '.join(model.parameter_names)} instead."
             )
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
 

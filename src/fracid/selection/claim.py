@@ -208,7 +208,7 @@ def _too_little(off: Sequence[OrderFound]) -> str:
 
 def _unexplained(where: str, e: LeftOver) -> str:
     times = f"{e.times:.2g} times the encoder's rounding, and" if math.isfinite(e.times) else "no noise:"
-    return f"What is left over of {where} is {times} correlated: the model lacks something."
+    return f"The residual of {where} is {times} correlated: the model lacks something."
 
 
 def _effect(order: OrderFound) -> str:

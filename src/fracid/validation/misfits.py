@@ -43,8 +43,8 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
             left = left_over(r.residual(output), r.measured[output])
             if MISFIT < left.times < math.inf and not left.white:
                 yield Finding("misfit", f"{r.name}: {output}", left.times, MISFIT, "times the encoder's rounding",
-                    f"what is left over is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
-                    "what the encoder's rounding leaves, and hangs together: the model lacks something. "
+                    f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
+                    "the encoder's rounding, and autocorrelated: the model lacks something. "
                     "fracid resid shows what, fracid compare looks for it.")  # fmt: skip
 
 
@@ -63,12 +63,12 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
             left = left_over(r.residual(output), r.measured[output])
             if percent < POOR:
                 yield Finding("missed", f"{r.name}: {output}", percent, POOR, "% fit",
-                    f"it was not fitted, and the model does not predict it: fit {percent:.1f} %. Is it of the same "
+                    f"it was held out, and the model does not predict it: fit {percent:.1f} %. Is it of the same "
                     "rig, with the same zeros and signs?")  # fmt: skip
             elif times > WORSE and not left.explained:
-                yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times what is left over of the fitted",
-                    f"it was not fitted, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
-                    f", {times:.2g} times what it leaves over of what was fitted: it does not hold beyond "
+                yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times the residual of the fitted",
+                    f"it was held out, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
+                    f", {times:.2g} times the residual of the fitted recordings: it does not hold beyond "
                     "that.")  # fmt: skip
 
 

@@ -314,7 +314,9 @@ class NoiseStudy:
         hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
         if not intervals:
             return f"{name}: no repetition gave an interval."
-        text = f"{name}: {hits} of {intervals} intervals of 95 % hold the truth ({100 * hits / intervals:.1f} %)"
+        text = (
+            f"{name}: {hits} of {intervals} intervals of 95 % contain the true value ({100 * hits / intervals:.1f} %)"
+        )
         narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
         if narrow:
             return f"{text}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."

@@ -114,7 +114,7 @@ def run(
     resume : bool
         Go on with what is in the folder, or raise why that cannot be.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     figures : bool
         Draw the figures and write the report, as the command does; ``fracid draw`` and ``fracid report`` do it later.
     observer : Observer, optional
@@ -170,7 +170,7 @@ def run(
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
     if not resume and cut_short(folder, "fit", request, inputs):
-        observer.notice(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.")
+        observer.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
         resume = True
     words = _command(project, out, request) if command is None else command
     with (

@@ -68,7 +68,7 @@ def run_residuals(
     recordings, outputs : sequence of str, optional
         Which; all if left out.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     out : str or Path, optional
         The folder; that of the run if left out.
 

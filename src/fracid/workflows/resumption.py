@@ -72,7 +72,7 @@ def resume_run(
     jobs : int
         Threads; the result is the same for any number.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     observer : Observer, optional
         Hears notices, and how far the search is.
 
