@@ -322,12 +322,12 @@ LINES = {
         "The recordings do not tell λ. 1 lies in the interval of μ: nothing here says",
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
-    "a prediction": ("Prediction", {}, True, "It predicts b, which was not fitted, to 0.57°"),
+    "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
-    "all values known": ("Values", {}, True, "The recordings tell all 2 values"),
+    "all values known": ("Values", {}, True, "All 2 free values are identifiable"),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
-        "1 of the 2 values that were left free; not, or not for sure: C1",
+        "1 of 2 free values is identifiable; C1 is not",
     ),
     "where a joint began, which nobody misses": (
         "Values", {"recordings": FORGOTTEN}, True, "All 2 free values are identifiable.",

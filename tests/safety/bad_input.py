@@ -830,8 +830,7 @@ def fuzzed() -> list[str]:
     return [
         *lines,
         "",
-        "So many were run of the readers as they are, and before of readers as they were; whatever failed was mended."
-        f"{aim}",
+        f"The counts are for the current readers and earlier versions; every failure found has been fixed.{aim}",
         "`python tests/safety/fuzz.py --table` prints the count. A million of a reader take 6 to 16 minutes of one processor. Beside",
         "these `python tests/safety/fuzz_guided.py READER` follows the branches of the code with atheris.",
     ]
