@@ -159,9 +159,7 @@ def noisy_start(seeds=120):
     run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": alpha}, step=8e-3, end=6.0)
     orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
     limits = (0.0, 1.0, 1.5, 3.0, np.inf)
-    print(
-        f"\n95 % intervals that contain the true value, by the CI half-widths that the start's noise moves it; {seeds} seeds"
-    )
+    print(f"\nCoverage of the 95 % intervals, by the CI half-widths that the start's noise moves it; {seeds} seeds")
     for named in ({}, {"theta": 0.0}, {"theta": 0.0, "alpha": alpha}):
         moved, held = [], []
         for seed in range(seeds):

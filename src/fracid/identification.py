@@ -95,7 +95,7 @@ def identify(
     optimiser : str, optional
         See the module's table; the default is ``multistart``.
     validation : tuple of Experiment
-        Recordings that are not fitted: their own unknowns are found again, the rest is fixed.
+        Held-out recordings: their own unknowns are found again, the rest is fixed.
     seed : int, optional
         Of every random choice; 1 by default.
     jobs : int

@@ -219,7 +219,7 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     preset : str, optional
         In place of the file's own.
     trust : bool
-        Let it run code of its own, a model or a cost in a Python file that it names.  Read that first.
+        Run Python code that it refers to, a model or a cost in a file.  Review it first.
 
     Raises
     ------

@@ -269,7 +269,7 @@ def noisy_start(
     unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
     return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "CI half-widths",
         f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
-        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, which does not know of that. Type "
+        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, which ignores it. Type "
         f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
         "in the recording's table."),)  # fmt: skip
 

@@ -93,7 +93,7 @@ def before(
     reports : mapping, optional
         Each recording's name to what was measured of it; measured on its samples if left out.
     validation : tuple of Experiment
-        Recordings that are not fitted.
+        Held-out recordings.
     jobs : int
         Threads.
 

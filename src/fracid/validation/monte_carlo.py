@@ -369,7 +369,7 @@ def noise_study(
         In place of the problem's.
     rival : bool
         Whether each repetition also asks if its orders would be called fractional: off its integer value, and better
-        than the integer-order rival.  That takes up to twice as long.
+        than the integer-order alternative.  That takes up to twice as long.
     executor, jobs, journal, progress
         As for :func:`fracid.tasks.tasks.run_tasks`; each repetition runs on one thread.  The result is the same for
         any.

@@ -113,7 +113,7 @@ class CutCheck:
 
     @property
     def range(self) -> dict[str, tuple[float, float]]:
-        """Order → its least and its greatest value over the fit and its rivals."""
+        """Order → its least and its greatest value over the fit and its alternatives."""
         rows = [self.orders, *(t.orders for t in self.rivals)]
         return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.orders}
 

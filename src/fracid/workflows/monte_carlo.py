@@ -84,7 +84,7 @@ def run_noise_study(
 ) -> FinishedNoiseStudy:
     """Identify a model's own noisy simulations many times, and write the folder: what ``fracid noise`` does.
 
-    Cut short, the same call goes on where it was.
+    Interrupted, the same call resumes.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def run_residuals(
     trust: bool = False,
     out: str | Path | None = None,
 ) -> FinishedResiduals:
-    """Test what a fit leaves over, and write it down: what ``fracid resid`` does.
+    """Test the residuals of a fit, and write the result: what ``fracid resid`` does.
 
     Parameters
     ----------

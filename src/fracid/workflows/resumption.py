@@ -58,9 +58,9 @@ def resume_run(
     trust: bool = False,
     observer: Observer = SILENT,
 ) -> FinishedRun:
-    """Go on with a fit that was cut short: nothing that was done is repeated, and the result is the same.
+    """Resume an interrupted fit: no finished work is repeated, and the result is the same.
 
-    Cut short by Ctrl-C, a kill, a crash or a full disk.  A study goes on by the same call again.
+    Interrupted by Ctrl-C, a kill, a crash or a full disk.  A study goes on by the same call again.
 
     Parameters
     ----------
