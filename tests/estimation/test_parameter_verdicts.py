@@ -171,11 +171,11 @@ JOINTS = {
     ),
     "a springpot of order near 0 is a spring": (
         1.0, 1e-1, {"springpot_theta": 3e-3, "springpot_order_theta": 0.02},
-        {"springpot_order_theta": "cannot be told from a spring: its order, of a spring 0 and of a dashpot 1, has the"},
+        {"springpot_order_theta": "is indistinguishable from a spring: its order, of a spring 0 and of a dashpot 1, has the"},
     ),
     "and of order near 1 a dashpot": (
         1.0, 2e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.98, "b_theta": 2.4e-3},
-        {"springpot_order_theta": "cannot be told from a dashpot: its order"},
+        {"springpot_order_theta": "is indistinguishable from a dashpot: its order"},
     ),
     "of another order it is itself": (
         1.0, 1e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.5},

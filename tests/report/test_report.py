@@ -301,7 +301,7 @@ LINES = {
     "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: nothing here says that the rig"),
     "orders off 1 that a rival cannot do without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
-        "With every order 1, the cost is 4 times as large",
+        "The data favour fractional orders: with every order 1, the cost is 4 times as large",
     ),
     "orders that a rival does without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,

@@ -234,11 +234,11 @@ def test_a_fit_that_was_cut_short_and_is_typed_again_goes_on_and_another_begins_
     drawn_so(monkeypatch, lambda _: ())
     code, _, err = run(capsys, *words)
     assert (code, run_state(tmp_path / "run").finished) == (0, True)
-    assert "holds this fit, cut short: it is gone on with." in err
-    assert "gone on with" not in run(capsys, *words)[2]  # finished
+    assert "holds this fit, interrupted: it is resumed." in err
+    assert "it is resumed" not in run(capsys, *words)[2]  # finished
     drawn_so(monkeypatch, stopped)
     run(capsys, *words)
-    assert "gone on with" not in run(capsys, *words, "--seed", 7)[2]
+    assert "it is resumed" not in run(capsys, *words, "--seed", 7)[2]
 
 
 def _blocked():

@@ -353,7 +353,7 @@ def test_rounding_alone_is_the_encoders_floor_and_no_better_model_is_seen():
     found = analysed(measured_by_an_encoder(FITTED, 0), resolution={"alpha": ENCODER})
     assert found.level.floor == pytest.approx(ENCODER / np.sqrt(12))
     assert found.level.rms == pytest.approx(found.level.floor, rel=0.05)
-    assert "A better model cannot be seen with this encoder" in found.sentences["level"]
+    assert "This encoder cannot distinguish a better model" in found.sentences["level"]
 
 
 def test_the_rounding_of_a_slow_motion_is_correlated_and_no_fault_of_the_model():
