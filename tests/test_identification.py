@@ -421,7 +421,7 @@ def test_confounded_constants_are_named_in_the_result():
     assert C4.identifiable == "only in a ratio"
     assert C4.reason.startswith("with C1: the data know C4/C1")
     assert C4.interval95 is None
-    assert any("cannot tell C1 and C3 and C4" in w for w in fit.warnings)
+    assert any("cannot separate C1 and C3 and C4" in w for w in fit.warnings)
     assert fit.orders["mu"].identifiable == "identifiable"
 
 

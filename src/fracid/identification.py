@@ -499,7 +499,7 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         return
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
-        yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
+        yield f"The data cannot separate {' and '.join(names)}: fix one of them."
     for v in verdicts.values():
         if v.kind in SAID and not any(v.name in names for names in together):
             yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."

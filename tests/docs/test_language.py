@@ -40,6 +40,7 @@ INSTEAD = {
     r"\brivals?\b": "alternative model, integer-order alternative",
     r"\bas far as these\b": "its interval includes zero; within the resolution of",
     r"\bdoes not know of\b": "ignores",
+    r"\b(?:do not|does not|cannot) tell\b": "determine, separate; is not identifiable",
     r"\bRead that first\b": "review it first",
 }
 """Phrase → what to write in its place."""

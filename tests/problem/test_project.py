@@ -304,7 +304,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "release_time = { start = 0.1, lower = 0.2, upper = 0.3 }", "release_time of swing: start = 0.1, lower"),
         (BOTH + 'history = "measured"', 'swing: history = "measured" is what came before from; type from = the time'),
         (BOTH + 'history = "all"', "history = 'all'; expected 'measured' or 'none'"),
-        (ONE + 'from = 0.5\nhistory = "measured"', "its past does not tell theta, D.lambda theta; a past needs"),
+        (ONE + 'from = 0.5\nhistory = "measured"', "its past does not determine theta, D.lambda theta; a past needs"),
         (BOTH + 'from = 0.5\nhistory = "measured"\n[fit]\ninitial_state = "rest"',
          "swing has a past, so it starts in motion, but initial_state is 'rest', a start at rest"),
         (BOTH + 'from = 0.0\nhistory = "measured"', "holds 0 samples"),

@@ -316,10 +316,10 @@ LINES = {
         "The model gives r no integer value, so it has no integer-order alternative.",
     ),
     "an order off 0": ("Orders", {"orders": {"r": estimate(0.9, 0.01) | {"integer": 0}}}, False, "r is off 0; no"),
-    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
+    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "μ is not identifiable"),
     "an order that is not seen beside one that is": (
         "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,
-        "The recordings do not tell λ. 1 lies in the interval of μ: nothing here says",
+        "λ is not identifiable. 1 lies in the interval of μ: nothing here says",
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),

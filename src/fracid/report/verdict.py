@@ -110,7 +110,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any]) -> tuple[str, bool]:
     without = [n for n in intervals if integer[n] is None]
     off = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
     inside = [n for n in intervals if n not in (*off, *without)]
-    doubts = [f"The recordings do not tell {joined(non_identifiable, 'or')}." if non_identifiable else ""]
+    doubts = [f"{joined(non_identifiable)} {_is(non_identifiable)} not identifiable." if non_identifiable else ""]
     if off:
         values = dict.fromkeys(number(integer[n]) for n in off)
         doubts.append(
