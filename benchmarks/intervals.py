@@ -7,6 +7,8 @@
 
 (Not called coverage.py: Numba would import it in the place of the package of that name.)
 
+    python benchmarks/intervals.py --only undithered --write   # the encoders without dither alone
+
 A case is a rig, its orders and a release angle.  The truth has viscous and dry friction on both joints, is solved four
 times finer than the fit, and is read with 0.1 degrees of noise by encoders of 4096 counts whose marks lie anywhere.
 Free are the orders, all four frictions and both initial angles; the search starts at orders of 0.97, half the true
@@ -15,6 +17,9 @@ friction and the first sample, so never at the truth.  A clamped arm (stepper-fr
 200 repetitions a case, because a share of 100 is a coarse thing: of intervals that keep their word to the letter 90 to
 99 of 100 hold the truth with a probability of 96.6 %, so of fifty such counts one or two leave that range; of 200
 repetitions 90 to 99 % do so with 99.7 %.
+
+Beside them are encoders without dither: a tenth of a count of noise, 18 s, of which the rig rests through the most, or
+6 s; and the same 18 s with 0.1 degrees of noise.  There the intervals alone are on trial: least squares from the truth.
 
 The step of the fit is halved until what it does to any unknown is below a fifth of a standard error; the column
 "steps" has how many a sample that takes.
@@ -65,6 +70,14 @@ ORDERS = ((0.9, 0.95), (1.0, 1.0))
 ANGLES = (10, 45, 90)
 STEP, END = 4e-3, 6.0
 LEVEL, COUNT = math.radians(0.1), 2 * math.pi / 4096
+QUIET = 0.1 * COUNT
+"""Noise that dithers nothing [rad]."""
+REST = 18.0
+"""A record that ends in a rest [s]."""
+RESTING = (
+    ("srv02-rotpen", 10), ("srv02-rotpen", 45), ("qube-servo2", 10), ("stepper-freeswing", 10),
+)  # fmt: skip
+"""Rigs and releases that come to rest within it."""
 
 FINE_ENOUGH = 0.2
 """Of a standard error: what the step of the fit may do to an unknown."""
@@ -77,10 +90,21 @@ class Case:
     rig: str
     orders: tuple[float, float]
     angle: float
+    level: float = LEVEL
+    """Of the noise [rad]."""
+    end: float = END
+    """[s]"""
+
+    @property
+    def own(self) -> bool:
+        """Whether it is of the first table: dithered, and without a rest."""
+        return self.level == LEVEL and self.end == END
 
     @property
     def name(self) -> str:
-        return f"{self.rig}, {self.orders[0]:g}/{self.orders[1]:g}, {self.angle:g} deg"
+        text = f"{self.rig}, {self.orders[0]:g}/{self.orders[1]:g}, {self.angle:g} deg"
+        more = f", {'undithered' if self.level < LEVEL else 'dithered beside undithered'}, {self.end:g} s"
+        return text if self.own else text + more
 
     def problem(self) -> tuple[Problem, np.ndarray]:
         """What is to be identified, and the truth."""
@@ -91,23 +115,25 @@ class Case:
         value = {p.name: p.value for p in model.parameters}
         joints = ("alpha",) if clamped else ("theta", "alpha")
         reach = 0.1 * value["C4"]
-        free = {f"b_{j}": Free(0.5 * value[f"b_{j}"], -reach, reach) for j in joints}
-        free |= {f"coulomb_{j}": Free(0.5 * value[f"coulomb_{j}"], 0.0, reach) for j in joints}
-        order = Free(0.97, 0.5, 1.2)
-        empty = np.zeros((round(END / STEP) + 1, len(joints)))
+        part = 0.5 if self.own else 1.0
+        free = {f"b_{j}": Free(part * value[f"b_{j}"], -reach, reach) for j in joints}
+        free |= {f"coulomb_{j}": Free(part * value[f"coulomb_{j}"], 0.0, reach) for j in joints}
+        starts = (0.97, 0.97) if self.own else self.orders
+        order, mu = (Free(start, 0.5, 1.2) for start in starts)
+        empty = np.zeros((round(self.end / STEP) + 1, len(joints)))
         empty[:, -1] = np.radians(self.angle)
         problem = Problem(
             model, (Experiment("twin", STEP, empty, np.zeros((1, 1))),),
-            {"lambda": 1.0 if clamped else order, "mu": order}, free, outputs=joints, initial_state="rest",
+            {"lambda": 1.0 if clamped else order, "mu": mu}, free, outputs=joints, initial_state="rest",
         )  # fmt: skip
         truth = dict(zip(("lambda", "mu"), self.orders, strict=True)) | value
         truth |= {"theta(0) [twin]": 0.0, "alpha(0) [twin]": np.radians(self.angle)}
         return problem, np.array([truth[n] for n in problem.names])
 
 
-def with_fine_steps(problem: Problem, truth: np.ndarray) -> Problem:
+def with_fine_steps(problem: Problem, truth: np.ndarray, level: float = LEVEL) -> Problem:
     """Halve the step until what it does to any unknown is below a fifth of a standard error."""
-    sigma = math.hypot(LEVEL, COUNT / math.sqrt(12))
+    sigma = math.hypot(level, COUNT / math.sqrt(12))
     for substeps in (1, 2, 4, 8, 16, 32):
         finer = replace(problem, substeps=substeps)
         twin = simulated(finer, truth)
@@ -123,13 +149,23 @@ def with_fine_steps(problem: Problem, truth: np.ndarray) -> Problem:
 
 def plans(seeds: int, only: str) -> dict[Case, Plan]:
     cases = [Case(rig, orders, angle) for rig in RIGS for orders in ORDERS for angle in ANGLES]
+    cases += [Case(rig, orders, angle, QUIET, REST) for rig, angle in RESTING for orders in ORDERS]
+    cases += [Case("srv02-rotpen", orders, 10, level, end) for level, end in ((QUIET, END), (LEVEL, REST))
+              for orders in ORDERS]  # fmt: skip
     found = {}
     for number, case in enumerate(cases, 1):
         if only in case.name:
             problem, truth = case.problem()
-            fine = with_fine_steps(problem, truth)
+            fine = with_fine_steps(problem, truth, case.level)
             found[case] = planned(
-                fine, truth, levels=[LEVEL], resolutions=[COUNT], seeds=seeds, seed=number, rival=True
+                fine,
+                truth,
+                levels=[case.level],
+                resolutions=[COUNT],
+                seeds=seeds,
+                seed=number,
+                rival=True,
+                optimiser="multistart" if case.own else "least-squares",
             )
     return found
 
@@ -156,6 +192,14 @@ def coverage_table(studies: dict[Case, NoiseStudy]) -> str:
         rows.append([case.rig, f"{case.orders[0]:g}/{case.orders[1]:g}", f"{case.angle}°", str(study.problem.substeps),
                      *shares, f"{cell.fractional} of {cell.repetitions}", str(cell.failed)])  # fmt: skip
     return markdown(head, rows)
+
+
+def undithered_table(studies: dict[Case, NoiseStudy]) -> str:
+    """The same of encoders without dither, and of records that end in a rest."""
+    lines = coverage_table(studies).splitlines()
+    noise = ["noise | record", "--- | ---", *(f"{case.level / COUNT:.2g} counts | {case.end:g} s" for case in studies)]
+    first = [line.split(" | ", 3) for line in lines]
+    return "\n".join(" | ".join([*cells[:3], more, cells[3]]) for cells, more in zip(first, noise, strict=True))
 
 
 def spread_table(studies: dict[Case, NoiseStudy]) -> str:
@@ -323,7 +367,7 @@ def main() -> None:
     own = [[Task(f"{case.name}: {t.key}", t.arguments) for t in plan.tasks] for case, plan in planned_cases.items()]
     tasks = [task for round_ in zip(*own, strict=True) for task in round_]  # one of each case, then the next of each
     FOLDER.mkdir(parents=True, exist_ok=True)
-    study = {"fracid": fracid.__version__, "only": asked.only, "level": LEVEL, "resolution": COUNT, "end": END,
+    study = {"fracid": fracid.__version__, "level": LEVEL, "resolution": COUNT, "end": END, "only": asked.only,
              "steps": [plan.problem.substeps for plan in planned_cases.values()]}  # fmt: skip
     with Journal(FOLDER / "journal.jsonl", study) as journal:
         found = run_tasks(repetition, tasks, executor="processes", jobs=asked.jobs, journal=journal, progress=shown)
@@ -331,8 +375,10 @@ def main() -> None:
         case: plan.study({t.key: found[f"{case.name}: {t.key}"] for t in plan.tasks})
         for case, plan in planned_cases.items()
     }
-    tables = {"coverage": coverage_table(studies), "spread": spread_table(studies), "summary": summary(studies)}
-    told(tables, asked.write)
+    first, others = ({c: s for c, s in studies.items() if c.own is own} for own in (True, False))
+    tables = {"coverage": coverage_table, "spread": spread_table, "summary": summary} if first else {}
+    told({name: table(first) for name, table in tables.items()}, asked.write)
+    told({"undithered": undithered_table(others)} if others else {}, asked.write)
     print(f"\n{len(tasks)} repetitions, {(time.perf_counter() - began) / 60:.1f} min", file=sys.stderr)
 
 

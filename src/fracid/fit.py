@@ -74,6 +74,7 @@ class Fit(FitPictures):
             "method": p.method,
             "memory": p.memory.name,
             "step": p.experiments[0].step / p.substeps,
+            "substeps": p.substeps,
             "orders": {n: as_json(EstimateBlock, e) | {"integer": p.model.integer_order(n)}
                        for n, e in self.orders.items()},
             "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},

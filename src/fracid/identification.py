@@ -15,7 +15,8 @@ anything (:mod:`fracid.validation.before_search`).  Whatever found the minimum, 
    tell of it (:func:`fracid.identifiability`),
 2. finds each validation recording's own unknowns again (initial state, `per_recording`), all else fixed,
 3. makes the *discretisation check*: the score at half the step and with the second-order method, and how
-   far the orders move when they are refined there: a scheme that manufactures fractional orders shows,
+   far the orders move when they are refined there: a scheme that manufactures fractional orders shows; where a project
+   does not say its ``substeps`` the step is halved, before all this, until the check is quiet,
 4. fits each of several recordings alone: do they agree within their intervals (:func:`fracid.spread`)?
 5. goes on by least squares from the best of an optimiser that keeps its own, as the genetic algorithm does, and says so
    where that finds better (the result of the others without derivatives is polished already),
@@ -43,7 +44,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
@@ -60,7 +61,13 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.after_search import after, failed
 from fracid.validation.before_search import before
-from fracid.validation.discretisation import COARSE_STEP, Discretisation, coarse_step, discretisation_check
+from fracid.validation.discretisation import (
+    COARSE_STEP,
+    Discretisation,
+    coarse_step,
+    discretisation_check,
+    finer_step,
+)
 from fracid.validation.misfits import cost_of, misfits, missed
 from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
 
@@ -85,6 +92,8 @@ def identify(
     journal: Journal | None = None,
     seen: tuple[Finding, ...] | None = None,
     options: Mapping[str, Any] | None = None,
+    alternatives: Mapping[str, Problem] | None = None,
+    fixed_step: bool | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
 
@@ -116,6 +125,12 @@ def identify(
         What :func:`fracid.validation.before_search.before` found; asked for if left out.
     options : mapping
         Passed on to the optimiser.
+    alternatives : mapping, optional
+        Models of integer order on the same recordings that the orders are held against, by name; a project has its
+        own, ``[[alternative]]``.
+    fixed_step : bool, optional
+        Whether the step stays as it is; else it is halved until the discretisation check is quiet.  A problem's
+        stays if nothing is said, a project's where it says ``substeps``.
 
     Returns
     -------
@@ -146,7 +161,7 @@ def identify(
         if validation:
             raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem
-        problem, validation = project.problem, project.validation
+        problem, validation, alternatives = project.problem, project.validation, alternatives or project.alternatives
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
     seed = 1 if seed is None else seed
@@ -155,6 +170,7 @@ def identify(
     refuse_twins([*problem.experiments, *validation])
     executor_from_name(executor)
     entry = optimiser_from_name(optimiser or "multistart")
+    fixed_step = (project is None or project.fixed_step) if fixed_step is None else fixed_step
     clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
     whole = whole_records(project) if cut and project is not None else {}
     reports = None if project is None else {r.name: r.report for r in project.recordings}
@@ -163,7 +179,9 @@ def identify(
     result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen))
+    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+                         alternatives=alternatives or {}, multi_start=1 if starts is None else starts,
+                         fixed_step=fixed_step)  # fmt: skip
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
@@ -212,6 +230,12 @@ class _Findings:
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
     """What was seen before the search."""
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    """Models of integer order that the user names."""
+    multi_start: int = 1
+    """Starts of a search."""
+    fixed_step: bool = True
+    """Whether the step stays as it is."""
     asked: Problem | None = None
     """The problem with its own bounds, where some were opened."""
     within: float = np.inf
@@ -238,6 +262,16 @@ class _Findings:
         self.restarts += 1
         self.seen, self.warnings, self.validated = [*self.first], [], {}
 
+    def with_quiet_step(self, jobs: int) -> None:
+        """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
+        problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
+        self.check = replace(discretisation_check(problem, x, self.known, jobs), refinement=taken)
+        fixed = self.fixed_step or self.optimiser.keeps_its_own  # nor is what it found polished
+        finer = None if fixed else finer_step(problem, x, self.check, jobs)
+        if finer is not None:
+            self.problem, self.known, self.check = finer.problem, finer.uncertainty, finer.check
+            self.result = replace(self.result, best=finer.best)
+
 
 def _examine(
     analysis: _Findings,
@@ -250,9 +284,12 @@ def _examine(
     unpolished = analysis.optimiser.keeps_its_own
     try:
         analysis.open_bounds(jobs)
-        problem, x = analysis.problem, analysis.result.best.point
         clock.lap("bounds")
-        analysis.known = uncertainty(problem, x, jobs=jobs)
+        analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
+        clock.lap("uncertainty")
+        analysis.with_quiet_step(jobs)
+        clock.lap("discretisation")
+        problem, x = analysis.problem, analysis.result.best.point
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
         clock.lap("uncertainty")
         analysis.seen += [
@@ -263,10 +300,9 @@ def _examine(
             analysis.validated[e.name], reason = _validate(problem, x, e, jobs)
             analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         clock.lap("validation")
-        analysis.check = discretisation_check(problem, x, analysis.known, jobs)
-        analysis.warnings.append(analysis.check.warning)
-        analysis.seen += coarse_step(problem, analysis.check)
-        clock.lap("discretisation")
+        if analysis.check is not None:
+            analysis.warnings.append(analysis.check.warning)
+            analysis.seen += coarse_step(problem, analysis.check)
         if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
             analysis.spread = spread(problem, x, jobs=jobs)
             analysis.warnings += analysis.spread.sentences()
@@ -328,8 +364,10 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
     analysis.alternative = integer_alternatives(
-        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs
-    )
+        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
+        own={n: replace(other, substeps=problem.substeps) for n, other in analysis.alternatives.items()},
+        starts=analysis.multi_start, seed=analysis.seed,
+    )  # fmt: skip
     analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
 
@@ -344,7 +382,8 @@ CHANCE = "no different from {:g} as far as the recordings can tell"
 def _missed_by(analysis: _Findings) -> Iterator[Finding]:
     problem, errors = analysis.problem, analysis.problem.errors(analysis.result.best.point)
     if not isinstance(errors, Failure):
-        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in errors) for k, n in enumerate(problem.outputs)}
+        raw = [e.in_units(r) for e, r in zip(problem.experiments, errors, strict=True)]
+        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in raw) for k, n in enumerate(problem.outputs)}
         yield from missed(analysis.validated, rms)
 
 
@@ -390,7 +429,7 @@ class _Clock:
 
     def lap(self, stage: str) -> None:
         now = time.perf_counter()
-        self.laps[stage], self._last = now - self._last, now
+        self.laps[stage], self._last = self.laps.get(stage, 0.0) + now - self._last, now
 
 
 # --- what the minimum says -------------------------------------------------------------------------
@@ -403,14 +442,15 @@ def _recording(
     simulated = problem.fitted(x, e)
     failure = isinstance(simulated, Failure)
     values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failure else problem.cost_function.value(e.time, e.measured - values, e.scored)
+    cost = np.inf if failure else problem.cost_function.value(e.time, e.in_deviations(e.measured - values), e.scored)
     initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
     return RecordingFit(
         e.name, use, e.start + e.time,
         dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
         {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
         {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
-        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored,
+        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored, deviations_of(problem.outputs, e),
+        e.times is not None,
     )  # fmt: skip
 
 

@@ -79,6 +79,7 @@ def defaults_of(schema):
         ("Values", (project._Range, project._Prior)),
         ("[model]", (project._Model,)),
         ("[[recording]]", (project._Recording,)),
+        ("[[alternative]]", (project._Alternative,)),
         ("[fit]", (project._Fit,)),
     ],
 )
@@ -87,8 +88,8 @@ def test_the_page_of_the_project_file_has_every_key_with_its_default(heading, sc
 
 
 def test_the_tables_of_the_file_are_the_headings_of_the_page():
-    assert set(project._File.model_fields) == {"model", "recording", "fit"}
-    assert {"[model]", "[model.parameters]", "[[recording]]", "[fit]"} <= set(ROWS)
+    assert set(project._File.model_fields) == {"model", "alternative", "recording", "fit"}
+    assert {"[model]", "[model.parameters]", "[[alternative]]", "[[recording]]", "[fit]"} <= set(ROWS)
 
 
 def test_the_page_of_the_project_file_has_every_field_of_a_signal():

@@ -12,6 +12,7 @@ from scipy.stats import t as student
 import fracid
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import METHODS, Uncertainty, at_bound, jacobian, sandwich, uncertainty, widening
+from fracid.estimation.parameter_verdicts import identifiability
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
@@ -156,6 +157,24 @@ def test_intervals_are_those_of_the_unknowns_off_their_bounds_alone():
     assert found.at_bound.tolist() == [name == "coulomb_alpha" for name in p.names]
     alone = sandwich(p, x, np.flatnonzero(~found.at_bound))
     assert found.standard_error[~found.at_bound] == pytest.approx(np.sqrt(np.diag(alone.covariance)), rel=1e-12)
+
+
+def test_an_interval_that_depends_on_an_unknown_at_its_bound_says_so():
+    viscous = RIG.parameter("b_alpha").value
+    bounds = {"b_alpha": Free(viscous, viscous, 10.0), "b_theta": Free(v := RIG.parameter("b_theta").value, v, 10.0)}
+    p = problem(clean() + noise(2001, 0.0, 1), parameters=bounds)
+    found = uncertainty(p, p.start)
+    assert found.at_bound.tolist() == [name.startswith("b_") for name in p.names]
+    narrow = dict(zip(p.names, found.standard_error, strict=True))
+    for held in bounds:  # what freeing it would do to the others
+        others = np.array([i for i, name in enumerate(p.names) if name == held or not name.startswith("b_")])
+        wide = dict(zip(others, np.sqrt(np.diag(sandwich(p, p.start, others).white)), strict=True))
+        for i in np.flatnonzero(~found.at_bound):
+            depends = wide[i] > 1.1 * found.white[i]
+            assert (held in found.given[i]) == depends, (held, p.names[i], narrow)
+    assert found.given[p.names.index("mu")] == ("b_alpha",)
+    said = identifiability(p, p.start, found)["mu"]
+    assert (said.kind, said.reason) == ("identifiable", f"given that b_alpha = {viscous:.4g}")
 
 
 def test_there_is_a_sentence_where_there_is_no_interval():

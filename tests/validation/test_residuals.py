@@ -483,6 +483,12 @@ def test_a_callers_mistakes_are_told():
         residual_analysis(replace(twin(white()), time=uneven), "alpha")
 
 
+def test_uneven_samples_are_taken_one_after_the_other_and_not_asked_for_frequencies():
+    uneven = residual_analysis(replace(twin(white()), time=np.geomspace(1e-3, 20.0, N), uneven=True), "alpha")
+    assert uneven.whiteness.white
+    assert "spectrum" not in uneven.sentences
+
+
 def test_it_is_a_public_name():
     assert fracid.residual_analysis is residual_analysis
 

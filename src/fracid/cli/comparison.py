@@ -27,6 +27,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.cli.progress import on_terminal
 from fracid.errors import DataError
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -151,7 +152,8 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
                       *_scores(comparison, [*row.in_sample.values()]))  # fmt: skip
     console.print(table)
     console.print(
-        f"  [dim]angles: RMSE and fit; ITAE in ° s²; BIC above the lowest, of {comparison.effective_samples:.0f} "
+        f"  [dim]{'angles' if _angles(comparison) else 'outputs'}: RMSE and fit; "
+        f"ITAE{' in ° s²' if _angles(comparison) else ''}; BIC above the lowest, of {comparison.effective_samples:.0f} "
         f"effective "
         "samples; ← the paper's structure[/dim]",
         soft_wrap=True,
@@ -183,8 +185,13 @@ def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:
         kind: {n: sum(getattr(s, kind)[n] for s in scores) / len(scores) for n in comparison.outputs}
         for kind in ("rmse", "fit_percent", "itae")
     }
-    near = [f"{degrees(mean['rmse'][n]):.3g}° {_percent(mean['fit_percent'][n])}" for n in comparison.outputs]
-    return [*near, f"{degrees(sum(mean['itae'].values())):.4g}"]
+    near = [f"{with_unit(mean['rmse'][n], comparison.units.get(n, 'rad'))} {_percent(mean['fit_percent'][n])}"
+            for n in comparison.outputs]  # fmt: skip
+    return [*near, f"{(degrees if _angles(comparison) else float)(sum(mean['itae'].values())):.4g}"]
+
+
+def _angles(comparison: Comparison) -> bool:
+    return all(comparison.units.get(n, "rad") == "rad" for n in comparison.outputs)
 
 
 def _percent(fit: float) -> str:

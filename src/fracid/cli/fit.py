@@ -196,7 +196,8 @@ def _print_estimates(console: Console, fit: Fit) -> None:
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     for name, e in estimates.items():
-        verdict = "" if e.identifiable == "identifiable" else e.identifiable
+        given = e.reason.partition("given that")
+        verdict = "".join(given[1:]) if e.identifiable == "identifiable" else e.identifiable
         table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
     console.print(table)
 
@@ -265,4 +266,5 @@ def _discretisation(fit: Fit) -> str:
     assert check is not None
     shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
-    return f"{cost} and the orders move by {shifts}" if shifts else cost
+    said = f"{cost} and the orders move by {shifts}" if shifts else cost
+    return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said

@@ -269,7 +269,7 @@ def _redrawn(
     problem = portable.problem
     median = _rests_on_median(problem)
     records = tuple(
-        replace(e, measured=e.measured - error + resampled(error, length, rng, median=median))
+        replace(e, measured=e.measured + e.in_units(resampled(error, length, rng, median=median) - error))
         for e, error in zip(problem.experiments, errors, strict=True)
     )
     best = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))

@@ -48,8 +48,13 @@ ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x
 For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
 :math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
 
-An unknown at one of its bounds is held there; directions that J does not see (singular values of the
-column-scaled J below 10⁻⁶ of the largest) are reported by the names that take part in them.
+An unknown at one of its bounds is held there, and an interval that depends on it says so (:attr:`Uncertainty.given`);
+directions that J does not see (singular values of the column-scaled J below 10⁻⁶ of the largest) are reported by the
+names that take part in them.
+
+An encoder without dither leaves errors that are no noise: where it rests all are one.  What they do is known from the
+trajectory (:mod:`fracid.estimation.rounding`), and takes the place of S for outputs of which noise and rounding explain
+all; of others that leave up to twice as much it is added.
 
 References
 ----------
@@ -74,6 +79,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.estimation.rounding import edges, half_widths
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.qr import triangle
@@ -126,6 +132,9 @@ WHITENED = 0.97
 BOUND = 1e-3
 """An unknown further from its bounds than this part of its range lies at none."""
 
+DEPENDS = 1.1
+"""An interval that would be so many times as wide, were an unknown not at its bound, depends on it."""
+
 TOUCHING = 1.0
 """Nor does one that is further than this many of the standard errors that it has when it is free."""
 
@@ -156,6 +165,8 @@ class Uncertainty:
     """Of all recordings."""
     widening: FloatArray = field(default_factory=lambda: np.ones(1))
     """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
+    given: tuple[tuple[str, ...], ...] = ()
+    """Unknowns at a bound on which the interval of each depends, by name; empty where none lies at one."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
@@ -231,7 +242,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return Failure(
             FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
         )
-    active, estimator = _held(problem, x, jobs)
+    active, estimator, seen = _held(problem, x, jobs)
     error = np.full(len(x), np.nan)
     if active.all():
         return Uncertainty(error, active, (), 0.0, 1.0, error)
@@ -262,7 +273,35 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         null_space,
         samples,
         wider,
+        _given(problem, x, active, seen, jobs),
     )
+
+
+def _given(
+    problem: Problem, x: FloatArray, active: NDArray[np.bool_], seen: _Seen, jobs: int
+) -> tuple[tuple[str, ...], ...]:
+    r"""On which of the unknowns at a bound the interval of each other one depends.
+
+    Were unknown j free, the variance of i, :math:`(A^{-1})_{ii}`, would grow by :math:`b_i^2/s`, with
+    :math:`b = A^{-1} a_j` and :math:`s = a_{jj} - a_j' A^{-1} a_j`, what the others do not see of j.
+    """
+    given: list[tuple[str, ...]] = [()] * len(x)
+    at, free = np.flatnonzero(active), np.flatnonzero(~active)
+    beyond = jacobian(problem, x, at, jobs=jobs) if len(at) else Failure(FailureReason.NOTHING_FREE, "")
+    if isinstance(beyond, Failure) or not len(free):
+        return () if not len(at) else tuple(given)
+    errors, J = seen
+    rows, _ = rows_and_scores(problem, errors, [np.concatenate(both, axis=-1) for both in zip(J, beyond, strict=True)])
+    size = np.linalg.norm(rows, axis=0)
+    A = (rows / np.where(size > 0, size, 1.0)).T @ (rows / np.where(size > 0, size, 1.0))
+    n = len(free)
+    inverse = np.linalg.pinv(A[:n, :n], rcond=UNSEEN**2, hermitian=True)
+    for j, a in zip(at, A[n:, :n], strict=True):
+        b = inverse @ a
+        left = max(1.0 - float(a @ b), UNSEEN)
+        for i in np.flatnonzero(b**2 / left > (DEPENDS**2 - 1) * np.diag(inverse)):
+            given[free[i]] += (problem.names[j],)
+    return tuple(given)
 
 
 def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | Failure:
@@ -310,6 +349,9 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
         tall /= norm
     _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
     nonzero = singular > UNSEEN * max(singular[0], 1e-300)
+    rounding = edges(problem, errors, J, _loss(problem).psi)
+    if rounding is not None:
+        _leave_out(problem, errors, J, rounding.alone, scores, norm)
     S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
     S, S0 = (
@@ -319,11 +361,28 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
-    covariance = np.outer(wider, wider) * (inverse @ S @ inverse) / scale
+    covariance = np.outer(wider, wider) * (inverse @ S @ inverse)
+    if rounding is not None:  # of which the trajectory tells, not few samples
+        covariance += inverse @ (rounding.white / scale) @ inverse
+        narrower = half_widths(tuple(t / norm @ inverse for t in rounding.tables), np.diag(covariance)) / NORMAL_95
+        covariance += inverse @ (rounding.covariance / scale) @ inverse
+        covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
+    covariance /= scale
     return Sandwich(
         free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
         bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
     )  # fmt: skip
+
+
+def _leave_out(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray], outputs: tuple[FloatArray, ...],
+    scores: list[FloatArray], norm: FloatArray,
+) -> None:  # fmt: skip
+    """Take those outputs whose errors are noise and rounding alone, 1 of each recording's, out of the scores."""
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
+    for s, e, j, w, explained in zip(scores, errors, J, weights, outputs, strict=True):
+        if explained.any():
+            s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
 
 
 def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
@@ -359,15 +418,18 @@ def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArra
     return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
 
 
-def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | Failure]:
-    """Which unknowns their bounds hold, shape (n_unknowns,), and the sandwich of all others, or why there is none."""
+def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | Failure, _Seen]:
+    """Which unknowns their bounds hold, shape (n_unknowns,), and of all others the sandwich, or why there is none.
+
+    The last are errors and Jacobian of those others.
+    """
     near, away = _near(problem, x)
     some = np.flatnonzero(~near | (away > 0))
     if not len(some):
-        return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound")
+        return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound"), ([], [])
     linearisation = _seen(problem, x, some, jobs)
     if isinstance(linearisation, Failure):
-        return near, linearisation
+        return near, linearisation, ([], [])
     errors, J = linearisation
     estimator = _sandwich(problem, errors, J, some)
     blind = np.any(_unseen(problem, x, estimator) != 0, axis=0)
@@ -375,8 +437,9 @@ def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_]
     active[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(estimator.covariance)))
     interior = ~active[some]
     if interior.all() or not interior.any():
-        return active, estimator
-    return active, _sandwich(problem, errors, [j[..., interior] for j in J], some[interior])
+        return active, estimator, (errors, J)
+    J = [j[..., interior] for j in J]
+    return active, _sandwich(problem, errors, J, some[interior]), (errors, J)
 
 
 def rows_and_scores(

@@ -161,8 +161,11 @@ def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
 def horizons(problem: Problem) -> Iterator[float]:
     """Seconds: one swing of the slowest recording, then each half as long again, below the whole record.
 
-    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.
+    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.  Where samples are
+    uneven, as those of a relaxation are, nothing swings, and there are none.
     """
+    if all(e.times is not None for e in problem.experiments):
+        return
     whole = max(e.time[-1] for e in problem.experiments)
     horizon = max(_first_horizon(e) for e in problem.experiments)
     while horizon < 0.75 * whole:

@@ -139,7 +139,17 @@ def identifiability(
     if isinstance(known, Failure):
         return {n: Verdict(n, "unknown", str(known)) for n in problem.names}
     view = _View(problem, x, known, profiles or {}, jobs)
-    return {n: next(verdict for rule in RULES for verdict in rule(view, i)) for i, n in enumerate(problem.names)}
+    return {n: _given(view, i, next(verdict for rule in RULES for verdict in rule(view, i)))
+            for i, n in enumerate(problem.names)}  # fmt: skip
+
+
+def _given(view: _View, i: int, verdict: Verdict) -> Verdict:
+    """A verdict with the bounds on which its interval depends."""
+    at = view.known.given[i] if view.known.given else ()
+    if not at or verdict.kind != "identifiable":
+        return verdict
+    values = " and ".join(f"{n} = {view.x[view.names.index(n)]:.4g}" for n in at)
+    return replace(verdict, reason="; ".join(filter(None, (verdict.reason, f"given that {values}"))))
 
 
 class _View:

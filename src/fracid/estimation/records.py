@@ -8,7 +8,7 @@ recording alone, such as its initial angle.  Both are records of numbers; nothin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import Style, draw
+from fracid.problem import Experiment
 from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Estimate", "RecordingFit"]
+__all__ = ["Estimate", "RecordingFit", "deviations_of"]
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,10 @@ class RecordingFit:
     """The output that is the pendulum's angle."""
     scored: NDArray[np.bool_] | None = None
     """Which samples count, shape (n_samples,); None for all."""
+    deviations: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Output → the standard deviation of its samples, in its unit, shape (n_samples,); empty where none is known."""
+    uneven: bool = False
+    """Whether its samples are meant to lie unevenly."""
 
     def zero_of(self, output: str) -> str:
         """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
@@ -132,6 +137,10 @@ class RecordingFit:
         residual = np.asarray(self.measured[output] - self.fitted[output])
         return residual if self.scored is None else np.where(self.scored, residual, np.nan)
 
+    def standardised(self, output: str) -> FloatArray:
+        """The residual in the standard deviations of the samples, where these are known; else as :meth:`residual`."""
+        return self.residual(output) / self.deviations.get(output, 1.0)
+
     def _scored(self, signal: FloatArray) -> FloatArray:
         return signal if self.scored is None else np.asarray(signal)[self.scored]
 
@@ -179,6 +188,11 @@ class RecordingFit:
         name = output or (self.pendulum if self.pendulum in self.measured else next(iter(self.measured)))
         kind = "residual_diagnostics" if tests else "residual_plots"
         return draw(kind, self, name, resolution=self.resolutions, style=style)
+
+
+def deviations_of(outputs: Sequence[str], e: Experiment) -> dict[str, FloatArray]:
+    """Output → the standard deviations of its samples; empty where none is known."""
+    return {} if e.deviation is None else dict(zip(outputs, e.deviation.T, strict=True))
 
 
 def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:

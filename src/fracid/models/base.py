@@ -17,13 +17,15 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
    order is known has the number itself: 1.0 for an ordinary derivative.  What an order is in the model without
    fractional calculus goes into ``integer_orders`` where it is not 1: a damper written as D^r z = x', z = D^(1-r) x, is
    a dashpot at r = 0 and a spring at r = 1, so ``{"r": 0}``.
-4. Say what is measured: of a state its index, ``outputs = {"alpha": 0}``; of anything else a function of the same
+4. Name the inputs.  The rate of a measured position, which a dashpot or a springpot resists, is an input too,
+   ``inputs = ("length", "speed")``, and fracid finds it: ``input_rates = {"speed": "length"}``.
+5. Say what is measured: of a state its index, ``outputs = {"alpha": 0}``; of anything else a function of the same
    language, ``outputs = {"force": force}`` with ``def force(t, x, u, p): return p[0] * x[0] + p[1] * x[1]``.  At a
    sample where an input jumps it sees the new value.
-5. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
+6. List the parameters: SI units, a value to start from, bounds only where the model means nothing beyond
    them (a fit's own bounds belong into the project file).
-6. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
-7. What is friction is told by its name, ``b_…``, ``coulomb_…``, ``drag_…``, ``cable_…``, or by the parameter's
+7. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
+8. What is friction is told by its name, ``b_…``, ``coulomb_…``, ``drag_…``, ``cable_…``, or by the parameter's
    ``friction`` (:mod:`fracid.models.friction`).  The other fields of :class:`Model` may stay empty: they are what the
    reports, figures and exports of our own models ask for.
 
@@ -209,8 +211,8 @@ class Model:
     states: tuple[str, ...]
     """Names of the states x, shape (n_states,)."""
     orders: tuple[str | float | Complement, ...]
-    """For each state the name of its order, the order itself where it is known, or of a springpot the parameter that
-    it follows, shape (n_states,)."""
+    """For each state the name of its order, the order itself where it is known, or of a springpot ``Complement("nu")``:
+    its state has the order 1 − ν, and ν is a parameter, or else an order of that name; shape (n_states,)."""
     outputs: Mapping[str, int | Output]
     """Measured signals: name to index of the state, or to a function ``h(t, x, u, p)`` that returns the signal."""
     inputs: tuple[str, ...]
@@ -228,6 +230,9 @@ class Model:
     """Output → what there is to say of it, for those that are angles."""
     input_units: Mapping[str, str] = field(default_factory=dict)
     """Input → its unit; SI where it says nothing."""
+    input_rates: Mapping[str, str] = field(default_factory=dict)
+    """Input → the input of which it is the rate, such as the speed of a position that was recorded: it is the slope of
+    the lines between its samples where no column of its own is given."""
     drive: str = ""
     """The parameter that makes a torque of the input; "" where there is none."""
     seen_in: Mapping[str, str] = field(default_factory=dict)
@@ -300,7 +305,10 @@ class Model:
     @property
     def order_names(self) -> tuple[str, ...]:
         """Names of the orders that have one, each once, in order of appearance."""
-        return tuple(dict.fromkeys(order for order in self.orders if isinstance(order, str)))
+        of_springpots = {*self.springpot_orders.values()}
+        names = (q.parameter if isinstance(q, Complement) else q for q in self.orders)
+        return tuple(dict.fromkeys(n for n in names if (isinstance(n, str) and n not in self.parameter_names)
+                                   or n in of_springpots))  # fmt: skip
 
     @cached_property
     def rates(self) -> dict[int, int]:
@@ -429,7 +437,24 @@ class Model:
     def complements(self) -> tuple[tuple[int, int], ...]:
         """(state, parameter) of each springpot: the state's order is 1 minus the parameter."""
         names = self.parameter_names
-        return tuple((i, names.index(q.parameter)) for i, q in enumerate(self.orders) if isinstance(q, Complement))
+        springpots = ((i, q.parameter) for i, q in enumerate(self.orders) if isinstance(q, Complement))
+        return tuple((i, names.index(nu)) for i, nu in springpots if nu in names)
+
+    @cached_property
+    def springpot_orders(self) -> dict[int, str]:
+        """State → the order ν of its springpot, of those that have one by name: the state's is 1 − ν.
+
+        Examples
+        --------
+        >>> def creep(t, x, u, p, out):
+        ...     out[0] = u[0] * p[0]
+        >>> strip = Model("strip", creep, ("y",), (Complement("nu"),), {"y": 0}, ("speed",),
+        ...               (Parameter("c", "1", 2.0, "its stiffness"),), "", "an example")
+        >>> strip.springpot_orders, strip.order_names, strip.state_orders({"nu": 0.25})
+        ({0: 'nu'}, ('nu',), array([0.75]))
+        """
+        springpots = ((i, q.parameter) for i, q in enumerate(self.orders) if isinstance(q, Complement))
+        return {i: nu for i, nu in springpots if nu not in self.parameter_names}
 
     def state_orders(self, orders: Mapping[str, float], parameters: FloatArray | None = None) -> FloatArray:
         """Return the order of each state.
@@ -463,6 +488,8 @@ class Model:
         q = np.array([known[q] if isinstance(q, str | Complement) else q for q in self.orders], dtype=np.float64)
         for state, parameter in self.complements:
             q[state] = 1.0 - p[parameter]
+        for state, name in self.springpot_orders.items():
+            q[state] = max(1.0 - values[name], NEAR_0)
         return q
 
     def state_vector(self, states: Mapping[str, float]) -> FloatArray:
@@ -560,6 +587,8 @@ def _check_order(model: Model, name: str, order: float) -> None:
         raise unknown_name(f"{model.name} order", name, model.order_names)
     if not is_number(order) or not 0.0 < order < 2.0:
         raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
+    if name in model.springpot_orders.values() and order > 1.0:
+        raise InputError(f"order {name} = {order!r}: a springpot's lies between 0, a spring, and 1, a dashpot")
 
 
 def _check_names(model: Model) -> None:
@@ -602,9 +631,7 @@ def _check_shapes(model: Model) -> None:
             " expected at least one state, and one order name for each"
         )
     for order in model.orders:
-        if isinstance(order, Complement):
-            model.parameter(order.parameter)
-        elif not isinstance(order, str) and not (is_number(order) and 0.0 < order < 2.0):
+        if not isinstance(order, Complement | str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
                 f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
             )
@@ -621,6 +648,10 @@ def _check_shapes(model: Model) -> None:
                 f"model {model.name}: output {output!r} points to state {index!r};"
                 f" expected an index from 0 to {len(model.states) - 1}, or a function h(t, x, u, p)"
             )
+    for name, of in model.input_rates.items():
+        for n in (name, of):
+            if n not in model.inputs:
+                raise unknown_name(f"input in input_rates of {model.name}", n, model.inputs)
     for name, value in model.integer_orders.items():
         if name not in model.order_names:
             raise unknown_name(f"order in integer_orders of {model.name}", name, model.order_names)

@@ -14,6 +14,8 @@ drag                :math:`d\,v|v|`
                     Dahl's model where s = 0, LuGre's otherwise
 :func:`springpot`   :math:`c\,D^ν q`, between a spring (ν = 0) and a dashpot (ν = 1):                      y, order
                     :math:`D^{1-ν} y = v`, torque :math:`c\,y`                                             1 − ν
+:func:`maxwell`     :math:`c\,(q - y)`, a spring in series with a dashpot,                                 y, order 1
+                    :math:`\dot y = (q - y)/τ`
 spring              :math:`k\,(q - q_0)`
 :func:`gap`         of a gear: what of an angle or a voltage is beyond its play
 :func:`saturated`   what an amplifier gives of a voltage
@@ -51,7 +53,7 @@ from dataclasses import dataclass
 
 from fracid.arrays import FloatArray
 
-__all__ = ["ELEMENTS", "Complement", "gap", "presliding", "saturated", "sliding", "springpot"]
+__all__ = ["ELEMENTS", "Complement", "gap", "maxwell", "presliding", "saturated", "sliding", "springpot"]
 
 SLIPPERY = 1e-9
 """Part of the breakaway torque below which sliding friction counts as this: what it divides by is not zero."""
@@ -63,10 +65,10 @@ CONTACT = (2.0 * math.pi * 60.0) ** 2
 
 @dataclass(frozen=True)
 class Complement:
-    """The order of a springpot's state: 1 − ν, with ν a parameter of the model."""
+    """The order of a springpot's state: 1 − ν, with ν a parameter of the model, or an order."""
 
     parameter: str
-    """Its name."""
+    """Its name; an order's where the model has no such parameter."""
 
     def __str__(self) -> str:
         """As a formula."""
@@ -169,6 +171,25 @@ def springpot(x: FloatArray, out: FloatArray, i: int, v: float, c: float) -> flo
     return float(c * x[i])
 
 
+def maxwell(x: FloatArray, out: FloatArray, i: int, q: float, c: float, tau: float) -> float:
+    """Torque c·(q − y) [N m] of a spring in series with a dashpot, ẏ = (q − y)/τ for the state i, the dashpot's angle.
+
+    It asks for the angle alone, no rate.  ``relaxing = {"y": "tau"}`` in the model has the solver step it without loss,
+    however short τ is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> out = np.zeros(1)
+    >>> maxwell(np.array([0.5]), out, 0, 3.0, 2.0, 0.25), float(out[0])
+    (5.0, 10.0)
+    """
+    out[i] = (q - x[i]) / tau
+    if len(out) > len(x):
+        out[len(x) + i] = 1.0 / tau
+    return float(c * (q - x[i]))
+
+
 def gap(q: float, half: float) -> float:
     """What of q is beyond ±half: the play of a gear [rad], the dead zone of a motor [V].
 
@@ -195,5 +216,5 @@ def saturated(u: float, most: float) -> float:
     return min(max(u, -most), most)
 
 
-ELEMENTS = (stribeck, sliding, presliding, springpot, gap, saturated)
+ELEMENTS = (stribeck, sliding, presliding, springpot, maxwell, gap, saturated)
 """What the solver compiles with a right-hand side that calls it."""

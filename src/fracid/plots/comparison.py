@@ -10,6 +10,7 @@ import numpy as np
 
 from fracid.errors import InputError
 from fracid.plots import appearance
+from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +67,7 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
         for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
             _rungs(axes, comparison, output, recordings, use)
             appearance.title(axes, title if output == comparison.outputs[0] else "")
-        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)} [°]")
+        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)}{_in(comparison, output)}")
     appearance.finish(figure, "what each rung leaves unexplained")
     return figure
 
@@ -89,7 +90,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
     for fractional, style in KINDS.items():
         rows = [row for row in comparison.rows if row.fractional == fractional]
         at = np.array([frictions.index(row.friction) for row in rows])
-        errors = np.array([[_degrees(_scores(row, use).get(n), output) for row in rows] for n in recordings])
+        errors = np.array([[_shown(_scores(row, use).get(n), output, comparison) for row in rows] for n in recordings])
         if len(recordings) > 1:
             axes.plot(at, errors.T, color=style["color"], lw=0.6, alpha=0.4)
         mean = errors.mean(axis=0)
@@ -112,10 +113,17 @@ def _scores(row: Row, use: str) -> Mapping[str, Score]:
     return row.in_sample if use == "in_sample" else row.held_out
 
 
-def _degrees(score: Score | None, output: str) -> float:
+def _in(comparison: Comparison, output: str) -> str:
+    """The unit, as an axis has it."""
+    unit, _ = shown_unit(comparison.units.get(output, "rad"))
+    return f" [{unit}]" if unit else ""
+
+
+def _shown(score: Score | None, output: str, comparison: Comparison) -> float:
     """NaN, which is drawn as missing, where the run fails."""
     value = math.inf if score is None else score.rmse[output]
-    return math.degrees(value) if math.isfinite(value) and value > 0 else math.nan
+    _, factor = shown_unit(comparison.units.get(output, "rad"))
+    return factor * value if math.isfinite(value) and value > 0 else math.nan
 
 
 def _log(axes: Axes) -> None:

@@ -238,6 +238,10 @@ def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, analy
         return
     part = longest_stretch(np.isfinite(whole))
     _autocorrelation(lags, whole[part], analysis)
+    if not analysis.spectrum.sentence:
+        spectrum.set(xticks=[], yticks=[])
+        appearance.note(spectrum, "uneven samples have none")
+        return
     _spectrum(spectrum, whole[part], factor, analysis)
 
 

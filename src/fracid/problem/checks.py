@@ -115,6 +115,11 @@ def _check_bounds(p: Parametrisation) -> None:
             low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
             if not 0 < low <= high < 2:
                 raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
+            if high > 1 and name in p.model.springpot_orders.values():
+                raise InputError(
+                    f"{name} = {low:g} … {high:g}: a springpot's order lies between 0, a spring, and 1, a dashpot: "
+                    f"type {name} = {{ start = 0.5, lower = 0.02, upper = 0.98 }}."
+                )
     for name in p.parameters:
         constant, free = p.model.parameter(name), p.parameters.get(p.ties.get(name, name))
         whose = f"{p.ties[name]}'s" if name in p.ties else "its"

@@ -1,4 +1,9 @@
-"""An Experiment: a recording as a problem uses it, from time 0, on a uniform grid, in columns."""
+"""An Experiment: a recording as a problem uses it, from time 0, in columns.
+
+Its samples lie on a uniform grid, on which the model is stepped too.  Where they crowd about what happens, as those of
+a relaxation do, they stay where they are (`times`): the model is stepped by the smallest of their distances and read
+at them, and the inputs, which go straight from sample to sample, lie on the grid.
+"""
 
 from __future__ import annotations
 
@@ -22,20 +27,30 @@ from fracid.signals.swing import common_period
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
 
-__all__ = ["Experiment", "held_inputs"]
+__all__ = ["DEVIATION", "Experiment", "held_inputs"]
+
+DEVIATION = "_sd"
+"""Behind an output's name: the signal that is the standard deviation of its samples."""
+
+LEAST_STEPS = 2000
+"""Steps of a model from the first to the last of uneven samples: more than one from sample to sample where these are
+few, for what relaxes between them must be followed too."""
+
+MOST_UNEVEN = 10**7
+"""Steps of a model from the first to the last of uneven samples: what the compressed memory is certified for."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A recording as a problem sees it: from time 0, on a uniform grid, outputs and inputs in columns."""
+    """A recording as a problem sees it: from time 0, outputs and inputs in columns."""
 
     name: str
     step: float
-    """[s]"""
+    """Of the grid [s]."""
     measured: FloatArray
     """Outputs [rad], shape (n_samples, n_outputs)."""
     inputs: FloatArray
-    """u on the grid, shape (n_samples, n_inputs), or one row for all."""
+    """u on the grid, shape (n_grid, n_inputs), or one row for all; the grid is the samples', but of uneven ones."""
     start: float = 0.0
     """Time of the first sample on the recording's own clock [s]."""
     sha256: str = ""
@@ -63,10 +78,15 @@ class Experiment:
     """Input → what it does between its samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     mask: tuple[tuple[float, float], ...] = ()
     """From when to when samples are not scored, both included, on the recording's own clock [s]."""
+    times: FloatArray | None = None
+    """Of uneven samples, from 0 [s], shape (n_samples,); None where they lie on the grid."""
+    deviation: FloatArray | None = None
+    """Standard deviation of each sample, in its output's unit, shape (n_samples, n_outputs); None where all count
+    alike.  Errors are then counted in it."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
-        for name in ("measured", "inputs", "past", "past_inputs"):
+        for name in ("measured", "inputs", "past", "past_inputs", "times", "deviation"):
             values = getattr(self, name)
             if values is not None:
                 refuse_masked(f"{self.name}: {name}", values)
@@ -89,12 +109,14 @@ class Experiment:
         The `options` are what else a recording has: its `weight`, its `release_time`, its `sensors` and `actuators`,
         `between`, where a voltage is held if nothing is said, and its `mask`, to which its bridged gaps are added.
         `before` is the recording of what came before, for a start in motion (:meth:`Recording.split` gives both).
+        A signal that is called as an output with ``_sd`` behind it is the standard deviation of its samples.
 
         Raises
         ------
         InputError
-            If an output is not among its signals, a signal has a unit that the model's has not, it is not on a uniform
-            grid, a state is unknown, or a mask is outside of it.
+            If an output is not among its signals, a signal has a unit that the model's has not, its samples are uneven
+            and nobody said that they are meant so (:attr:`Recording.uneven`), a state is unknown, or a mask is outside
+            of it.
 
         Examples
         --------
@@ -112,7 +134,7 @@ class Experiment:
                     f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
                 )
         _refuse_other_dimensions(recording, model)
-        if recording.step is None:
+        if recording.step is None and not recording.uneven:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         for name in initial or {}:
             if name not in model.states:
@@ -120,7 +142,10 @@ class Experiment:
         past: dict[str, Any] = {}
         if before is not None:
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
-            if before.step is None or abs(recording.time[0] - before.time[-1] - recording.step) > 1e-3 * recording.step:
+            step = recording.step
+            if step is None:
+                raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
+            if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
                 raise InputError(
                     f"{recording.name}: the past must end one step before the start, on the same grid; "
                     "take both from one recording: before, after = recording.split(time)."
@@ -128,15 +153,28 @@ class Experiment:
         measured, inputs = _columns(recording, model, outputs)
         options["between"] = held_inputs(recording, model) | dict(options.get("between", {}))
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
+        options["deviation"] = _deviation(recording, outputs)
+        step = recording.step
+        if step is None:
+            options["times"] = recording.time - recording.time[0]
+            step, inputs = _on_the_grid(recording, model, options["times"], inputs)
+        inputs = _with_rates(recording, model, step, inputs, options)
         return cls(
-            recording.name, recording.step, measured, inputs, float(recording.time[0]), recording.sha256,
+            recording.name, step, measured, inputs, float(recording.time[0]), recording.sha256,
             initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
 
     @cached_property
     def time(self) -> FloatArray:
         """From 0 [s], shape (n_samples,)."""
+        if self.times is not None:
+            return self.times
         return np.arange(len(self.measured), dtype=np.float64) * self.step
+
+    @property
+    def steps(self) -> int:
+        """Steps of the grid from the first sample to the last, or just beyond it."""
+        return len(self.measured) - 1 if self.times is None else _steps_to(float(self.times[-1]), self.step)
 
     @property
     def most_moved(self) -> FloatArray:
@@ -176,11 +214,28 @@ class Experiment:
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds, those that are not scored beside them."""
+        if self.times is not None:
+            n = max(3, int(np.searchsorted(self.times, horizon, side="right")))
+            return self._first(n, _steps_to(float(self.times[min(n, len(self.times)) - 1]), self.step) + 1)
         n = max(3, round(horizon / self.step) + 1)
         if self.scored is not None:
             n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
         n = min(len(self.measured), n)
-        return replace(self, measured=self.measured[:n], inputs=self.inputs[:n])
+        return self._first(n, n)
+
+    def _first(self, n: int, on_the_grid: int) -> Experiment:
+        """The first samples, and as many inputs as the grid has up to the last of them."""
+        times, deviation = (None if a is None else a[:n] for a in (self.times, self.deviation))
+        inputs = self.inputs[:on_the_grid]
+        return replace(self, measured=self.measured[:n], inputs=inputs, times=times, deviation=deviation)
+
+    def in_deviations(self, error: FloatArray) -> FloatArray:
+        """Errors in standard deviations where these are known, shape (n_samples, n_outputs)."""
+        return error if self.deviation is None else error / self.deviation
+
+    def in_units(self, error: FloatArray) -> FloatArray:
+        """Errors in the outputs' units, of those in standard deviations where these are known, shape (n_samples, n)."""
+        return error if self.deviation is None else error * self.deviation
 
     @property
     def all_inputs(self) -> FloatArray:
@@ -267,3 +322,66 @@ def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tupl
         return measured, np.zeros((1, len(model.inputs)))
     columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
     return measured, np.ascontiguousarray(np.column_stack(columns))
+
+
+def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | None:
+    """The standard deviations of the samples; of all outputs or of none."""
+    names = [f"{n}{DEVIATION}" for n in outputs]
+    missing = [n for n, sd in zip(outputs, names, strict=True) if sd not in recording.signals]
+    if len(missing) == len(names):
+        return None
+    if missing:
+        raise InputError(f"{recording.name}: sd is given of some outputs, and not of {missing[0]!r}; give it of each.")
+    deviation = np.column_stack([recording.signals[n] for n in names])
+    if not np.all(deviation > 0):
+        k = int(np.argmin(np.min(deviation, axis=1)))
+        raise InputError(
+            f"{recording.name}: a standard deviation is {deviation[k].min():g} at {recording.time[k]:.6g} s; expected "
+            "numbers above 0. A sample of which none is known can be masked, with a number in its place."
+        )
+    return deviation
+
+
+def _steps_to(end: float, step: float) -> int:
+    return math.ceil(end / step * (1 - 1e-9))
+
+
+def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
+    """The step with which a model goes through uneven samples, and the inputs on its grid."""
+    step = float(np.min(np.diff(times)))
+    step /= math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step))
+    count = _steps_to(float(times[-1]), step) + 1
+    if count > MOST_UNEVEN:
+        raise InputError(
+            f"{recording.name}: its samples are {step:.3g} s apart where they are nearest, over {times[-1]:.3g} s: "
+            f"{count:.3g} steps of the model; expected {MOST_UNEVEN:.0e} at most. Leave out those that crowd."
+        )
+    if len(inputs) == 1:
+        return step, inputs
+    grid = np.arange(count) * step
+    last = np.searchsorted(times, grid + 1e-9 * step, side="right") - 1
+    columns = [
+        u[last] if n in recording.held else np.interp(grid, times, u)
+        for n, u in zip(model.inputs, inputs.T, strict=True)
+    ]
+    return step, np.ascontiguousarray(np.column_stack(columns))
+
+
+def _with_rates(
+    recording: Recording, model: Model, step: float, inputs: FloatArray, options: dict[str, Any]
+) -> FloatArray:
+    """The inputs with the rates of those that were recorded: the slopes of the lines between their samples."""
+    rates = {n: of for n, of in model.input_rates.items() if n not in recording.signals and of in recording.signals}
+    if not rates or len(inputs) == 1:
+        return inputs
+    inputs = inputs.copy()
+    for name, of in rates.items():
+        if options["between"].get(of, "line") != "line" or of in options.get("actuators", {}):
+            raise InputError(
+                f"{recording.name}: the model takes the rate of {of} too, which is the slope of the lines between its "
+                f"samples: leave out between, delay, gain, bias and lowpass of {of}, or record {name} as well."
+            )
+        slopes = np.diff(inputs[:, model.inputs.index(of)]) / step
+        inputs[:, model.inputs.index(name)] = np.append(slopes, slopes[-1:])
+        options["between"] = {**options["between"], name: "hold"}
+    return inputs

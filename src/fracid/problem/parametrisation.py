@@ -155,6 +155,8 @@ class Parametrisation:
         orders, parameters, initial, release = vectors
         for state, nu in self.model.complements:
             orders[state] = 1.0 - parameters[nu]
+        for state, i in self._springpots:
+            orders[state] = 1.0 - x[i]
         parameters[list(self._switched_off[e.name])] = 0.0
         if e.sensors and self.initial_state in ("measured", "held"):
             found = [i for i, n in enumerate(self.model.states) if isinstance(e.initial.get(n), Free)]
@@ -210,6 +212,15 @@ class Parametrisation:
             ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
             for u in self.unknowns
         )
+
+    @cached_property
+    def _springpots(self) -> tuple[tuple[int, int], ...]:
+        """The state of each springpot whose order is unknown, and which unknown that is."""
+        return tuple(
+            (state, i)
+            for state, name in self.model.springpot_orders.items() for i, u in enumerate(self.unknowns)
+            if u.kind == "order" and u.target == self.ties.get(name, name)
+        )  # fmt: skip
 
     # --- values and ties ---------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
-__all__ = ["Problem"]
+__all__ = ["Problem", "alternative_of"]
 
 EVERY = ("every output",)
 """In place of the outputs that are scored: all that the model has."""
@@ -248,3 +248,25 @@ class Problem:
         orders = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.orders.items()}
         parameters = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.parameters.items()}
         return replace(self, orders=orders, parameters=parameters, experiments=experiments)
+
+
+def alternative_of(
+    problem: Problem, model: Model, orders: Mapping[str, Value], parameters: Mapping[str, Value]
+) -> Problem:
+    """Another model for the recordings of a problem, judged alike.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> import numpy as np
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(rig, (still,), {"lambda": 0.9, "mu": 0.9}, substeps=2)
+    >>> alternative_of(problem, rig, {"lambda": 1.0, "mu": 1.0}, {"b_theta": 0.0}).substeps
+    2
+    """
+    experiments = tuple(
+        replace(e, initial={n: v for n, v in e.initial.items() if n in model.states}) for e in problem.experiments
+    )
+    return replace(problem, model=model, orders=orders, parameters=parameters, per_recording=(),
+                   experiments=experiments, memo=None)  # fmt: skip

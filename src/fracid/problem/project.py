@@ -45,25 +45,26 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
-from fracid.problem.experiment import Experiment, held_inputs
+from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
-from fracid.problem.problem import Problem
+from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
-from fracid.recording.channel import Channel
+from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
@@ -71,6 +72,7 @@ from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import refuse_untrusted
 from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
+from fracid.solver.methods import METHODS
 
 __all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
 
@@ -80,6 +82,9 @@ CHANNEL = tuple(field.name for field in fields(Channel))
 
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
+
+SPRINGPOT_RANGE = Free(0.5, 0.02, 0.98)
+"""The same of a springpot's."""
 
 LARGEST_FILE = 2**24
 """Of a project [bytes]: 100,000 recordings."""
@@ -147,7 +152,7 @@ class _Recording(_Table):
     start: float | Literal["release"] | None = Field(default=None, alias="from")
     stop: float | None = Field(default=None, alias="to")
     use: Literal["fit", "validate"] = "fit"
-    resample: bool | float | Literal["needed"] = "needed"
+    resample: bool | float | Literal["needed", "uneven"] = "needed"
     variable: str | None = None
     initial: dict[str, float | _Range] = {}
     """States known at the start [rad], such as the angle of release, or to be found in a range."""
@@ -170,15 +175,26 @@ class _Fit(_Table):
     method: str = "pi2"
     memory: str = "compressed"
     tolerance: float = 1e-10
-    substeps: int = Field(default=1, ge=1)
+    substeps: int | None = Field(default=None, ge=1)
+    """None: chosen by the fit."""
     optimiser: str = "multistart"
     starts: int = Field(default=1, ge=1, le=MOST_STARTS)
     seed: int = Field(default=1, ge=0)
     preset: str | None = None
 
 
+class _Alternative(_Table):
+    """A model of integer order that the orders are held against."""
+
+    name: str
+    model: str
+    parameters: _Values = {}
+    orders: _Values = {}
+
+
 class _File(_Table):
     model: _Model = _Model()
+    alternative: list[_Alternative] = []
     recording: list[_Recording] = Field(min_length=1)
     fit: _Fit = _Fit()
 
@@ -201,6 +217,10 @@ class Project:
     preset: str | None
     notes: tuple[str, ...] = ()
     """What was done that the file does not say in so many words."""
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    """Models of integer order that its orders are held against, by name, on the recordings that are fitted."""
+    fixed_step: bool = True
+    """Whether the file says its ``substeps``, or its method is the paper's; else the fit chooses them."""
     own_code: tuple[Path, ...] = ()
     """Files of its own whose code was run: it is trusted."""
 
@@ -321,7 +341,8 @@ def _short(message: object) -> str:
 
 def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
     fit = _apply(content.fit, preset)
-    own_code = refuse_untrusted(path, (content.model.name, fit.cost), trust)
+    named = (content.model.name, *(a.model for a in content.alternative), fit.cost)
+    own_code = refuse_untrusted(path, named, trust)
     optimiser_from_name(fit.optimiser)
     paper = preset == "paper"
     model, parameters = _model(content.model, path.parent, paper)
@@ -358,16 +379,42 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     problem = Problem(
         model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
-        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps, fit.weights,  # type: ignore[arg-type]
+        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps or 1, fit.weights,  # type: ignore[arg-type]
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
+    alternatives = {refuse_unseen("the alternative's name", a.name): _alternative(a, problem, path.parent)
+                    for a in content.alternative}  # fmt: skip
+    if len(alternatives) < len(content.alternative):
+        raise InputError("two alternatives have the same name; give each its own.")
     return Project(
-        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes), own_code
-    )
+        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes),
+        alternatives, fit.substeps is not None or METHODS[problem.method].raw, own_code,
+    )  # fmt: skip
+
+
+def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
+    """The same recordings with another model, every order of which is an integer."""
+    model, parameters = _model(_Model(name=spec.model, parameters=spec.parameters), folder, paper=False)
+    orders = _orders(spec.orders, model)
+    outputs = tuple(n for n in problem.outputs if n in model.outputs)
+    pairs = {"inputs": (problem.model.inputs, model.inputs), "outputs": (problem.outputs, outputs)}
+    for kind, (ours, theirs) in pairs.items():
+        if theirs != ours:
+            raise InputError(
+                f"[[alternative]] {spec.name}: its {kind} are {', '.join(theirs) or 'none'}, and the model's "
+                f"{', '.join(ours)}; expected the same."
+            )
+    values = [*orders.values(), *(q for q in model.orders if isinstance(q, float | int))]
+    if model.complements or not all(isinstance(q, float | int) and float(q).is_integer() for q in values):
+        raise InputError(
+            f"[[alternative]] {spec.name}: not all of its orders are integers; give each, [alternative.orders] "
+            f"{(model.order_names or ('q',))[0]} = 1.0, or the number itself in the model."
+        )
+    return alternative_of(problem, model, orders, parameters)
 
 
 def _apply(fit: _Fit, preset: str | None) -> _Fit:
@@ -418,17 +465,24 @@ class _Channels(NamedTuple):
     """What stands between it and the model."""
     between: dict[str, Between]
     """What an input does between its samples."""
+    constants: dict[str, tuple[float, str]]
+    """Inputs that no column has, for they do not change: the value and its unit [SI]."""
 
 
 def _channels(spec: _Recording, model: Model) -> _Channels:
     """Part the tables of the signals."""
-    channels = _Channels(dict(spec.model_extra or {}), {}, {})
-    for name, table in channels.columns.items():
+    channels = _Channels(dict(spec.model_extra or {}), {}, {}, {})
+    for name, table in [*channels.columns.items()]:
         if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
-            known = (*CHANNEL, *QUANTITIES, *(["between"] if name in model.inputs else []))
+            if "constant" in table and name in model.inputs:
+                channels.constants[name] = _constant(name, channels.columns.pop(name))
+                continue
+            known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
             for key in table.keys() - {*known}:
                 raise unknown_name(f"field of {name}", key, known)
             channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
+            if "sd" in table:
+                channels.columns[f"{name}{DEVIATION}"] = _deviation(channels.columns[name], name, table["sd"])
             values = {key: _of_sensor(name, key, value) for key, value in table.items() if key in QUANTITIES}
             if values:
                 channels.sensors[name] = _named(f"[[recording]] {spec.name or spec.file}: {name}", Sensor, **values)
@@ -437,6 +491,30 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
                     raise unknown_name(f"between of {name}", table["between"], BETWEEN)
                 channels.between[name] = table["between"]
     return channels
+
+
+def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
+    """An input that does not change: its value in SI, and its unit there."""
+    value, unit = table["constant"], table.get("unit", "1")
+    for key in table.keys() - {"constant", "unit"}:
+        raise unknown_name(f"field of {name}, which is constant", key, ("constant", "unit"))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
+    if unit not in UNITS:
+        raise unknown_name(f"unit of {name}", str(unit), tuple(UNITS))
+    factor, si = UNITS[unit]
+    return factor * float(value), si
+
+
+def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, Any]:
+    """The column of an output's standard deviations: in its unit, without its sign and zero."""
+    if isinstance(column, bool) or not isinstance(column, int | str):
+        raise InputError(
+            f'{name}: sd = {column!r} is not possible; expected the column of its standard deviations, sd = "SD".'
+        )
+    same = {key: value for key, value in channel.items() if key in ("unit", "counts_per_turn")}
+    scale = channel.get("scale", 1.0)
+    return {**same, "column": column, "scale": abs(scale) if isinstance(scale, int | float) else scale}
 
 
 def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
@@ -468,7 +546,7 @@ def _load(
     columns = channels.columns
     signals = (*model.outputs, *model.inputs)
     for name in columns:
-        if name not in signals:
+        if name not in signals and name.removesuffix(DEVIATION) not in model.outputs:
             close = difflib.get_close_matches(name, [*signals, "from", "to", "file", "time", "use", "resample"], 1)
             hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(signals)}."
             raise InputError(f"[[recording]] {spec.name or spec.file}: unknown key {name!r}; {hint}")
@@ -486,10 +564,18 @@ def _load(
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     recording = load_recording(
         folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
-        variable=spec.variable,
+        variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
     held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
+    recording = replace(
+        recording,
+        signals={
+            **recording.signals,
+            **{n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()},
+        },
+        units={**recording.units, **{n: unit for n, (_, unit) in channels.constants.items()}},
+    )
     if not past:
         return recording, None
     after = recording.trim(spec.start)
@@ -534,7 +620,10 @@ def _orders(specs: Mapping[str, float | _Range | str], model: Model) -> dict[str
     for name in specs:
         if name not in model.order_names:
             raise unknown_name("order in [model.orders]", name, model.order_names)
-    return {n: _value(n, specs.get(n, ORDER_RANGE)) for n in model.order_names}
+    ranges = dict.fromkeys(model.order_names, ORDER_RANGE) | dict.fromkeys(
+        model.springpot_orders.values(), SPRINGPOT_RANGE
+    )
+    return {n: _value(n, specs.get(n, ranges[n])) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -619,9 +708,9 @@ def _keys(fault: Any) -> str:
 
 def _place(path: list[Any]) -> str:
     """``["recording", 0, "file"]`` → ``[[recording]] number 1: file``."""
-    if path and path[0] == "recording":
+    if path and path[0] in ("recording", "alternative"):
         number = f" number {path[1] + 1}" if len(path) > 1 else ""
-        return f"[[recording]]{number}" + "".join(f": {p}" for p in path[2:])
+        return f"[[{path[0]}]]{number}" + "".join(f": {p}" for p in path[2:])
     table, key = ".".join(map(str, path[:-1])), str(path[-1]) if path else ""
     return f"[{table}] {key}" if table else f"[{key}]"
 
@@ -629,6 +718,7 @@ def _place(path: list[Any]) -> str:
 def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
+    tables |= {path[:2]: _Alternative} if path[0] == "alternative" else {}
     table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
     keys = [*table.model_fields]
     match = difflib.get_close_matches(str(path[-1]), keys, 1)

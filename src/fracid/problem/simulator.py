@@ -70,14 +70,14 @@ class Simulator:
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
 
-        0 where a sample is not scored.
+        In standard deviations where the recording knows these; 0 where a sample is not scored.
         """
         errors = []
         for e in self.parametrisation.experiments:
             outputs = self.outputs(x, e)
             if isinstance(outputs, Failure):
                 return outputs
-            error = e.measured - outputs
+            error = e.in_deviations(e.measured - outputs)
             errors.append(error if e.scored is None else np.where(e.scored[:, None], error, 0.0))
         return errors
 
@@ -92,11 +92,14 @@ class Simulator:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         model, names = self.parametrisation.model, self.parametrisation.outputs
+        if e.times is not None and not e.sensors:
+            return np.column_stack([self._at_samples(x, e, run, n) for n in names])
         if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
             signals = [self._signal(x, e, run, n) for n in names]
             return np.column_stack([
-                _read(signal, e.time, readings.get(n, Reading())) for n, signal in zip(names, signals, strict=True)
+                _read(signal, e.time, readings.get(n, Reading()), even=e.times is None)
+                for n, signal in zip(names, signals, strict=True)
             ])  # fmt: skip
         columns = [model.output_states[n] for n in names]
         if e.release_time == 0.0:
@@ -104,6 +107,15 @@ class Simulator:
         moving = e.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([initial, run.at(e.time[moving])[:, columns]])
+
+    def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
+        """One output at uneven samples; those before the release have its first value."""
+        y, times = self.parametrisation.model.outputs[output], np.maximum(e.time, run.time[0])
+        states = run.at(times)
+        if isinstance(y, int):
+            return np.asarray(states[:, y])
+        p, u = self.parametrisation.unpack(x, e).parameters, self.inputs(x, e)
+        return output_along(y, times, states, u.at((times - run.time[0]) / run.step), p)
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
@@ -142,7 +154,7 @@ class Simulator:
         """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
         earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
         early = max(0.0, -earliest) + max((s.earliest for s in e.sensors.values()), default=0.0)
-        return (len(e.measured) - 1) * self.substeps + math.ceil(early * self.substeps / e.step)
+        return e.steps * self.substeps + math.ceil(early * self.substeps / e.step)
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
@@ -194,7 +206,7 @@ class Simulator:
         if e.release_time != 0.0:
             at = release * self.substeps / e.step + np.arange(count)
             return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
-        more = (len(e.measured) - 1) * self.substeps + 1
+        more = e.steps * self.substeps + 1
         return u if count == more else np.vstack([u, np.repeat(u[-1:], count - more, axis=0)])
 
     @cached_property
@@ -226,6 +238,8 @@ class Simulator:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
         digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
+        if e.times is not None:
+            digest.update(np.ascontiguousarray(e.times).data)
         if e.sensors or e.actuators or e.between:
             digest.update(repr((e.sensors, e.actuators, e.between)).encode())
         for vector in self.parametrisation.unpack(x, e):
@@ -255,13 +269,14 @@ EDGE = 8
 """Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""
 
 
-def _read(run: Trajectory, times: FloatArray, reading: Reading) -> FloatArray:
-    """What a sensor shows of a signal at evenly spaced times [s]; before the run its first value."""
-    if reading == Reading() and run.time[0] == 0.0:
+def _read(run: Trajectory, times: FloatArray, reading: Reading, *, even: bool) -> FloatArray:
+    """What a sensor shows of a signal at some times [s]; before the run its first value."""
+    if reading == Reading() and run.time[0] == 0.0 and even:
         return run.states[:: round((times[1] - times[0]) / run.step), 0][: len(times)]
     y = low_passed(run.states[:, 0], run.step, reading.lowpass)
     then = np.minimum(times - reading.delay, run.time[-1])
-    output, (inner, interior) = np.full(len(times), y[0]), _evenly(y, then, run)
+    output = np.full(len(times), y[0])
+    inner, interior = _evenly(y, then, run) if even else (slice(0, 0), np.empty(0))
     edges = then >= run.time[0]
     edges[inner] = False
     output[inner], output[edges] = interior, replace(run, states=y[:, None]).at(then[edges])[:, 0]

@@ -2,7 +2,8 @@
 
 In this order, the first that applies:
 
-1. what the caller names: ``{column = 0, unit = "ms"}`` or ``{rate = 1000}``;
+1. what the caller names: ``{column = 0, unit = "ms"}`` or ``{rate = 1000}``; with ``zero = "first"`` time is counted
+   from the first sample;
 2. a rate in the header of a file with one column (``sample_rate`` over ``1000``);
 3. of the columns whose name means time, or else of all, the one that increases most evenly.
 
@@ -81,8 +82,8 @@ class _Said:
 def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
     """Return time stamps, the rows that have one, and what was done."""
     spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
-    extras = set(spec) - {"column", "unit", "rate"}
-    if extras or (spec and ("rate" in spec) == ("column" in spec)):
+    extras = set(spec) - {"column", "unit", "rate", "zero"}
+    if extras or (spec and ("rate" in spec) == ("column" in spec)) or spec.get("zero", "first") != "first":
         raise InputError(
             f"time = {time!r} is not possible; expected {{column = 0}}, {{column = 0, unit = 'ms'}} or {{rate = 1000}}."
         )
@@ -110,6 +111,8 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         sentences.append(f"Time is in {header}, as its name {short_text(table.names[column])!r} says.")
     if not rows.all():
         sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
+    if "zero" in spec:
+        stamps = stamps - stamps[0]
     if abs(stamps[0]) > CLOCK_STAMP:
         sentences.append(f"Time is counted from the first stamp, {stamps[0]:.6f} s.")
         stamps = stamps - stamps[0]

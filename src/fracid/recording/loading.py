@@ -59,7 +59,8 @@ def load_recording(
         The part to keep [s], both included; `start` may be ``"release"``.
     resample : optional
         True for a uniform grid of the recording's own step, a number for that step [s], ``"needed"`` for
-        True only where time jitters by more than 1 % of a step or has gaps.
+        True only where time jitters by more than 1 % of a step or has gaps.  ``"uneven"`` says that samples are meant
+        to lie unevenly: a fit takes them where they are.
     name : str, optional
         None is the file's name without its ending.
     variable : str, optional
@@ -84,7 +85,9 @@ def load_recording(
     >>> load_recording(file, {"alpha": {"column": "alpha", "unit": "deg"}}).signals["alpha"].round(3)
     array([0.175, 0.157, 0.122])
     """
-    recording = inspect_recording(path, columns, time=time, start=start, stop=stop, name=name, variable=variable)
+    recording = inspect_recording(
+        path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample == "uneven"
+    )
     return resampled(recording, resample)
 
 
@@ -106,10 +109,10 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     array([0. , 0.1, 0.2, 0.3])
     """
     demand_fitness(recording)
-    if resample is None or resample is False or (resample == "needed" and recording.step is not None):
+    if resample in (None, False, "uneven") or (resample == "needed" and recording.step is not None):
         return recording
     if not isinstance(resample, Real) and resample != "needed":
-        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s] or "needed".')
+        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s], "needed" or "uneven".')
     return recording.resample(None if resample in (True, "needed") else float(resample))
 
 
@@ -123,16 +126,19 @@ def inspect_recording(
     name: str | None = None,
     variable: str | None = None,
     guess_units: bool = False,
+    uneven: bool = False,
 ) -> Recording:
     """Read a recording however unfit it is, so that its report can say why.
 
-    Parameters and errors are those of :func:`load_recording`, but for unfitness and this:
+    Parameters and errors are those of :func:`load_recording`, but for unfitness and these:
 
     Parameters
     ----------
     guess_units : bool
         Where neither the caller nor the file says a unit take the one that the numbers speak for, as
         ``fracid init`` does (:func:`fracid.recording.guess.guessed_units`), where else it is radians.
+    uneven : bool
+        Whether samples are meant to lie unevenly.
 
     Examples
     --------
@@ -156,7 +162,7 @@ def inspect_recording(
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
         signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
-        report = measure(clock, values, units, (*reading, *sentences))
+        report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
         return Recording(
             name or path.stem, path, digest, read_only(clock), {n: read_only(x) for n, x in values.items()}, units,
             replace(report, findings=(*source.findings, *report.findings)),

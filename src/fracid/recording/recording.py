@@ -49,6 +49,11 @@ class Recording:
     """Signals of which neither the caller nor the file says a unit."""
 
     @property
+    def uneven(self) -> bool:
+        """Whether its samples are meant to lie unevenly: ``resample="uneven"`` of :func:`fracid.load_recording`."""
+        return self.report.uneven
+
+    @property
     def step(self) -> float | None:
         """Step of the uniform grid [s], None where the samples lie on none: :meth:`resample` first."""
         clock = self.report.clock
@@ -196,7 +201,10 @@ class Recording:
         return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
 
     def _with(self, time: FloatArray, signals: Mapping[str, FloatArray], resampled: str | None) -> Recording:
-        report = measure(time, signals, self.units, self.report.reading, resampled, self.bridged)
+        report = measure(
+            time, signals, self.units, self.report.reading, resampled, self.bridged,
+            uneven=self.uneven and resampled is None,
+        )  # fmt: skip
         of_the_file = tuple(f for f in self.report.findings if f.where == "time")
         report = replace(report, findings=(*of_the_file, *report.findings))
         return replace(self, time=read_only(time), signals={n: read_only(x) for n, x in signals.items()}, report=report)

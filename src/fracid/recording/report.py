@@ -70,16 +70,18 @@ class Report:
     """How the samples were brought onto a uniform grid, None if they are the file's own."""
     findings: tuple[Finding, ...] = ()
     """What may be wrong with unit, range and sampling of the signals (:mod:`fracid.recording.faults`)."""
+    uneven: bool = False
+    """Whether its samples are meant to lie unevenly: gaps and jitter are then no faults."""
 
     @property
     def faults(self) -> tuple[str, ...]:
         """Why the recording cannot be used as it is, with what to do."""
-        return tuple([*_clock_faults(self.clock), *(_missing_fault(s) for s in self.signals if s.missing)])
+        return tuple([*_clock_faults(self.clock, self.uneven), *(_missing_fault(s) for s in self.signals if s.missing)])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
-        return (*_clock_warnings(self.clock), *map(str, self.findings))
+        return (*_clock_warnings(self.clock, self.uneven), *map(str, self.findings))
 
     @property
     def level(self) -> str:
@@ -107,12 +109,13 @@ class Report:
             return f"unfit: {self.faults[0].split('. ')[0].rstrip('.')}{more}"
         released = f"released at {self.release:.3f} s" if self.release is not None else "no release found"
         end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
-        jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM else ""
-        gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps else ""
+        jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM and not self.uneven else ""
+        gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps and not self.uneven else ""
         few = "few samples" if c.samples < FEW else ""
         findings = dict.fromkeys(f"{f.where} {f.code.replace('-', ' ')}" for f in self.findings)
         but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *findings))))
-        length = f"{c.samples} samples, {c.duration:.2f} s at {c.rate:.5g} Hz"
+        at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
+        length = f"{c.samples} samples, {c.duration:.2f} s {at}"
         return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
 
     def rows(self) -> list[tuple[str, str]]:
@@ -183,6 +186,8 @@ def measure(
     reading: tuple[str, ...] = (),
     resampled: str | None = None,
     bridged: tuple[tuple[float, float], ...] = (),
+    *,
+    uneven: bool = False,
 ) -> Report:
     """Measure a recording.
 
@@ -196,6 +201,8 @@ def measure(
         What was done before, carried into the report.
     bridged
         From when to when a gap was bridged [s]: what is there is no sample, and has no faults.
+    uneven
+        Whether samples are meant to lie unevenly: what is told by their steps is not asked.
 
     Returns
     -------
@@ -214,10 +221,12 @@ def measure(
     else:
         release, reason = release_time(time, _swinging(signals, units))
     measured = tuple(measure_signal(n, units[n], time, x) for n, x in signals.items())
+    uneven = uneven and not clock.uniform
     findings = (
-        () if clock.duplicated or clock.backward else signal_faults(time, _samples(time, signals, bridged), measured)
-    )
-    return Report(clock, measured, release, reason, reading, resampled, findings)
+        () if uneven or clock.duplicated or clock.backward
+        else signal_faults(time, _samples(time, signals, bridged), measured)
+    )  # fmt: skip
+    return Report(clock, measured, release, reason, reading, resampled, findings, uneven)
 
 
 def _samples(
@@ -241,7 +250,7 @@ def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> Fl
 # ----------------------------------------------------------------------- the sentences
 
 
-def _clock_faults(c: Clock) -> Iterable[str]:
+def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     if c.samples < 2:
         yield f"{c.samples} sample{'s' * (c.samples != 1)}; a recording needs at least two."
     disorder = len(c.duplicated) + len(c.backward)
@@ -252,17 +261,20 @@ def _clock_faults(c: Clock) -> Iterable[str]:
             f"the first at {first:.6g} s. Choose another time column, give the rate, or cut the part out."
         )
     longest = max((g for _, g in c.gaps), default=0.0)
-    if not disorder and longest > LONG_GAP * c.duration:
+    if not disorder and not uneven and longest > LONG_GAP * c.duration:
         at = next(t for t, g in c.gaps if g == longest)
         yield (
             f"a gap of {longest:.4g} s after {at:.4g} s is {100 * longest / c.duration:.0f} % of the "
-            "recording. Use the part before or after it (from, to)."
+            "recording. Use the part before or after it (from, to); or if its samples crowd where much happens, as "
+            'those of a relaxation do, type resample = "uneven".'
         )
 
 
-def _clock_warnings(c: Clock) -> Iterable[str]:
+def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
     if 1 < c.samples < FEW:
         yield f"{c.samples} samples are few to identify a model from"
+    if uneven:
+        return
     if c.gaps:
         gaps = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""

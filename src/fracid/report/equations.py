@@ -26,6 +26,7 @@ from fracid.report.sentences import digits, letter
 
 if TYPE_CHECKING:
     from fracid.models import Model
+from fracid.models.joints import Complement
 
 __all__ = ["Writer", "equations", "named"]
 
@@ -116,8 +117,17 @@ def _states(model: Model, orders: Mapping[str, Any]) -> Iterator[tuple[Markup, .
     arguments = _row(_i("t"), _o(","), _i("x"), _o(","), _i("u"), _o(","), _i("p"))
     for i, (state, order) in enumerate(zip(model.states, model.orders, strict=True), 1):
         f = _row(Markup("<msub>{}{}</msub>").format(_i("f"), _n(str(i))), _bracket(arguments))
-        value = digits(orders[order] if isinstance(order, str) else {"value": order})
-        yield _D(_number(value), _text(state)), f
+        yield _D(_order(order, orders), _text(state)), f
+
+
+def _order(order: str | float | Complement, orders: Mapping[str, Any]) -> Markup:
+    """The order of a state; of a springpot's 1 − ν, which is a name where ν is a parameter."""
+    if not isinstance(order, Complement):
+        return _number(digits(orders[order] if isinstance(order, str) else {"value": order}))
+    if order.parameter not in orders:
+        return _text(str(order))
+    nu = orders[order.parameter]
+    return _number(digits({**nu, "value": 1.0 - nu["value"]}))
 
 
 # --- MathML --------------------------------------------------------------------------------------

@@ -247,7 +247,7 @@ const RESIDUALS = {
 
 function residual(kind, recording, output) {
   const found = DATA.recordings.find(r => r.name === recording).residuals[output];
-  return found ? [{ height: 190, ...RESIDUALS[kind](found[kind]) }] : [];
+  return found && found[kind] ? [{ height: 190, ...RESIDUALS[kind](found[kind]) }] : [];
 }
 
 function profileChart(k) {

@@ -161,17 +161,20 @@ def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, 
     ρ = autocorrelation(e)
     count = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
     lags = np.unique(np.linspace(0, count - 1, min(count, 160)).astype(int))
-    f, S = power_spectrum(e, a.step)
-    spectrum = _log_bins(f[1:], S[1:])
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 120)).astype(int))
     quantiles = norm.ppf((ranks + 0.625) / (e.size + 0.25))
     ordered = np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300)
-    return {
+    traces: dict[str, Mapping[str, Any]] = {
         "acf": {"x": base64_floats(lags * a.step), "y": base64_floats(ρ[lags]), "band": 1.96 / np.sqrt(e.size)},
-        "spectrum": {"x": base64_floats(spectrum[0]), "y": base64_floats(factor**2 * spectrum[1]),
-                     "swing": a.spectrum.swing},
         "normal": {"x": base64_floats(quantiles), "y": base64_floats(ordered)},
-    }  # fmt: skip
+    }
+    if a.spectrum.sentence:  # uneven samples have none
+        f, S = power_spectrum(e, a.step)
+        spectrum = _log_bins(f[1:], S[1:])
+        traces["spectrum"] = {
+            "x": base64_floats(spectrum[0]), "y": base64_floats(factor**2 * spectrum[1]), "swing": a.spectrum.swing
+        }  # fmt: skip
+    return traces
 
 
 def _log_bins(f: FloatArray, S: FloatArray, bins: int = 120) -> tuple[FloatArray, FloatArray]:

@@ -202,7 +202,7 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
     if check is None:
         yield "What the step does was not checked.", False
     elif check["warning"]:
-        yield check["warning"], False
+        yield " ".join(filter(None, (check.get("refinement"), check["warning"]))), False
     elif check["shift"]:
         most = max(map(abs, check["shift"].values()))
         yield f"Solved at half the step, no order moves by more than {number(most, '.1g')}.", True

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.starts import Start
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import Project, project_from_text
@@ -67,9 +67,13 @@ class SavedRun(FitPictures):
 
     @cached_property
     def problem(self) -> Problem:
-        """The problem that was fitted: the project's, with the bounds that the fit opened."""
+        """The project's, with the bounds that the fit opened and the step that it chose."""
         blocks = [OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", [])]
-        return reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
+        problem = reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
+        chosen = self.result.get("substeps")
+        if self.project.fixed_step or chosen in (None, problem.substeps):
+            return problem
+        return replace(problem, substeps=chosen)
 
     @property
     def x(self) -> FloatArray:
@@ -114,14 +118,15 @@ class SavedRun(FitPictures):
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)
         fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
-        cost = problem.cost_function.value(e.time, e.measured - fitted, e.scored)
+        cost = problem.cost_function.value(e.time, e.in_deviations(e.measured - fitted), e.scored)
         entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
             {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
         measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
         return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
-                            self.problem.model.zero, self.problem.model.pendulum, e.scored)  # fmt: skip
+                            self.problem.model.zero, self.problem.model.pendulum, e.scored,
+                            deviations_of(problem.outputs, e), e.times is not None)  # fmt: skip
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):
@@ -192,6 +197,8 @@ def _strange(run: SavedRun) -> Iterator[str]:
         yield "its recordings are others"
     if missing := set(model.order_names) - set(result["orders"]):
         yield f"it has no order {min(missing)!r}"
+    if result.get("substeps") not in (None, run.problem.substeps):
+        yield f"its substeps are {result['substeps']}, and the project fixes {run.problem.substeps}"
     outputs = set(run.problem.outputs)
     for name, r in result["recordings"].items():
         if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:

@@ -45,6 +45,7 @@ class LeftOverBlock(Block):
     rms: Infinite
     floor: float
     part: float
+    known: bool = False
 
 
 class OrderOfRow(Block):
@@ -120,6 +121,7 @@ class ComparisonBlock(Coherent):
     verdict: str
     notes: list[str]
     outputs: list[str]
+    units: dict[str, str] = Field({})
     held_out: list[str] = Field([])
     leave_one_out: bool
     cost_name: str = Field(alias="cost")

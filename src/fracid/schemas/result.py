@@ -90,6 +90,7 @@ class DiscretisationBlock(Block):
     orders: dict[str, Number]
     shift: dict[str, Number]
     warning: str
+    refinement: str = ""
 
 
 ClaimWord = Literal["fractional", "integer", "undecided"]
@@ -208,6 +209,7 @@ class FitBlock(Block):
     method: str
     memory: str
     step: float
+    substeps: int | None = Field(None, ge=1)
     orders: dict[str, OrderBlock]
     parameters: dict[str, EstimateBlock]
     recordings: dict[str, RecordingBlock]

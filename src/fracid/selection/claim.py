@@ -110,13 +110,17 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     """Recording and output, in words → what is left over of it; empty where a run fails."""
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     return {
-        f"{e.name}, {output}": left_over(_scored(e, e.measured[:, k] - y[:, k]), e.measured[:, k])
+        f"{e.name}, {output}": left_over(
+            _scored(e, e.measured[:, k] - y[:, k], k), e.measured[:, k], known=e.deviation is not None
+        )
         for e, y in zip(problem.experiments, fitted, strict=True) if not isinstance(y, Failure)
         for k, output in enumerate(problem.outputs)
     }  # fmt: skip
 
 
-def _scored(e: Experiment, residual: FloatArray) -> FloatArray:
+def _scored(e: Experiment, residual: FloatArray, output: int) -> FloatArray:
+    """What counts of a residual, NaN where nothing does; in standard deviations where these are known."""
+    residual = residual if e.deviation is None else residual / e.deviation[:, output]
     return residual if e.scored is None else np.where(e.scored, residual, np.nan)
 
 
@@ -207,6 +211,11 @@ def _too_little(off: Sequence[OrderFound]) -> str:
 
 
 def _unexplained(where: str, e: LeftOver) -> str:
+    if e.known:
+        return (
+            f"The residual of {where} is {e.rms:.2g} of the standard deviations that the recording has, and "
+            "correlated: the model lacks something."
+        )
     times = f"{e.times:.2g} times the encoder's rounding, and" if math.isfinite(e.times) else "no noise:"
     return f"The residual of {where} is {times} correlated: the model lacks something."
 

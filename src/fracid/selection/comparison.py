@@ -59,8 +59,9 @@ from fracid.figures import Style, draw
 from fracid.files import from_json, json_number
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
-from fracid.problem import Experiment, Problem
+from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
@@ -75,6 +76,7 @@ from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,6 +173,8 @@ class Comparison:
     """Why, in sentences."""
     alternative: Alternative | None = None
     """What of integer order comes nearest to the best fractional structure, where the claim needs it."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit; rad where it says nothing."""
 
     def __getitem__(self, name: str) -> Row:
         """The row of that structure; an InputError names those that there are."""
@@ -205,7 +209,8 @@ class Comparison:
         amplitude = {n: AmplitudeTest.of_json(test) for n, test in content["amplitude"].items()}
         return cls(tuple(map(_row_of, block.rows)), block.verdict, tuple(block.notes), tuple(block.outputs),
                    block.effective_samples, block.leave_one_out, block.cost_name, block.seed, block.starts,
-                   amplitude, block.claim or "undecided", block.claim_reasons, nearest)  # fmt: skip
+                   amplitude, block.claim or "undecided", block.claim_reasons, nearest,
+                   block.units)  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
@@ -219,7 +224,7 @@ class Comparison:
 
     def table(self) -> list[dict[str, Any]]:
         """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""
-        return [line for row in self.rows for line in _lines(row, self.outputs)]
+        return [line for row in self.rows for line in _lines(row, self.outputs, self.units)]
 
 
 def compare(
@@ -284,7 +289,7 @@ def compare(
     'Orders make no difference, an integer-order model predicts as well'
     """
     origin = _origin(problem, validation, (tuple(sorted(keep)), tuple(rungs)), executor)
-    base, others = origin.load()
+    base, others, _ = origin.load()
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
     seed, starts = 1 if seed is None else seed, starts or 1
@@ -292,8 +297,9 @@ def compare(
     study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
+    units = {n: unit for e in base.experiments for n, unit in e.units.items()}
     comparison = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
-                            base.cost_function.name, seed, starts)  # fmt: skip
+                            base.cost_function.name, seed, starts, units=units)  # fmt: skip
     if amplitude:
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
@@ -325,10 +331,12 @@ class _InMemory:
     validation: tuple[Experiment, ...]
     only: tuple[tuple[str, ...], tuple[str, ...]]
     """Parameters to keep, rungs to climb."""
+    alternatives: Mapping[str, Problem] = field(default_factory=dict)
+    """Models of integer order beside the ladder."""
     folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
 
-    def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
-        return self.problem, self.validation
+    def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
+        return self.problem, self.validation, self.alternatives
 
 
 @dataclass(frozen=True)
@@ -342,11 +350,11 @@ class _OfFile:
     """Parameters to keep, rungs to climb."""
     trust: bool
 
-    def load(self) -> tuple[Problem, tuple[Experiment, ...]]:
+    def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         project = load_project(self.path, preset=self.preset, trust=self.trust)
         if hashlib.sha256(project.text.encode()).hexdigest() != self.sha256:
             raise InputError(f"{self.path} has changed since the comparison began; begin it again.")
-        return project.problem, project.validation
+        return project.problem, project.validation, project.alternatives
 
 
 def _origin(
@@ -359,7 +367,7 @@ def _origin(
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
         return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, only, bool(problem.own_code))
     if isinstance(problem, Project):
-        return _InMemory(problem.problem, (*problem.validation, *validation), only)
+        return _InMemory(problem.problem, (*problem.validation, *validation), only, problem.alternatives)
     if executor != "threads":
         raise InputError(
             f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
@@ -386,12 +394,14 @@ def _fold(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
 
 
 def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
-    problem, validation = origin.load()
+    problem, validation, alternatives = origin.load()
     every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
     keep, rungs = origin.only
-    return _Fold(others, ladder(replace(problem, experiments=fitted), keep=keep, rungs=rungs, others=others))
+    fitted_problem = replace(problem, experiments=fitted)
+    beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
+    return _Fold(others, ladder(fitted_problem, keep=keep, rungs=rungs, others=others, alternatives=beside))
 
 
 _fold_of_file = lru_cache(maxsize=32)(_made)
@@ -509,6 +519,7 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict
         nothing = dict.fromkeys(problem.outputs)
         return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(error)}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
+    error = e.in_units(error)
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
@@ -570,12 +581,14 @@ class _Study:
         self.done += len(tasks)
         return results
 
-    def alternative(self, row: Row) -> Alternative | None:
+    def alternative(self, comparison: Comparison, row: Row) -> Alternative | None:
         """What of integer order comes nearest to a fractional structure."""
+        own = self.origin.load()[2]
+        others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
         half = {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
         key = f"alternatives | {row.name}"
-        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half,
-                          self.execution.jobs))  # fmt: skip
+        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half, others,
+                          self.execution.jobs, self.starts, self.seed))  # fmt: skip
         content = self._run(_try_alternatives, [task])[key]["alternative"]
         return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
 
@@ -605,12 +618,23 @@ def _test_amplitude(
 
 def _try_alternatives(
     origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: dict[str, float], half: dict[str, float], jobs: int,
+    values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]], jobs: int, starts: int,
+    seed: int,
 ) -> dict[str, Any]:  # fmt: skip
-    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
+    fold = _fold(origin, held_out, leave_one_out).ladder
+    problem = fold[name].problem
     best = problem.evaluate(np.array([values[n] for n in problem.names]))
-    nearest = integer_alternatives(problem, best, half, jobs=jobs)
+    beside = {s.friction: _from_there(s.problem, others[s.name]) for s in fold.structures if s.name in others}
+    nearest = integer_alternatives(problem, best, half, jobs=jobs, own=beside, starts=starts, seed=seed)
     return {"alternative": None if nearest is None else as_json(AlternativeBlock, nearest)}
+
+
+def _from_there(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """The same, its search to begin at the minimum that it is known to have."""
+    return replace(problem, parameters={
+        n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
+        for n, v in problem.parameters.items()
+    })  # fmt: skip
 
 
 def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison:
@@ -627,7 +651,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     doubts = [*_not_helped(comparison)]
     first = claim_of(orders, None, fractional.left_over, doubts)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
-        nearest = study.alternative(fractional)
+        nearest = study.alternative(comparison, fractional)
         comparison = replace(comparison, alternative=nearest)
         first = claim_of(orders, nearest, fractional.left_over)
         if first.claim == "fractional":
@@ -739,7 +763,8 @@ def _verdict(comparison: Comparison, integers: Mapping[str, float | None] | None
 def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
     ratio, N = _ratio(fractional, integer), len(comparison.held_out)
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    against = f"{fractional.name} ({_errors(fractional)}) against {integer.name} ({_errors(integer)})"
+    errors = {row.name: _errors(row, comparison.units) for row in (fractional, integer)}
+    against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
     few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
     if ratio < 1 - MARGIN and helped > N / 2:
         return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
@@ -765,9 +790,10 @@ def _replaced(comparison: Comparison) -> str:
     plain, paper, dry = (rows[name] for name in names)
     if not (_ratio(paper, plain) < 1 - MARGIN and _ratio(dry, paper) < 1 - MARGIN):
         return ""
+    units = comparison.units
     return (
-        f"Orders replace Coulomb friction and lose to it: {_errors(paper)} held out with viscous friction and free "
-        f"orders, {_errors(dry)} with viscous and Coulomb friction and orders 1."
+        f"Orders replace Coulomb friction and lose to it: {_errors(paper, units)} held out with viscous friction and "
+        f"free orders, {_errors(dry, units)} with viscous and Coulomb friction and orders 1."
     )
 
 
@@ -823,23 +849,23 @@ def _ratio(one: Row, other: Row) -> float:
     return 0.0 if not math.isfinite(other.error) else one.error / other.error
 
 
-def _errors(row: Row) -> str:
+def _errors(row: Row, units: Mapping[str, str]) -> str:
     """Its mean held-out RMSE, per output."""
     if not math.isfinite(row.error):
         return "a run fails"
-    return ", ".join(f"{n} {v:.2g}°" for n, v in mean_rmse(row.held_out).items())
+    return ", ".join(f"{n} {with_unit(v, units.get(n, 'rad'), '.2g')}" for n, v in mean_rmse(row.held_out).items())
 
 
 def mean_rmse(scores: Mapping[str, Score]) -> dict[str, float]:
-    """The mean RMSE over recordings, per output [degrees].
+    """The mean RMSE over recordings, per output [its unit].
 
     Examples
     --------
-    >>> mean_rmse({"one": Score({"alpha": 0.0}, {}, {}), "two": Score({"alpha": np.pi / 90}, {}, {})})
-    {'alpha': 1.0}
+    >>> mean_rmse({"one": Score({"alpha": 0.0}, {}, {}), "two": Score({"alpha": 0.5}, {}, {})})
+    {'alpha': 0.25}
     """
     outputs = next(iter(scores.values())).rmse if scores else {}
-    return {n: float(np.degrees(np.mean([s.rmse[n] for s in scores.values()]))) for n in outputs}
+    return {n: float(np.mean([s.rmse[n] for s in scores.values()])) for n in outputs}
 
 
 # --- as JSON and CSV -----------------------------------------------------------------------------------------
@@ -857,13 +883,20 @@ def _row_of(block: RowBlock) -> Row:
     return Row(**own | scores | {"orders": {n: (o.value, o.interval95) for n, o in block.orders.items()}})
 
 
-def _lines(row: Row, outputs: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _rmse(value: float, unit: str) -> dict[str, Any]:
+    """A column for angles, which readers of the file know, and one for all else."""
+    if unit == "rad":
+        return {"rmse_deg": json_number(math.degrees(value))}
+    return {"rmse": json_number(value), "unit": unit}
+
+
+def _lines(row: Row, outputs: Sequence[str], units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
     for use, scores in (("fit", row.in_sample), ("held out", row.held_out)):
         for recording, s in scores.items():
             for output in outputs:
                 yield {
                     "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
-                    "use": use, "output": output, "rmse_deg": json_number(math.degrees(s.rmse[output])),
+                    "use": use, "output": output, **_rmse(s.rmse[output], units.get(output, "rad")),
                     "fit_percent": json_number(s.fit_percent[output]), "itae_rad_s2": json_number(s.itae[output]),
                     "parameters": row.parameters, "bic_above_best": json_number(row.bic), "failed": s.failed,
                     **{f"order_{n}": value for n, (value, _) in row.orders.items()},

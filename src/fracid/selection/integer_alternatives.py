@@ -25,6 +25,9 @@ each from the best of those before it, the cheap ones first; where a record has 
 model as it is alone, none that changes a channel or adds states.  What lowers Schwarz's criterion stays for those that
 follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
 the model take many times as long: they are tried where nothing else contradicts the orders.
+
+Before them come the models of integer order that a project names (``[[alternative]]``): who writes a model knows what
+it is held against, as a springpot is against Maxwell elements.
 """
 
 from __future__ import annotations
@@ -38,8 +41,9 @@ import numpy as np
 
 from fracid.estimation.climbing import embedded, entries
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.search import search
 from fracid.estimation.windows import in_parts, shared_values
-from fracid.optimise import Evaluation
+from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
 from fracid.selection.bic import STRONG
@@ -50,6 +54,7 @@ from fracid.selection.integer_rival import (
     freed_friction,
     gain_over,
     integer_rival,
+    moving,
     warning_of,
 )
 from fracid.solver.inputs import Between
@@ -67,9 +72,6 @@ SCALE = 0.05
 
 PARTS = 3
 """Of a recording, each with its own friction where that changes with time."""
-
-STILL = 1e-2
-"""A joint that moves by less than this part of what moves most stands still."""
 
 ROUGH = {"tolerance": 1e-3, "budget": 12}
 """Least squares from each entry of an element."""
@@ -110,8 +112,8 @@ Change = Callable[[Problem], Iterator[Element]]
 
 def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = False) -> Iterator[Element]:
     """Elements of the joints that move."""
-    moving = _moving(problem)
-    kinds = {n: k for n, k in problem.model.friction.items() if k.rung in rungs and k.joint in ("", *moving)}
+    joints = ("", *moving(problem))
+    kinds = {n: k for n, k in problem.model.friction.items() if k.rung in rungs and k.joint in joints}
     ranges = freed_friction(problem, kinds)
     if not any(kinds[n].rung == rungs[-1] for n in ranges):
         return
@@ -143,8 +145,8 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
 
 
 def _inputs(problem: Problem) -> Iterator[Element]:
-    if not _driven(problem):
-        return
+    if not _driven(problem) or problem.model.input_rates or any(e.times is not None for e in problem.experiments):
+        return  # a line's slope is the rate
     ways: tuple[tuple[Between, str], ...] = (
         ("hold", "inputs held between samples"),
         ("line", "inputs in lines between samples"),
@@ -165,11 +167,6 @@ def _changing(problem: Problem) -> Iterator[Element]:
     if names and not _has_past(problem):
         yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True,
                       whole=problem)  # fmt: skip
-
-
-def _moving(problem: Problem) -> list[str]:
-    size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
-    return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
 
 
 def _has_past(problem: Problem) -> bool:
@@ -201,8 +198,9 @@ ELEMENTS: tuple[Change, ...] = (
 
 
 def integer_alternatives(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1
-) -> Alternative | None:
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1,
+    own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1,
+) -> Alternative | None:  # fmt: skip
     """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.
 
     Parameters
@@ -216,6 +214,10 @@ def integer_alternatives(
         Whether what adds states to the model is tried too.
     jobs : int
         Threads.
+    own : mapping, optional
+        Models of integer order that are tried too, by name, on the same recordings.
+    starts, seed : int
+        Of their search.
 
     Returns
     -------
@@ -244,8 +246,11 @@ def integer_alternatives(
     n, gain = gain_over(here, problem, best)
     name = "friction" if here.own else "the same model"
     trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
+    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs)]
+    trials += [trial for _, trial in others]
+    settled = any(t.as_well for t in trials)
     for change in ELEMENTS:
-        for element in () if trials[-1].as_well else change(here.problem):
+        for element in () if settled else change(here.problem):
             if not element.possible or (element.slow and not slow):
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
@@ -259,13 +264,38 @@ def integer_alternatives(
             if as_well or (element.whole is None and gain_there < gain - STRONG):
                 here, n, gain = there, samples, gain_there
             if as_well:
+                settled = True
                 break
+    for there, trial in others:
+        if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
+            here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
     return Alternative(
         here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
         here.evaluation.cost, here.parameters, gain, n,
-        warning_of(here, best.cost, gain) if trials[-1].as_well else "", tuple(trials),
+        warning_of(here, best.cost, gain) if settled else "", tuple(trials),
         here.nested_in(problem),
     )  # fmt: skip
+
+
+def _of_the_project(
+    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, jobs: int
+) -> Iterator[tuple[Rival, Trial]]:
+    """The models that a project names at their minima; not one whose runs fail.
+
+    One that is larger than the fractional model must earn its further unknowns by Schwarz's criterion, however low its
+    cost: enough relaxations imitate a springpot over any record, as enough terms do any function, and what tells them
+    apart is how many it takes.
+    """
+    for name, alternative in own.items():
+        result, _ = search(alternative, OPTIMISERS["multistart"], np.random.default_rng(seed), jobs=jobs, starts=starts)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        if result.best.residuals is not None:
+            rival = Rival(alternative, result.best, name, here.off, nested=False)
+            _, gain = gain_over(rival, problem, best)
+            larger = len(alternative.names) > len(problem.names)
+            as_well = gain <= STRONG if larger else _as_well(gain, result.best.cost, best.cost)
+            yield rival, Trial(name, result.best.cost, gain, as_well)
 
 
 def _as_well(gain: float, cost: float, fractional: float) -> bool:

@@ -51,9 +51,13 @@ __all__ = [
     "integer_values",
     "integers_of",
     "is_off",
+    "moving",
     "springpots",
     "warning_of",
 ]
+
+STILL = 1e-2
+"""A joint that moves by less than this part of what moves most stands still."""
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
@@ -125,6 +129,8 @@ class Rival:
     """What it frees beside what the fractional problem does."""
     elements: tuple[str, ...] = ()
     """What it has beside friction, in words."""
+    nested: bool = True
+    """Whether it is the fractional model where its orders are integer; not one that the project names."""
 
     @property
     def structure(self) -> str:
@@ -138,7 +144,9 @@ class Rival:
         return dict(zip(self.problem.names, self.evaluation.point.tolist(), strict=True))
 
     def nested_in(self, problem: Problem) -> dict[str, float]:
-        """Where a problem is this model: its unknowns, the orders at their integers, springpots off."""
+        """Where a problem is this model: its unknowns, the orders at their integers, springpots off; else nothing."""
+        if not self.nested:
+            return {}
         orders = {n: v for n, v in integer_values(problem).items() if isinstance(v, float | int)}
         off = {n: problem.model.friction[n].off for n in springpots(problem)}
         return {**self.values, **orders, **off}
@@ -251,6 +259,7 @@ def claimable(problem: Problem) -> tuple[int, ...]:
     """
     kinds = problem.model.friction
     own = [n for n in springpots(problem) if kinds[n].off > 0.0]
+    own += [problem.model.parameter_names[k] for _, k in problem.model.complements]
     return tuple(i for i, u in enumerate(problem.unknowns) if i in problem.order_indices or u.target in own)
 
 
@@ -282,7 +291,7 @@ def integers_of(problem: Problem, order: str) -> tuple[float, ...]:
     >>> integers_of(problem, "mu"), integers_of(problem, "springpot_order_alpha")
     ((1.0,), (0.0, 1.0))
     """
-    if order not in problem.orders:
+    if order not in problem.orders or order in problem.model.springpot_orders.values():
         return (0.0, 1.0)
     integer = problem.model.integer_order(order)
     return () if integer is None else (integer,)
@@ -353,6 +362,12 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
     return ranges
 
 
+def moving(problem: Problem) -> list[str]:
+    """The outputs that move: by a hundredth of what moves most."""
+    size = np.max([np.ptp(e.measured, axis=0) for e in problem.experiments], axis=0)
+    return [n for n, s in zip(problem.outputs, size, strict=True) if s > STILL * np.max(size)]
+
+
 def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dict[str, Free]:
     """Those that change the residuals when a hundredth of their reach is added: not the arm's if it is clamped."""
     errors = problem.errors(best.point)
@@ -388,10 +403,16 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation) -> tuple[f
 
 def warning_of(rival: Rival, cost: float, gain: float) -> str:
     """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
-    if gain > STRONG and not rival.elements:
+    if gain > STRONG and rival.nested and not rival.elements:
         return ""
     orders, other = " and ".join(f"{n} = {v:.4g}" for n, v in rival.off.items()), rival.evaluation.cost
     head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
+    if not rival.nested:
+        return (
+            f"{head} A model of integer order, {rival.integers}, explains the recordings "
+            f"{'better' if gain <= 0 else 'as well'}: it costs {other:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in "
+            "its favour)."
+        )
     if not parameters and not rival.elements:
         return (
             f"{head} With {rival.integers} the same model explains the recordings "

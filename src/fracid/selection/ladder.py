@@ -28,6 +28,9 @@ it is 0.  All else that the problem leaves free stays so: inertias, rests (each 
 Orders are free as the problem has them; where it fixes all, all are freed.  Ranges are widened to hold 0, and 1 for
 orders, so that each rung holds the ones below it, and can never fit worse.
 
+A project may name models of integer order (``[[alternative]]``), which are structures beside the ladder's.  A model
+that has no friction is then there with its orders as they are, and at their integers.
+
 What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) is 0 if it
 is friction, else it keeps its start; it is no parameter of the fit, and that is said.  A rung of which the recordings
 see nothing, or that the model does not have, is left out.
@@ -37,7 +40,7 @@ All structures are solved by one method, of second order or better: a scheme of 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,7 +50,7 @@ from fracid.errors import Failure, InputError, unknown_name
 from fracid.models import Model
 from fracid.models.friction import BY_NAME, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
-from fracid.selection.integer_rival import freed_friction
+from fracid.selection.integer_rival import freed_friction, moving
 from fracid.solver.methods import METHODS
 
 __all__ = [
@@ -129,6 +132,9 @@ class Structure:
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
+        recording = replace(recording, initial={
+            n: v for n, v in recording.initial.items() if n in self.whole.model.states
+        })  # fmt: skip
         x = np.array([values.get(u.name, u.range.start) for u in self.whole.unknowns])
         alone = self.whole.with_shared(x, (recording,))
         return held(alone, unseen(alone, 0.0))
@@ -166,6 +172,7 @@ def ladder(
     keep: Collection[str] = (),
     rungs: Collection[str] = BUILT_IN,
     others: Sequence[Experiment] = (),
+    alternatives: Mapping[str, Problem] | None = None,
 ) -> Ladder:
     """Make the ladder of a problem.
 
@@ -179,6 +186,8 @@ def ladder(
         Which rungs are climbed; a model's own always are.
     others : sequence of Experiment
         Recordings that are not fitted; a rung of which only they see something is there too.
+    alternatives : mapping, optional
+        Models of integer order for the same recordings, by name.
 
     Returns
     -------
@@ -209,10 +218,14 @@ def ladder(
         if name not in RUNGS:
             raise unknown_name("rung", name, RUNGS)
     problem, notes = _solved_well(problem)
+    beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, ()) for n, p in (alternatives or {}).items())
+    if beside and not has_friction(problem.model):
+        return Ladder((*_as_it_is(problem), *beside), tuple(notes))
     notes += _not_1(problem)
     names, missing = _rungs(problem, keep, {*rungs} | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
+    blind |= _offsets(problem, [n for rung in names.values() for n in rung])
     nowhere = blind - {n for e in others for n in _seen_in(e, top)}
     exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
@@ -223,7 +236,13 @@ def ladder(
     kinds = problem.model.friction
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
-    return Ladder(tuple(_structures(problem, names, blind)), tuple(notes))
+    return Ladder((*_structures(problem, names, blind), *beside), tuple(notes))
+
+
+def _offsets(problem: Problem, names: Collection[str]) -> set[str]:
+    """What only shifts a zero where its joint stands still: a lean of the axis under an arm that is clamped."""
+    kinds, moves = problem.model.friction, moving(problem)
+    return {n for n in names if kinds[n].signed and kinds[n].joint not in moves}
 
 
 def _seen_in(e: Experiment, top: Problem) -> set[str]:
@@ -306,6 +325,15 @@ def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: s
             this = whole if fractional else replace(whole, orders=_integers(whole))
             below = [name_of(lower, fractional)] * (k > 0) + [name_of(friction, False)] * fractional
             yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, tuple(below))
+
+
+def _as_it_is(problem: Problem) -> Iterator[Structure]:
+    """A model without a ladder, with every order at its integer, where each has one, and as the problem has them."""
+    name, integer = problem.model.name, replace(problem, orders=_integers(problem))
+    has_integers = all(problem.model.integer_order(n) is not None for n in problem.orders)
+    for fractional, whole in (*[(False, integer)] * has_integers, (True, problem)):
+        below = (name_of(name, False),) * (fractional and has_integers)
+        yield Structure(name, fractional, held(whole, unseen(whole, 0.0)), whole, below)
 
 
 def _integers(problem: Problem) -> dict[str, float | Free | Tied]:

@@ -36,6 +36,8 @@ class LeftOver(NamedTuple):
     """What the encoder's rounding leaves of a motion, a step over √12; 0 where no step is seen."""
     part: float
     """Of its samples that counts: 1 where it is white."""
+    known: bool = False
+    """Whether it is in standard deviations that the recording has; its floor is then one of them."""
 
     @property
     def white(self) -> bool:
@@ -44,8 +46,8 @@ class LeftOver(NamedTuple):
 
     @property
     def explained(self) -> bool:
-        """Whether it may be noise and rounding."""
-        return self.white or self.rms < ROUNDING * self.floor
+        """Whether it may be noise and rounding, or is within the standard deviations that the recording has."""
+        return self.white or self.rms < (1.0 if self.known else ROUNDING) * self.floor
 
     @property
     def times(self) -> float:
@@ -53,13 +55,15 @@ class LeftOver(NamedTuple):
         return self.rms / self.floor if self.floor > 0.0 else math.inf
 
 
-def left_over(residual: FloatArray, measured: FloatArray) -> LeftOver:
+def left_over(residual: FloatArray, measured: FloatArray, *, known: bool = False) -> LeftOver:
     """Size and correlation of the longest stretch of a residual without a gap.
 
     Parameters
     ----------
     residual, measured : array, shape (n_samples,)
         NaN where nothing was simulated; the encoder's step is read off the measured samples.
+    known : bool
+        Whether the residual is in known standard deviations of the samples.
 
     Examples
     --------
@@ -72,11 +76,11 @@ def left_over(residual: FloatArray, measured: FloatArray) -> LeftOver:
     (True, False)
     """
     e = residual[longest_stretch(np.isfinite(residual))]
-    floor = (resolution(measured[np.isfinite(measured)]) or 0.0) / math.sqrt(12)
+    floor = 1.0 if known else (resolution(measured[np.isfinite(measured)]) or 0.0) / math.sqrt(12)
     rms = float(np.sqrt(np.mean(e**2))) if e.size else math.inf
-    if rms <= NOTHING * float(np.std(measured)):
-        return LeftOver(rms, floor, 1.0)
+    if rms <= NOTHING * (1.0 if known else float(np.std(measured))):
+        return LeftOver(rms, floor, 1.0, known)
     if e.size < SHORT or np.ptp(e) == 0.0:
-        return LeftOver(rms, floor, 0.0)
+        return LeftOver(rms, floor, 0.0, known)
     ρ = products_by_lag(e - np.mean(e))[: e.size // 4 + 1]  # statsmodels, which has it too, is slow to load
-    return LeftOver(rms, floor, 1.0 / float(correlation_time(ρ / ρ[0])))
+    return LeftOver(rms, floor, 1.0 / float(correlation_time(ρ / ρ[0])), known)

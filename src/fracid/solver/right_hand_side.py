@@ -72,6 +72,18 @@ def teach_helpers(function: Any) -> None:
     """Make the functions that a function calls, and those that they call, known to Numba; plain Python they stay.
 
     Those are the elements of :mod:`fracid.models.joints`, and a user's own helpers, whose every access is checked.
+
+    Examples
+    --------
+    >>> def cubed(x):
+    ...     return x**3
+    >>> def rhs(t, x, u, p, out):
+    ...     out[0] = -cubed(x[0])
+    >>> teach_helpers(rhs)
+    >>> out = np.zeros(1)
+    >>> compile_rhs(rhs)(0.0, np.array([2.0]), np.zeros(0), np.zeros(0), out)
+    >>> float(out[0])
+    -8.0
     """
     _teach_joints()
     if not isinstance(function, FunctionType):

@@ -127,7 +127,6 @@ def refuse_masked(name: str, values: Any) -> None:
 
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
-    text = reprlib.repr(values)
     refuse_masked(name, values)
     try:
         array = np.array(values, ndmin=1)
@@ -135,7 +134,7 @@ def vector(name: str, values: ArrayLike) -> FloatArray:
             raise TypeError
         numbers = array.astype(np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {text}: expected numbers.") from None
+        raise InputError(f"{name} = {reprlib.repr(values)}: expected numbers.") from None
     if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name} = {text}: every value must be a finite number.")
+        raise InputError(f"{name} = {reprlib.repr(values)}: every value must be a finite number.")
     return numbers

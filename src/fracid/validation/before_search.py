@@ -133,7 +133,7 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
     """What was seen in a recording when it was read, or is seen in its samples."""
     if report is None:
         signals = dict(zip(problem.outputs, e.measured.T, strict=True))
-        if len(e.inputs) > 1:
+        if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
         units = {n: e.units.get(n, "rad" if n in problem.outputs else "V") for n in signals}
         measured = [measure_signal(n, units[n], e.time, y) for n, y in signals.items()]
@@ -237,7 +237,7 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
             x[i] = y[k]
             if i in problem.model.rates:
                 x[problem.model.rates[i]] = (y[k + w] - y[k - w]) / (2 * w * e.step)
-        yield float(e.time[k]), x, e.inputs[min(k, len(e.inputs) - 1)]
+        yield float(e.time[k]), x, e.inputs[min(round(e.time[k] / e.step), len(e.inputs) - 1)]
 
 
 # --- the checks ------------------------------------------------------------------------------------------

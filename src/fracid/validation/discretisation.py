@@ -4,6 +4,9 @@ The equations are solved again at half the step, and there with ``pi2``, of seco
 re-estimated from x.  An order that shifts by more than its CI half-width is in part an artefact of the scheme:
 explicit Euler's anti-damping, for one, shifts the orders.  A cost of ``pi2`` that changes by more than 5 % at half the
 step means that the step is too coarse (steep dry friction).
+
+Where the step is the fit's to choose, :func:`finer_step` halves it, and refines the minimum there, until the check is
+quiet: as long as each half step makes what it complains of smaller, and no further than :data:`FINEST` steps a sample.
 """
 
 from __future__ import annotations
@@ -15,12 +18,24 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.findings import Finding
+from fracid.optimise import Evaluation
 from fracid.problem import Problem
+from fracid.problem.checks import MOST_STEPS
 
-__all__ = ["COARSE_STEP", "Discretisation", "coarse_step", "discretisation_check"]
+__all__ = ["COARSE_STEP", "Discretisation", "Refined", "coarse_step", "discretisation_check", "finer_step"]
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A minimum at a finer step, which the fit chose."""
+
+    problem: Problem
+    best: Evaluation
+    uncertainty: Uncertainty | Failure
+    check: Discretisation
 
 
 @dataclass(frozen=True)
@@ -39,6 +54,8 @@ class Discretisation:
     """How far that moved them."""
     warning: str = ""
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
+    refinement: str = ""
+    """What was said at a coarser step, where the fit chose this one: a sentence."""
 
 
 COARSE_STEP = "step"
@@ -47,10 +64,14 @@ COARSE_STEP = "step"
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
+FINEST = 32
+"""Steps a sample that a fit chooses at most."""
 
-def discretisation_check(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int
-) -> Discretisation:
+HELPS = 0.7
+"""A half step that leaves more than this part of what the check complains of does not help."""
+
+
+def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Discretisation:
     """Score at half the step and with the second-order method, and refine the orders there."""
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
@@ -64,18 +85,65 @@ def discretisation_check(
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: max(LEAST_SHIFT, half_width(uncertainty, x, i)) for n, i in at.items()}
+    width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
     warning = " ".join(
         f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
         f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."
         for n in at if abs(shift[n]) > width[n]
     )  # fmt: skip
-    if problem.method == "pi2" and abs(costs[1] - costs[0]) > COARSE * costs[0]:
+    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
+    if _costs_differ(problem.method, check):
         warning = (
             f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
             f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
         ).strip()
-    return Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
+    return replace(check, warning=warning)
+
+
+def finer_step(problem: Problem, x: FloatArray, check: Discretisation, jobs: int) -> Refined | None:
+    """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps."""
+    before, coarse, best = check, problem, None
+    steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
+    while check.warning and 2 * problem.substeps <= FINEST and 4 * problem.substeps * steps <= MOST_STEPS:
+        problem = replace(problem, substeps=2 * problem.substeps)
+        minimum = uninterrupted(refined(problem, x, jobs, Watch())).best
+        if minimum.reason:
+            break
+        known = uncertainty(problem, minimum.point, jobs=jobs)
+        finer = discretisation_check(problem, minimum.point, known, jobs)
+        if not _helps(problem.method, check, finer):
+            break
+        check, x = finer, minimum.point
+        sentence = (
+            f"The step was halved to {problem.substeps} a sample; at {coarse.substeps} a sample "
+            f"{_complaint(coarse, before)}."
+        )
+        best = Refined(problem, minimum, known, replace(check, refinement=sentence))
+    return best
+
+
+def _costs_differ(method: str, check: Discretisation) -> bool:
+    """Whether half the step changes the cost by too much."""
+    return method == "pi2" and abs(check.cost_half_step - check.cost) > COARSE * check.cost
+
+
+def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
+    """Whether a half step makes smaller what the check of the coarse one complains of."""
+    if not coarse.orders and not _costs_differ(method, coarse):
+        return True  # its run at half the step failed
+    before, after = (
+        abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else max(map(abs, check.shift.values()))
+        for check in (coarse, finer)
+    )
+    return after <= HELPS * before
+
+
+def _complaint(problem: Problem, check: Discretisation) -> str:
+    """What the check had to say, in few words."""
+    if _costs_differ(problem.method, check):
+        return f"half the step changes the cost from {check.cost:.3g} to {check.cost_half_step:.3g}"
+    moved = ", ".join(f"{n} by {shift:+.2g}" for n, shift in check.shift.items())
+    return f"half the step moves {moved}" if moved else "the run at half the step fails"
 
 
 def coarse_step(problem: Problem, check: Discretisation) -> Iterator[Finding]:

@@ -40,8 +40,13 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
                 yield Finding("cannot-explain", r.name, percent, POOR, "% fit",
                               f"the model is {worse} for {output}, {means}")  # fmt: skip
                 continue
-            left = left_over(r.residual(output), r.measured[output])
-            if MISFIT < left.times < math.inf and not left.white:
+            left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
+            if left.known:
+                if not left.explained:
+                    yield Finding("misfit", f"{r.name}: {output}", left.rms, 1.0, "standard deviations",
+                        f"the residual is {left.rms:.2g} of the standard deviations that the recording has, and "
+                        "autocorrelated: the model lacks something. fracid resid shows what.")  # fmt: skip
+            elif MISFIT < left.times < math.inf and not left.white:
                 yield Finding("misfit", f"{r.name}: {output}", left.times, MISFIT, "times the encoder's rounding",
                     f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
                     "the encoder's rounding, and autocorrelated: the model lacks something. "
@@ -60,7 +65,7 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
     for r in validated.values():
         for output, percent in r.fit_percent.items():
             times = r.rmse[output] / max(fitted.get(output, 0.0), 1e-300)
-            left = left_over(r.residual(output), r.measured[output])
+            left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             if percent < POOR:
                 yield Finding("missed", f"{r.name}: {output}", percent, POOR, "% fit",
                     f"it was held out, and the model does not predict it: fit {percent:.1f} %. Is it of the same "

@@ -109,8 +109,9 @@ def residual_analysis(
     Parameters
     ----------
     recording : RecordingFit
-        On a uniform grid.  Samples without a finite residual are left out; of what they tear apart the longest piece
-        is looked at.
+        Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
+        ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
+        have standard deviations, the tests are those of the residual in these.
     output : str
         Which output.
     resolution : mapping of signals to steps of their encoders [rad], optional
@@ -124,7 +125,7 @@ def residual_analysis(
     Raises
     ------
     InputError
-        If the recording has no such output, or its samples are not evenly spaced.
+        If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
 
     References
     ----------
@@ -145,8 +146,8 @@ def residual_analysis(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    step, unit = _step(recording), recording.unit(output)
-    whole = recording.residual(output)
+    (step, even), unit = _step(recording), recording.unit(output)
+    whole, raw = recording.standardised(output), recording.residual(output)
     part = longest_stretch(np.isfinite(whole))
     e, fitted = whole[part], np.asarray(recording.fitted[output])[part]
     quantum = lattice(np.asarray(recording.measured[output])) if resolution is None else resolution.get(output)
@@ -155,28 +156,29 @@ def residual_analysis(
     because = untestable_reason(e, size, whole.size, unit)
     if because:
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
-        return ResidualAnalysis(*head, *none, _level(e, quantum, unit, white=False), unit)
-    ρ, speed = autocorrelation(e), np.gradient(fitted, step)
-    spectrum = _spectrum(e, speed, step)
+        return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
+    ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
+    spectrum = _spectrum(e, speed, step) if even else Spectrum("")
     whiteness = _whiteness(e, ρ, step, quantum, spectrum.swing)
     thin = slice(None, None, whiteness.thinning)
     variance = _variance(e, fitted, speed, whiteness)
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[thin], variance), variance,
-        _level(e, quantum, unit, white=whiteness.white), unit,
+        _level(raw[part], quantum, unit, white=whiteness.white), unit,
     )  # fmt: skip
 
 
-def _step(recording: RecordingFit) -> float:
-    """The sampling interval [s]."""
+def _step(recording: RecordingFit) -> tuple[float, bool]:
+    """The median sampling interval [s], and whether all are about that."""
     intervals = np.diff(recording.time)
     step = float(np.median(intervals)) if intervals.size else NAN
-    if intervals.size and not np.all(np.abs(intervals - step) <= 0.02 * step):
+    even = bool(np.all(np.abs(intervals - step) <= 0.02 * step))
+    if not even and not recording.uneven:
         raise InputError(
             f"The samples of {recording.name} are {intervals.min():.3g} … {intervals.max():.3g} s apart; a residual's "
             "correlation in time needs them evenly spaced: resample the recording (resample = true)."
         )
-    return step
+    return step, even
 
 
 def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None) -> Whiteness:

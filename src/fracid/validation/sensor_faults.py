@@ -227,7 +227,7 @@ def _scatter(products: FloatArray, outputs: int) -> float:
 
 
 def _rate(e: Experiment, y: FloatArray) -> FloatArray:
-    return np.asarray(np.gradient(y, e.step))
+    return np.asarray(np.gradient(y, e.step if e.times is None else e.times))
 
 
 def _direction(e: Experiment, y: FloatArray) -> FloatArray:

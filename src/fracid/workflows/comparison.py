@@ -118,7 +118,8 @@ def run_comparison(
         "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
     }  # fmt: skip
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
-    ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation)
+    ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation,
+           alternatives=project.alternatives)  # fmt: skip
     study = _study(project, options)
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)

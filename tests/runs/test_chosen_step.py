@@ -1,0 +1,94 @@
+"""A fit chooses its step where the project leaves it the choice; its run folder has the step that it took."""
+
+import json
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.runs.saved import load_run
+from program import fit_in
+from twins import write_release
+
+STEEP = """
+[model.parameters]
+slip_speed = 5e-3
+coulomb_theta = { start = 0.04, lower = 0.0, upper = 0.1 }
+[model.orders]
+lambda = 1.0
+mu = 1.0
+[[recording]]
+file = "steep.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.4 }
+[fit]
+initial_state = "held"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A release with steep dry friction, of which one step a sample is too coarse."""
+    folder = tmp_path_factory.mktemp("steep")
+    friction = {"coulomb_theta": 0.05, "slip_speed": 5e-3}
+    write_release(folder / "steep.csv", orders=[1.0] * 4, alpha=0.4, step=0.01, end=3.0, finer=40, noise=4e-4,
+                  parameters=friction)  # fmt: skip
+    return folder
+
+
+@pytest.fixture(scope="module")
+def chosen(folder):
+    """Its fit at a step that the project does not say."""
+    kept = []
+    fit_in(folder, STEEP, lambda fit: kept.append(fit) or ())
+    return folder / "run", kept[0]
+
+
+def test_a_fit_halves_its_step_until_the_check_is_quiet_and_says_what_it_took(chosen):
+    run, fit = chosen
+    assert fit.problem.substeps > 1
+    assert not fit.discretisation.warning
+    assert not any(f.code == "step" for f in fit.findings)
+    said = f"The step was halved to {fit.problem.substeps} a sample; at 1 a sample half the step changes the cost from "
+    assert fit.discretisation.refinement.startswith(said)
+    assert fit.parameters["coulomb_theta"].value == pytest.approx(0.05, rel=2e-3)
+    result = json.loads((run / "result.json").read_text(encoding="utf-8"))
+    assert (result["substeps"], result["step"]) == (fit.problem.substeps, 0.01 / fit.problem.substeps)
+
+
+def test_a_run_is_read_back_at_the_step_that_its_fit_chose(chosen):
+    run, fit = chosen
+    saved = load_run(run)
+    assert saved.problem.substeps == fit.problem.substeps
+    assert saved.recordings["steep"].rmse == fit.recordings["steep"].rmse
+    assert saved.notes == ()
+
+
+def test_a_project_that_says_its_substeps_keeps_them_and_is_told(folder, chosen):
+    (folder / "fixed.toml").write_text(STEEP + "substeps = 1\n", encoding="utf-8")
+    fit = fracid.identify(fracid.load_project(folder / "fixed.toml"))
+    assert fit.problem.substeps == 1
+    assert "type substeps = 2 in [fit]" in fit.discretisation.warning
+    assert fit.discretisation.refinement == ""
+    # and no result of another step is taken for one of this project
+    run, _ = chosen
+    free = (run / "project.toml").read_text(encoding="utf-8")
+    (run / "project.toml").write_text(STEEP + "substeps = 1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"its substeps are \d+, and the project fixes 1"):
+        load_run(run)
+    (run / "project.toml").write_text(free, encoding="utf-8")
+
+
+def test_a_quiet_step_is_left_alone_to_the_last_bit(tmp_path):
+    write_release(tmp_path / "quiet.csv", orders={"lambda": 1.0, "mu": 0.95}, alpha=0.3, step=5e-3, end=2.0, noise=1e-3)
+    text = STEEP.replace("steep.csv", "quiet.csv").replace("slip_speed = 5e-3\n", "").replace("mu = 1.0", "mu = 0.97")
+    fits = []
+    for name, step in (("free", ""), ("fixed", "substeps = 1\n")):
+        (tmp_path / f"{name}.toml").write_text(text.replace("alpha = 0.4", "alpha = 0.3") + step, encoding="utf-8")
+        fits.append(fracid.identify(fracid.load_project(tmp_path / f"{name}.toml")))
+    free, fixed = fits
+    assert free.problem.substeps == 1
+    assert np.array_equal(free.x, fixed.x)
+    assert free.discretisation == fixed.discretisation
