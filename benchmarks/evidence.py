@@ -12,7 +12,7 @@ section        what it measures, and where that stands                          
                (:mod:`fracid.problem.past`)
 ``cut``        how far the orders of a real SRV02 move with the cut; its recordings     1 min
                from FRACID_RECORDINGS or ../shared/recordings (:mod:`fracid.validation.unknown_past`)
-``start``      how often an interval holds the truth where the start is taken from a    15 s
+``start``      how often an interval contains the true value where the start is taken from a    15 s
                noisy sample, by how far that moves the order (docs/honesty.md)
 ``regression`` errors of the linear regression, by the release and the orders            2 min
                (:mod:`fracid.regression`)
@@ -61,7 +61,7 @@ def coverage(seeds=150):
         "AR(1), 0.9": lambda rng: coloured(0.9, rng),
         "AR(1), 0.98, and as much white": lambda rng: coloured(0.98, rng) + coloured(0.0, rng),
     }
-    print(f"\n95 % intervals that hold the truth, lambda and mu, {seeds} seeds")
+    print(f"\n95 % intervals that contain the true value, lambda and mu, {seeds} seeds")
     for name, noise in noises.items():
         ours, plain = np.zeros(2), np.zeros(2)
         for seed in range(seeds):
@@ -159,7 +159,7 @@ def noisy_start(seeds=120):
     run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": alpha}, step=8e-3, end=6.0)
     orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)}
     limits = (0.0, 1.0, 1.5, 3.0, np.inf)
-    print(f"\n95 % intervals that hold the truth, by the half intervals that the start's noise moves it; {seeds} seeds")
+    print(f"\nCoverage of the 95 % intervals, by the CI half-widths that the start's noise moves it; {seeds} seeds")
     for named in ({}, {"theta": 0.0}, {"theta": 0.0, "alpha": alpha}):
         moved, held = [], []
         for seed in range(seeds):

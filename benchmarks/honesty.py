@@ -163,7 +163,7 @@ class Said:
 
     findings: tuple[Finding, ...]
     off: float | None
-    """How far the orders are from the truth, the worst, in half intervals; None where nothing was fitted."""
+    """How far the orders are from the truth, the worst, in CI half-widths; None where nothing was fitted."""
 
 
 def ask(problem: Problem, codes: tuple[str, ...], start: Problem | None = None) -> Said:
@@ -514,7 +514,7 @@ class Row:
     shown: Finding | None
     """What is said there, by the median twin."""
     silent: float | None
-    """The worst of the orders on the rungs before it, in half intervals."""
+    """The worst of the orders on the rungs before it, in CI half-widths."""
     missed: tuple[str, ...]
     """Gross ones of which nothing was said, in words."""
     gross: int
@@ -533,7 +533,7 @@ class Row:
 
 
 HEAD = ["code", "made", "severity", "first said at", "the last twin", "the number there", "limit",
-        "orders off before, half intervals", "gross ones said"]  # fmt: skip
+        "orders off before, CI half-widths", "gross ones said"]  # fmt: skip
 
 
 def climb(f: Fault) -> Row:

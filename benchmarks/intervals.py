@@ -183,7 +183,7 @@ def percent(held: int, intervals: int) -> str:
 
 
 def coverage_table(studies: dict[Case, NoiseStudy]) -> str:
-    """Per cent of the intervals that hold the truth."""
+    """Per cent of the intervals that contain the true value."""
     head = ["rig", "λ/μ", "release", "steps", *COLUMNS.values(), "called fractional", "failed"]
     rows = []
     for case, study in studies.items():
@@ -250,7 +250,7 @@ def summary(studies: dict[Case, NoiseStudy]) -> str:
         chance = 1 - (1 - binom.cdf(worst[0], worst[1], 0.95)) ** len(cells)
         low, high = binomial95(held, intervals)
         lines.append(
-            f"- **{what}**: {held} of {intervals} intervals hold the truth, {100 * held / intervals:.1f} % "
+            f"- **{what}**: {held} of {intervals} intervals contain the true value, {100 * held / intervals:.1f} % "
             f"({100 * low:.1f} to {100 * high:.1f} %). Outside 90 to 99 % are {len(outside)} of {len(cells)} counts; "
             f"{expected:.1f} would be by chance, were all exact. The lowest is {worst[0]} of {worst[1]} ({worst[3]} of "
             f"{worst[2].name}); the lowest of {len(cells)} exact ones is that low or lower in {100 * chance:.0f} % of "
@@ -270,7 +270,7 @@ def summary(studies: dict[Case, NoiseStudy]) -> str:
 
 
 def held_first(study: NoiseStudy, name: str, count: int = 100) -> int:
-    """In how many of the first repetitions an order's interval holds the truth."""
+    """In how many of the first repetitions an order's interval contains the true value."""
     truth = study.cells[0].unknowns[name].truth
     intervals = [r["intervals"][name] for r in list(study.repetitions.values())[:count]]
     return sum(low <= truth <= high for low, high in filter(None, intervals))
@@ -293,7 +293,7 @@ METHODS = ("sandwich", "not widened", "white", "profile", "bootstrap")
 
 
 def by_each_method(colour: str, seed: int) -> dict[str, dict[str, float]]:
-    """Whether each kind of interval holds the truth, for one twin of 4 s at 250 Hz with 3 mrad of noise.
+    """Whether each kind of interval contains the true value, for one twin of 4 s at 250 Hz with 3 mrad of noise.
 
     And by how much the sandwich's was widened for few samples.
     """

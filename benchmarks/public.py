@@ -306,7 +306,7 @@ def run(name: str, train: Path, test: Path | None, *, orders: bool = False, betw
     print(f"{name}: {of.model.name}, {cut} samples of training")
     part, errors = chosen(of, record)
     for candidate, left in errors:
-        print(f"  structure: {candidate:30} {left:8.4g} {of.unit} where not fitted")
+        print(f"  structure: {candidate:30} {left:8.4g} {of.unit} held out")
     model = identified(of, record, part)
     known = uncertainty(model.problem, model.x, jobs=JOBS)
     for i, (constant, value) in enumerate(model.values.items()):

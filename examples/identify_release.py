@@ -37,7 +37,7 @@ def main():
     rival = fit.alternative
     print(f"the integer-order model with free friction has {rival.cost / fit.cost:.2f} times the error")
 
-    # Is what is left over noise?
+    # Are the residuals noise?
     (result,) = fit.recordings.values()
     for output in result.measured:
         analysis = fracid.residual_analysis(result, output)

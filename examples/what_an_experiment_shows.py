@@ -186,7 +186,7 @@ def spoiled():
         start = {n: v for n, v in options.items() if n == "initial_state"}
         found = identified(Experiment("twin", step, angles, np.zeros((1, 1)), **recording), step, **start)
         rows.append([name, f"{found[0]:+.4f}", f"{found[1]:+.4f}", f"{100 * found[2]:+.2f} %", f"{found[3]:.2f}°"])
-    return table(["recording", "λ off by", "μ off by", "$C_1$ off by", "rms left over"], rows)
+    return table(["recording", "λ off by", "μ off by", "$C_1$ off by", "rms of the residual"], rows)
 
 
 def draw():

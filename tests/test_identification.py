@@ -410,7 +410,7 @@ def test_a_bound_that_is_reached_is_told():
     assert fit.orders["mu"].bound is None
     assert {n: e["bound"] for n, e in fit.to_json()["orders"].items()} == {"lambda": 0.95, "mu": None}
     assert fit.orders["lambda"].identifiable == "at its bound"
-    assert "lambda lies at its bound: 0.95; widen it, or the model lacks something." in fit.warnings
+    assert "lambda lies at its bound: 0.95; widen the bound or extend the model." in fit.warnings
 
 
 @pytest.mark.broad
@@ -421,7 +421,7 @@ def test_confounded_constants_are_named_in_the_result():
     assert C4.identifiable == "only in a ratio"
     assert C4.reason.startswith("with C1: the data know C4/C1")
     assert C4.interval95 is None
-    assert any("cannot tell C1 and C3 and C4" in w for w in fit.warnings)
+    assert any("cannot separate C1 and C3 and C4" in w for w in fit.warnings)
     assert fit.orders["mu"].identifiable == "identifiable"
 
 

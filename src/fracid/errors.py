@@ -6,7 +6,7 @@
     ├── InputError      (2)  the caller's mistake: an argument, an option, a project file
     │   └── NotTrusted  (2)  a project file wants to run code of its own, and nobody allowed it
     ├── DataError       (3)  a recording that fails its checks
-    └── Unfinished      (1)  long work was cut short: a full disk, a dead worker, Ctrl-C; what was done is kept
+    └── Unfinished      (1)  long work was interrupted: a full disk, a dead worker, Ctrl-C; what was done is kept
 
 Each message is a sentence or three: what was wrong with the value, what was
 expected, what to type.  A numerical failure (a diverging run, det M = 0) is not
@@ -71,7 +71,7 @@ class DataError(FracidError, ValueError):
 
 
 class Unfinished(FracidError, RuntimeError):
-    """Long work was cut short by something outside of it; what was done is kept, and can be gone on with."""
+    """Long work was interrupted by something outside of it; finished work is kept and can be resumed."""
 
     exit_code = 1
 

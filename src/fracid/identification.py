@@ -104,7 +104,7 @@ def identify(
     optimiser : str, optional
         See the module's table; the default is ``multistart``.
     validation : tuple of Experiment
-        Recordings that are not fitted: their own unknowns are found again, the rest is fixed.
+        Held-out recordings: their own unknowns are found again, the rest is fixed.
     seed : int, optional
         Of every random choice; 1 by default.
     jobs : int
@@ -516,8 +516,8 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
 
 
 SAID = {
-    "practically not": "can practically not be told",
-    "not at all": "cannot be told at all",
+    "practically not": "is practically non-identifiable",
+    "not at all": "is not identifiable",
     "at its bound": "lies at its bound",
     "only in a ratio": "is known only in a ratio",
 }
@@ -539,7 +539,7 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         return
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
-        yield f"The data cannot tell {' and '.join(names)} apart: fix one of them."
+        yield f"The data cannot separate {' and '.join(names)}: fix one of them."
     for v in verdicts.values():
         if v.kind in SAID and not any(v.name in names for names in together):
             yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."

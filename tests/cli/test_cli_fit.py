@@ -311,12 +311,12 @@ y = { column = "y", unit = "1" }
 """)
     code, out, _ = run(capsys, "fit", tmp_path / "own.toml", "--out", tmp_path / "run", "--trust")
     assert code == 0
-    assert "integer order: no rival was tried: the model gives q no integer value" in out
+    assert "integer order: no alternative model was tried: the model gives q no integer value" in out
     said = json.loads((tmp_path / "run" / "result.json").read_text())
     assert (said["alternative"], said["orders"]["q"]["integer"]) == (None, None)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "None was tried: the model gives its free orders no integer value (integer_orders)." in page
-    assert "The model gives q no integer value, so it has no integer-order rival." in page
+    assert "The model gives q no integer value, so it has no integer-order alternative." in page
 
 
 def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):

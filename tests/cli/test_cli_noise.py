@@ -40,7 +40,7 @@ def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):
     assert (code, err) == (0, "")
     (row,) = [line for line in out.splitlines() if " mu " in line]
     assert row.split()[:3] == ["0.1°", "4096", "mu"]
-    assert "intervals of 95 % hold the truth" in out
+    assert "intervals of 95 % contain the true value" in out
     where = folder / "run" / "noise"
     record = json.loads((where / "noise.json").read_text(encoding="utf-8"))
     fitted = json.loads((folder / "run" / "result.json").read_text(encoding="utf-8"))

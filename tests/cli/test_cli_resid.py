@@ -86,8 +86,8 @@ def test_of_a_right_model_noise_is_left_of_every_recording_and_output(capsys, go
     for heading in (
         "release 20°, theta",
         "release 20°, alpha",
-        "again, theta (not fitted)",
-        "again, alpha (not fitted)",
+        "again, theta (held out)",
+        "again, alpha (held out)",
     ):
         assert heading in out
     for question in ("whiteness", "spectrum", "normality", "variance", "level"):

@@ -159,7 +159,7 @@ def test_a_value_that_the_data_bound_from_below_only_is_one_sided():
     q = profile(p).profiles["a"]
     assert q.verdict == "one-sided"
     assert q.ends == (End.CROSSED, End.BOUND)
-    assert q.sentence == "one-sided: above it reaches its bound before the data object"
+    assert q.sentence == "one-sided: above it ends at its bound before the cost reaches the 95 % limit"
     assert q.interval95[0] > 1.0
     assert q.interval95[1] is None
     assert q.two_sided is None
@@ -200,7 +200,7 @@ def test_runs_that_fail_end_a_profile_and_say_so():
     q = profile(p).profiles["a"]
     assert q.verdict == "one-sided"
     assert q.ends == (End.CROSSED, End.FAILED)
-    assert q.sentence == "one-sided: above the runs fail before the data object"
+    assert q.sentence == "one-sided: above the runs fail before the cost reaches the 95 % limit"
     assert 1.9 < q.values[-1] <= 2.0
 
 

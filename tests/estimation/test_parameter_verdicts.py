@@ -171,11 +171,11 @@ JOINTS = {
     ),
     "a springpot of order near 0 is a spring": (
         1.0, 1e-1, {"springpot_theta": 3e-3, "springpot_order_theta": 0.02},
-        {"springpot_order_theta": "cannot be told from a spring: its order, of a spring 0 and of a dashpot 1, has the"},
+        {"springpot_order_theta": "is indistinguishable from a spring: its order"},
     ),
     "and of order near 1 a dashpot": (
         1.0, 2e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.98, "b_theta": 2.4e-3},
-        {"springpot_order_theta": "cannot be told from a dashpot: its order"},
+        {"springpot_order_theta": "is indistinguishable from a dashpot: its order"},
     ),
     "of another order it is itself": (
         1.0, 1e-3, {"springpot_theta": 3e-3, "springpot_order_theta": 0.5},
@@ -237,7 +237,7 @@ def test_what_does_nothing_is_not_known_at_all():
 def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
     p = twin(parameters={"coulomb_theta": Free(1e-4, 0.0, 0.1)})
     says = verdicts(p)["coulomb_theta"].sentence
-    assert says.startswith("at its bound: 0; it is zero within what the data resolve, so leave it out")
+    assert says.startswith("at its bound: 0; it is zero within the resolution of the data: remove it")
     found = verdicts(p, profiles=profile(p, parameters=["coulomb_theta"]).profiles)["coulomb_theta"]
     assert found.sentence.startswith("at its bound: 0; the data say below ")
 

@@ -96,7 +96,7 @@ def test_a_model_without_a_zero_says_none():
 
 
 def test_only_a_validation_recording_says_that_it_was_not_fitted():
-    assert "validation: not fitted" in words(fitted_over_time(twin(200, use="validate")))
+    assert "validation: held out" in words(fitted_over_time(twin(200, use="validate")))
     assert "validation" not in words(fitted_over_time(twin(200)))
 
 

@@ -301,7 +301,7 @@ LINES = {
     "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: nothing here says that the rig"),
     "orders off 1 that a rival cannot do without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
-        "With every order 1, the cost is 4 times as large",
+        "The data favour fractional orders: with every order 1, the cost is 4 times as large",
     ),
     "orders that a rival does without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,
@@ -313,27 +313,27 @@ LINES = {
     ),
     "an order of which no integer makes sense": (
         "Orders", {"orders": {"r": estimate(0.4, 0.01) | {"integer": None}}}, True,
-        "The model gives r no integer value, so it has no integer-order rival.",
+        "The model gives r no integer value, so it has no integer-order alternative.",
     ),
     "an order off 0": ("Orders", {"orders": {"r": estimate(0.9, 0.01) | {"integer": 0}}}, False, "r is off 0; no"),
-    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "The recordings do not tell μ"),
+    "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "μ is not identifiable"),
     "an order that is not seen beside one that is": (
         "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,
-        "The recordings do not tell λ. 1 lies in the interval of μ: nothing here says",
+        "λ is not identifiable. 1 lies in the interval of μ: nothing here says",
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
-    "a prediction": ("Prediction", {}, True, "It predicts b, which was not fitted, to 0.57°"),
-    "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "nothing shows that the model predicts"),
-    "all values known": ("Values", {}, True, "The recordings tell all 2 values"),
+    "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
+    "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
+    "all values known": ("Values", {}, True, "All 2 free values are identifiable"),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
-        "1 of the 2 values that were left free; not, or not for sure: C1",
+        "1 of 2 free values is identifiable; C1 is not",
     ),
     "where a joint began, which nobody misses": (
-        "Values", {"recordings": FORGOTTEN}, True, "The recordings tell all 2 values that were left free.",
+        "Values", {"recordings": FORGOTTEN}, True, "All 2 free values are identifiable.",
     ),
     "a search that ended": ("Checks", {}, True, "The search converged. Solved at half the step, no order moves"),
-    "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search ended so: interrupted"),
+    "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search did not converge: interrupted"),
     "a step too coarse": (
         "Checks", {"discretisation": {"warning": "Too coarse.", "shift": {"mu": 1.0}}}, False, "Too coarse.",
     ),

@@ -679,7 +679,7 @@ What is wrong with a file, what fracid says of it, and the exit code. Each row i
 written from those tests: `python tests/safety/bad_input.py --write`.
 
 Exit codes: **0** the file is used, and the sentence is a note on it; **2** the caller's mistake; **3** a recording that
-is damaged or unfit; **1** work was cut short: a full disk, too little memory, Ctrl-C. Never a traceback: what nobody has
+is damaged or unfit; **1** work was interrupted: a full disk, too little memory, Ctrl-C. Never a traceback: what nobody has
 foreseen ends with **4** and one line that says what to send us; `FRACID_TRACEBACK=1` before the command shows all of it.
 `…` stands for words left out.
 
@@ -830,8 +830,7 @@ def fuzzed() -> list[str]:
     return [
         *lines,
         "",
-        "So many were run of the readers as they are, and before of readers as they were; whatever failed was mended."
-        f"{aim}",
+        f"The counts are for the current readers and earlier versions; every failure found has been fixed.{aim}",
         "`python tests/safety/fuzz.py --table` prints the count. A million of a reader take 6 to 16 minutes of one processor. Beside",
         "these `python tests/safety/fuzz_guided.py READER` follows the branches of the code with atheris.",
     ]

@@ -234,11 +234,11 @@ def test_a_fit_that_was_cut_short_and_is_typed_again_goes_on_and_another_begins_
     drawn_so(monkeypatch, lambda _: ())
     code, _, err = run(capsys, *words)
     assert (code, run_state(tmp_path / "run").finished) == (0, True)
-    assert "holds this fit, cut short: it is gone on with." in err
-    assert "gone on with" not in run(capsys, *words)[2]  # finished
+    assert "holds this fit, interrupted: it is resumed." in err
+    assert "it is resumed" not in run(capsys, *words)[2]  # finished
     drawn_so(monkeypatch, stopped)
     run(capsys, *words)
-    assert "gone on with" not in run(capsys, *words, "--seed", 7)[2]
+    assert "it is resumed" not in run(capsys, *words, "--seed", 7)[2]
 
 
 def _blocked():
@@ -279,7 +279,7 @@ SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters
     [
         ({"initial": np.ma.masked_array([1.0], [True])}, "initial: 1 of 1 values are masked"),
         ({"inputs": np.ones((101, 1), complex)}, "expected numbers"),
-        ({"inputs": np.ones((1, 101))}, "Turn it round: inputs.T."),
+        ({"inputs": np.ones((1, 101))}, "Transpose it: inputs.T."),
         ({"inputs": np.full((101, 1), np.nan)}, "every value must be a finite number"),
         ({"step": "0.01"}, "step = '0.01': expected a number of seconds."),
         ({"step": None}, "step = None: expected a number of seconds."),

@@ -223,7 +223,7 @@ def test_trusted_or_not_changed_code_is_not_gone_on_with(capsys, unfinished):
         file.write("# changed\n")
     code, _, err = run(capsys, "resume", "run", "--trust")
     assert code == 2
-    assert "run cannot be gone on with: the code my_rig.py has changed since" in err
+    assert "run cannot be resumed: the code my_rig.py has changed since" in err
 
 
 @pytest.mark.parametrize(

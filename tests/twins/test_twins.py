@@ -1,4 +1,4 @@
-"""The shipped twins are what their script makes, and say of the paper's recipe what the README says."""
+"""The shipped twins are what their script makes, and show of the paper's recipe what docs/features.md says."""
 
 import importlib.util
 from pathlib import Path

@@ -248,7 +248,7 @@ OTHER = release(0.9, seed=2)
 def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
     found = sole(before(several(*signals)), "wrong-sign")
     assert found.where == where
-    assert "the sign of theta or alpha turned round" in found.sentence  # undriven, nobody can tell which
+    assert "the sign of theta or alpha reversed" in found.sentence  # undriven, nobody can tell which
     assert codes(before(several(GOOD, OTHER))) == []
 
 

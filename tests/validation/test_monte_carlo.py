@@ -171,7 +171,7 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     found = study(release(substeps=1, step=8e-3), seeds=25)
     mu = found.cells[0].unknowns["mu"]
     assert abs(mu.bias) > mu.spread
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "hold the truth" in s]
+    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "contain the true value" in s]
     assert "they promise too much at 0.1° of noise, 4096 counts" in sentence
     assert "times its spread" in sentence
     assert "substeps = 2" in found.sentences()[-1]
@@ -194,7 +194,7 @@ def test_a_start_that_is_taken_as_measured_claims_too_little():
     mu = found.cells[0].unknowns["mu"]
     assert mu.spread > 1.4 * mu.claimed
     assert mu.coverage < 0.8
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "hold the truth" in s]
+    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "contain the true value" in s]
     assert "times the standard error" in sentence
 
 

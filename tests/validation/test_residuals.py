@@ -212,7 +212,7 @@ def test_the_spectrum_adds_up_to_the_variance():
     (lambda g: g.exponential(size=N), "longer above than on the other side"),
     (lambda g: -g.exponential(size=N), "longer below than on the other side"),
     (lambda g: g.uniform(size=N), "with cut tails"),
-    (lambda g: np.sin(2 * np.pi * g.uniform(size=N)), "Rounding or a swing left over looks so"),
+    (lambda g: np.sin(2 * np.pi * g.uniform(size=N)), "Rounding or a residual swing looks like this"),
 ])  # fmt: skip
 def test_a_shape_that_is_not_normal_is_named(draw, words):
     e = 1e-3 * draw(rng())
@@ -353,7 +353,7 @@ def test_rounding_alone_is_the_encoders_floor_and_no_better_model_is_seen():
     found = analysed(measured_by_an_encoder(FITTED, 0), resolution={"alpha": ENCODER})
     assert found.level.floor == pytest.approx(ENCODER / np.sqrt(12))
     assert found.level.rms == pytest.approx(found.level.floor, rel=0.05)
-    assert "A better model cannot be seen with this encoder" in found.sentences["level"]
+    assert "This encoder cannot distinguish a better model" in found.sentences["level"]
 
 
 def test_the_rounding_of_a_slow_motion_is_correlated_and_no_fault_of_the_model():

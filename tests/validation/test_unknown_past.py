@@ -174,7 +174,7 @@ LATER = Treatment("cut later by 0.3 s", {"mu": 1.08}, {"mu": 0.08}, 0.1, {"alpha
     (made(0.006, 0.05), "mu moves by +0.05 with what is taken for the motion before it (1 as fitted, 1.05 with the "
                         "past), 8.3 times its interval of ±0.006"),
     (made(0.006, 0.05, more=[LATER]), "mu moves by +0.08 with where the record is cut"),
-    (made(0.006, -0.05), "the interval does not know of what the model lacks. Take 0.95 … 1 for what is known of mu."),
+    (made(0.006, -0.05), "the interval ignores model error. Take 0.95 … 1 for what is known of mu."),
     (made(0.006, 0.05, stopped=True), "1.05 with the past, and still moving when the refit was stopped"),
     (made(0.1, 0.05), "No order moves by more than its interval, wherever the record is cut; at most they move: mu by"),
     (made(None, 0.05), "No order moves by more than its interval"),

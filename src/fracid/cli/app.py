@@ -4,7 +4,7 @@ A command is one short file beside this one: parse, one call of the library, tex
 for programs.  To add one, write ``cli/NAME.py`` with a function under ``@app.command`` and import it in
 ``cli/__init__.py``.
 
-Exit codes: 0 it did what was asked; 1 long work was cut short, or there is no memory or disk for it; 2 the caller's
+Exit codes: 0 it did what was asked; 1 long work was interrupted, or there is no memory or disk for it; 2 the caller's
 mistake; 3 a recording that fails its checks; 4 a fault of fracid itself, told in one sentence with what to send
 (``FRACID_TRACEBACK=1`` shows all of it).  With ``--json`` standard output holds JSON alone, and all else goes to
 standard error.
@@ -74,12 +74,12 @@ Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder f
 
 Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
 
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of all randomness.", show_default=True, min=0)]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Random seed.", show_default=True, min=0)]
 
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
 
 Trust = Annotated[
-    bool, typer.Option("--trust", help="Let the project run code of its own, my_rig.py:model. Read that first.")
+    bool, typer.Option("--trust", help="Run Python code that the project refers to (my_rig.py:model). Review it first.")
 ]
 
 

@@ -91,7 +91,7 @@ def compare(
 
     All are fitted alike to the recordings with use = "fit" and judged on those with use = "validate", where only the
     initial state, and what a recording has for itself, are found again.  Writes compare.json, compare.csv and figures.
-    Cut short, the same command goes on where it was.  Exit code 0 if it is done, 3 if no run of any structure reaches
+    Interrupted, the same command resumes.  Exit code 0 if it is done, 3 if no run of any structure reaches
     the end of the recordings.
     """
     from fracid.workflows.comparison import run_comparison

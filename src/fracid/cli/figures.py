@@ -50,7 +50,7 @@ def draw(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of a rig: hanging or upright. hanging if left out.",
+            help="For a rig: alpha = 0 hanging or upright [default: hanging].",
             autocompletion=one_of("hanging", "upright"),
         ),
     ] = None,

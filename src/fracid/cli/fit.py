@@ -76,7 +76,7 @@ def fit(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Where many starts run, each for itself: processes.",
+            help="Run each start in its own process: processes.",
             autocompletion=key_of("executors"),
         ),
     ] = None,
@@ -127,7 +127,7 @@ def tell_fit(run: FinishedRun, *, json_: bool) -> None:
 
 
 def say_undrawn(run: FinishedRun) -> None:
-    """Say what is there and what is not, and end with 1: the work was cut short."""
+    """Report what is there and what is not, and exit with 1: the work was interrupted."""
     sys.stderr.write(
         f"{printable(run.undrawn)} The result is whole, in {run.folder / 'result.json'}; its figures or the report are "
         f"missing. To draw them: {typed('resume', run.folder, *['--trust'] * bool(run.project.own_code))}\n"
@@ -143,7 +143,7 @@ def _say_next(run: FinishedRun, console: Console) -> None:
     say_next(
         console,
         (typed("report", run.folder, "--open", *trust), "look at the page"),
-        (typed("resid", run.folder, *trust), "what is left over: noise, or something that the model lacks?"),
+        (typed("resid", run.folder, *trust), "are the residuals white noise, or does the model lack something?"),
         *ladder * has_friction(run.project.problem.model),
     )
 
@@ -177,7 +177,8 @@ def show_fit(run: FinishedRun, console: Console) -> None:
         console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
     if fit.alternative is None and (without := _without_integers(fit)):
         console.print(
-            f"  integer order: no rival was tried: the model gives {escape(without)} no integer value", soft_wrap=True
+            f"  integer order: no alternative model was tried: the model gives {escape(without)} no integer value",
+            soft_wrap=True,
         )
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
     for path in run.figures:

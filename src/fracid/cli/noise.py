@@ -74,12 +74,12 @@ def noise(
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes at most.", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
-    """Simulate the fitted model with noise, identify it again, many times: bias, spread, and what intervals are worth.
+    """Refit simulated data with noise and quantisation, many times: bias, spread and coverage of the intervals.
 
-    The values of the run are the truth.  Each repetition simulates every recording with them, four times finer than
+    The values of the run are the true ones.  Each repetition simulates every recording with them, four times finer than
     the fit, adds noise, rounds as the encoder does, and identifies from the project's own start.  Shows for each
-    unknown how far it is off, how much it scatters, and in how many of the 95 % intervals the truth lies; writes
-    noise.json, noise.csv and a figure.  Cut short, the same command goes on where it was.  Exit code 0 if it is done, 3
+    unknown its bias, its spread, and how many of the 95 % intervals contain the true value; writes
+    noise.json, noise.csv and a figure.  Interrupted, the same command resumes.  Exit code 0 if it is done, 3
     if no run of the model reaches the end of the recording.
     """
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
@@ -129,7 +129,8 @@ def _show(finished: FinishedNoiseStudy, console: Console) -> None:
     figure = next((path for path in finished.figures if path.suffix == ".png"), finished.path)
     console.print(
         f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
-        f"{study.problem.method}; angles in degrees. Coverage is the share of 95 % intervals that hold the truth.",
+        f"{study.problem.method}; angles in degrees. "
+        "Coverage is the share of 95 % intervals that contain the true value.",
         soft_wrap=True,
     )
     table = new_table(*HEADINGS, fold=("",))

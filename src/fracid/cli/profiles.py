@@ -1,4 +1,4 @@
-"""``fracid profile RUN|PROJECT``: how far each unknown can go before the data object, and what they can tell of it."""
+"""``fracid profile RUN|PROJECT``: the profile likelihood of each unknown, and its interval."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def profile(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Profile unknowns: hold each at a row of values, fit all others, and see where the data object.
+    """Profile likelihood: fix one unknown on a grid, refit the others, and read off its interval.
 
     Shows the 95 % interval of the profile beside those of the sandwich and of the bootstrap, and in words what the
     data can tell of each unknown.  Writes profiles.json and a figure.  Exit code 0 if it is done, 3 if no run of the

@@ -59,30 +59,34 @@ def regress(
         Estimator, typer.Option(help="Instruments, total least squares, or plain ones.")
     ] = Estimator.iv,
     cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Of the low-pass, in place of the spectrum's.")
+        float | None, typer.Option(metavar="HZ", help="Cut-off of the low-pass filter [default: from the spectrum].")
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="Each recording by itself, not all together.")] = False,
     start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]...", help="Of a recording, as in fracid check."),
+        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]...", help="For a recording: a column, as in fracid check."),
     ] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="Of a recording: its time.")] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Of a recording without a time column.")] = None,
+    time: Annotated[
+        str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="For a recording: its time column.")
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="For a recording without a time column: its sample rate.")
+    ] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     rig: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of a recording: whose values are taken for what is not found.",
+            help="For a recording: the rig whose constants are used for those not estimated.",
             autocompletion=key_of("rigs"),
         ),
     ] = None,
     zero: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Of a recording: where alpha = 0, hanging or upright.", autocompletion=one_of(*ZEROS)
+            metavar="NAME", help="For a recording: alpha = 0 hanging or upright.", autocompletion=one_of(*ZEROS)
         ),
     ] = None,
     trust: Trust = False,

@@ -33,7 +33,7 @@ def report(
 ) -> None:
     """Write a run as one HTML page: verdict, data, equations, values, curves, residuals, and the rig in motion.
 
-    The page is one file, opens offline and asks nobody for anything.  Profiles and the ladder of structures are on it
+    The page is one file and loads nothing from the network.  Profiles and the ladder of structures are on it
     where fracid profile and fracid compare wrote them into the folder.
     """
     from fracid.report import write_report

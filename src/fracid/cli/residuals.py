@@ -1,4 +1,4 @@
-"""``fracid resid RUN``: what a fit leaves over, and what that says of the model."""
+"""``fracid resid RUN``: tests of the residuals, and what they show about the model."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def resid(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Test what a fit leaves over: is it noise, or does the model lack something?
+    """Test the residuals of a fit: are they white noise, or does the model lack something?
 
     Simulates each recording with the values of the run, validation recordings too, and says in words whether the
     residual is white, at which frequencies it is not, whether it is normal and scatters alike throughout, and how large
@@ -109,7 +109,7 @@ def _number(value: float, digits: str, unit: str = "") -> str:
 
 
 def _not_fitted(a: ResidualAnalysis) -> str:
-    parts = ["not fitted"] if a.use == "validate" else []
+    parts = ["held out"] if a.use == "validate" else []
     parts += [f"{a.missing:,} samples left out: the simulation has no value there"] if a.missing else []
     return f" ({'; '.join(parts)})" if parts else ""
 

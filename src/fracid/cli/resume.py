@@ -1,6 +1,6 @@
-"""``fracid resume RUN``: go on with whatever was killed, interrupted, or ran out of disk.
+"""``fracid resume RUN``: resume what was killed, interrupted, or ran out of disk.
 
-A fit is gone on with by its ``run.json``; a study's command, from ``environment.json``, is typed again where it was
+A fit is resumed from its ``run.json``; a study's command, from ``environment.json``, is typed again where it was
 typed, and does what its journal has not: :mod:`fracid.workflows.resumption` says what is taken from a folder, and what
 only from the caller.
 """
@@ -33,25 +33,25 @@ RESUME_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(RESUME_EXAMPLE))
 def resume(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run that was cut short.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of an interrupted run.")],
     executor: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of a study: threads or processes, in place of what it had.",
+            help="For a study: threads or processes, instead of its own.",
             autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a study: a Dask scheduler, tcp://HOST:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="For a study: a Dask scheduler, tcp://HOST:8786.")
     ] = None,
     trust: Trust = False,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Go on with a run that was cut short: nothing that was done is repeated, and the result is the same.
+    """Resume an interrupted run: no finished work is repeated, and the result is the same.
 
-    Cut short by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
+    Interrupted by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
     the command itself; 0 too if the run is finished already.
     """
     from fracid.workflows.resumption import finished_result, resume_run, state_of

@@ -92,9 +92,7 @@ def simulate(
     ] = False,
     zero: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="Of a rig: where alpha = 0, hanging or upright.", autocompletion=one_of(*ZEROS)
-        ),
+        typer.Option(metavar="NAME", help="For a rig: alpha = 0 hanging or upright.", autocompletion=one_of(*ZEROS)),
     ] = None,
     recording: Annotated[
         str | None,

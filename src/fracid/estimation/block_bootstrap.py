@@ -184,7 +184,7 @@ def bootstrap(
         raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
     blocks = sum(len(e) // length for e in errors)
     warning = (
-        f"The residuals hang together over {length} samples, which leaves {blocks} blocks: "
+        f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: "
         "the bootstrap's intervals are too narrow."
         if blocks < FEW_BLOCKS
         else ""

@@ -1,4 +1,4 @@
-r"""Profile likelihood: how far one unknown can go while all the others follow, before the data object.
+r"""Profile likelihood: how far one unknown can go while all the others follow, before the data exclude it.
 
 With the cost as a sum :math:`V(x) = \sum_t w_t\,ρ(e_t(x))`, as in :mod:`fracid.estimation.covariance`, the profile of
 unknown i is :math:`V_i(v) = \min_{x:\,x_i = v} V(x)`, and its *rise*

@@ -22,7 +22,7 @@ minimum of the parabola is a Newton step away,
 
 .. math::  p = -A^{-1} g ,
 
-zero at a minimum whatever A is.  How long it is in half intervals is the Newton decrement, unknown by unknown [BV]_.
+zero at a minimum whatever A is.  How long it is in CI half-widths is the Newton decrement, unknown by unknown [BV]_.
 The parabola need not hold that far, so the cost is asked: of :math:`x + fp` with f = 1, ½, ¼, ⅛ the lowest counts.
 
 References

@@ -290,9 +290,9 @@ def _beyond(view: _View, i: int) -> str:
     """What is beyond a bound that holds an unknown."""
     u, bound = view.problem.unknowns[i], view.bound(i)
     if u.kind != "parameter" or u.target not in view.problem.parameters or bound not in limits(view.problem, u.target):
-        return "widen it, or the model lacks something"
+        return "widen the bound or extend the model"
     if bound == 0.0:
-        return "it is zero within what the data resolve, so leave it out, or the model lacks something"
+        return "it is zero within the resolution of the data: remove it, or extend the model"
     return "beyond it means nothing, so the model lacks something"
 
 
@@ -314,7 +314,9 @@ def _of_a_springpot(view: _View, i: int) -> Iterator[Verdict]:
     low, high = (x < 0.1, x > 0.9) if own else (x - half <= 0, x + half >= 1)  # at a bound there is no interval
     if other := " or a ".join(["spring"] * low + ["dashpot"] * high):
         which = f"is at its bound, {x:.2g}" if own else f"has the interval {x:.2g} ± {half:.2g}"
-        reason = f"the springpot cannot be told from a {other}: its order, of a spring 0 and of a dashpot 1, {which}"
+        reason = (
+            f"the springpot is indistinguishable from a {other}: its order, of a spring 0 and of a dashpot 1, {which}"
+        )
         yield Verdict(u.name, "practically not", reason)
 
 

@@ -47,10 +47,10 @@ LOWER = 0.05
 class End(Enum):
     """Why a walk to one side ended; the value is the sentence."""
 
-    CROSSED = "the data object"
-    BOUND = "it reaches its bound before the data object"
-    FAILED = "the runs fail before the data object"
-    SPENT = "the data do not object as far as was looked"
+    CROSSED = "the cost reaches the 95 % limit"
+    BOUND = "it ends at its bound before the cost reaches the 95 % limit"
+    FAILED = "the runs fail before the cost reaches the 95 % limit"
+    SPENT = "the cost stays below the 95 % limit in the range searched"
 
 
 # --- the refit of what is not held -------------------------------------------------------------------

@@ -101,7 +101,7 @@ def fitted_over_time(
 
 def _role(recording: RecordingFit) -> str:
     if recording.use == "validate":
-        return "validation: not fitted; at most its initial state and its own parameters were found again"
+        return "validation: held out; at most its initial state and its own parameters were refitted"
     return "measured and fitted"
 
 

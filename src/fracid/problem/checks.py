@@ -233,7 +233,7 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
     if unobserved:
         names = ", ".join(p.model.states[i] for i in sorted(unobserved))
         raise InputError(
-            f"{e.name}: its past does not tell {names}; a past needs every angle among the outputs, which are "
+            f"{e.name}: its past does not determine {names}; a past needs every angle among the outputs, which are "
             f"{', '.join(p.outputs)}."
         )
     if p.initial_state not in ("estimate", "measured"):

@@ -526,7 +526,7 @@ class _Page:
             )
         else:
             lines.append(f"# to = {self.recording.time[-1]:.4g}")
-        lines.append(_line("use", "fit", '# or "validate": judged on it, not fitted to it'))
+        lines.append(_line("use", "fit", '# or "validate": held out for validation'))
         return lines
 
     def _at_the_top(self) -> bool:

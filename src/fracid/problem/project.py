@@ -239,7 +239,7 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     preset : str, optional
         In place of the file's own.
     trust : bool
-        Let it run code of its own, a model or a cost in a Python file that it names.  Read that first.
+        Run Python code that it refers to, a model or a cost in a file.  Review it first.
 
     Raises
     ------
@@ -441,7 +441,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
             model.parameter(name)
         if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
             raise InputError(
-                f"{name} is converted, not fitted; free one of {', '.join(model.parameter_names)} instead."
+                f"{name} is converted and cannot be fitted; free one of {', '.join(model.parameter_names)} instead."
             )
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
 

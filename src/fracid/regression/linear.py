@@ -480,10 +480,11 @@ def _doubted(regression: Regression, search: OrderSearch | None, late: bool, est
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
     messages = [
-        f"{n} is hardly seen: its interval is {low:.3g} … {high:.3g}. Give it, or release from a larger angle."
+        f"{n} is practically non-identifiable: its interval is {low:.3g} … {high:.3g}. Fix it, or release "
+        "from a larger angle."
         for n, (low, high) in wide.items()
     ] + [f"The {n}'s equation fits by {regression.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
-    why = [f"moves with {' and '.join(wide)}, which the data hardly see"] if wide else []
+    why = [f"moves with {' and '.join(wide)}, practically non-identifiable here"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]
     why += ["its simulated response is not like the measured one"] if regression.estimator != estimator else []

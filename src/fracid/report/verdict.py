@@ -110,14 +110,18 @@ def _on_their_own(sentence: str, free: Mapping[str, Any]) -> tuple[str, bool]:
     without = [n for n in intervals if integer[n] is None]
     off = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
     inside = [n for n in intervals if n not in (*off, *without)]
-    doubts = [f"The recordings do not tell {joined(non_identifiable, 'or')}." if non_identifiable else ""]
+    doubts = [f"{joined(non_identifiable)} {_is(non_identifiable)} not identifiable." if non_identifiable else ""]
     if off:
         values = dict.fromkeys(number(integer[n]) for n in off)
-        doubts.append(f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order rival was tried.")
+        doubts.append(
+            f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order alternative was tried."
+        )
     elif inside:
         doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
     if without:
-        doubts.append(f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order rival.")
+        doubts.append(
+            f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order alternative."
+        )
     return " ".join((sentence, *filter(None, doubts))), not non_identifiable and not off
 
 
@@ -142,7 +146,7 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     cost, own = rival["cost"], material.result["cost"]["value"]
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
     gain = number(rival["bic_gain_of_the_fractional_model"], ".3g")
-    return f"With {rival['structure']}, {times} (BIC {gain} worse): the orders explain more."
+    return f"The data favour fractional orders: with {rival['structure']}, {times} (ΔBIC = {gain})."
 
 
 def _prediction(material: Material) -> Line:
@@ -150,15 +154,15 @@ def _prediction(material: Material) -> Line:
     if not validation:
         return Line(
             "Prediction",
-            'No recording was held out, so nothing shows that the model predicts. Give one with use = "validate".',
+            'Not tested: no recording was held out. Mark one with use = "validate".',
             False,
         )
     failures = [n for n, r in validation.items() if any(v is None for v in r["rmse"].values())]
     if failures:
-        return Line("Prediction", f"No run reached the end of {joined(failures)}, which was not fitted.", False)
+        return Line("Prediction", f"No run reached the end of {joined(failures)}, which was held out.", False)
     what, was = (next(iter(validation)), "was") if len(validation) == 1 else (f"{len(validation)} recordings", "were")
     percents = [v for r in validation.values() for v in r["fit_percent"].values() if v is not None]
-    sentence = f"It predicts {what}, which {was} not fitted, to {_errors(material, validation)} rms{_fits(percents)}"
+    sentence = f"It predicts {what}, which {was} held out, to {_errors(material, validation)} rms{_fits(percents)}"
     poor = not percents or min(percents) < POOR
     missed = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "missed"]
     doubt = "; for one signal that is hardly better than a constant" if poor else ""
@@ -173,11 +177,11 @@ def _values(material: Material) -> Line:
     flags = [kind == "identifiable" for kind in kinds if kind != "forgotten"]
     non_identifiable = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
     if all(flags):
-        return Line("Values", f"The recordings tell all {len(flags)} values that were left free.", True)
-    sentence = f"The recordings tell {sum(flags)} of the {len(flags)} values that were left free"
+        return Line("Values", f"All {len(flags)} free values are identifiable.", True)
+    sentence = f"{sum(flags)} of {len(flags)} free values {'is' if sum(flags) == 1 else 'are'} identifiable"
     return Line(
         "Values",
-        f"{sentence}; not, or not for sure: {joined(non_identifiable)}." if non_identifiable else f"{sentence}.",
+        f"{sentence}; {joined(non_identifiable)} {_is(non_identifiable)} not." if non_identifiable else f"{sentence}.",
         False,
     )
 
@@ -190,7 +194,7 @@ def _checks(material: Material) -> Line:
 def _search(material: Material) -> Iterator[tuple[str, bool]]:
     outcome = material.result["outcome"]
     converged = outcome.startswith("converged")
-    yield ("The search converged." if converged else f"The search ended so: {outcome}.", converged)
+    yield ("The search converged." if converged else f"The search did not converge: {outcome}.", converged)
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:
@@ -211,10 +215,10 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
         return
     worst = max(tested, key=lambda a: a.whiteness.correlation_time)
     if all(a.whiteness.white for a in tested):
-        yield "What is left over is white noise.", True
+        yield "The residuals are white noise.", True
     elif all(a.whiteness.white or a.level.rms < ROUNDING * a.level.floor for a in tested):
-        yield "What is left over is noise and the encoder's rounding.", True
+        yield "The residuals are noise and the encoder's rounding.", True
     else:
         time = number(worst.whiteness.correlation_time, ".2g")
-        what = f"What is left over of {letter(worst.output)}"
+        what = f"The residual of {letter(worst.output)}"
         yield f"{what} is correlated over {time} s: not noise alone, the model lacks something.", False

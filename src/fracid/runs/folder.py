@@ -335,7 +335,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
             raise InputError(
-                f"{folder} cannot be gone on with: {what} has changed since. Put it back, or begin again in another "
+                f"{folder} cannot be resumed: {what} has changed since. Put it back, or begin again in another "
                 "folder: --out DIR."
             )
 

@@ -162,7 +162,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     folder : str or Path
         With ``result.json`` and ``project.toml``; the recordings are looked for where the run found them.
     trust : bool
-        Let its project run code of its own, a model or a cost in a Python file that it names.  Read that first.
+        Run Python code that its project refers to, a model or a cost in a file.  Review it first.
 
     Returns
     -------

@@ -40,7 +40,7 @@ class ScoreBlock(Block):
 
 
 class LeftOverBlock(Block):
-    """What is left over of one output of a recording."""
+    """The residual of one output of a recording."""
 
     rms: Infinite
     floor: float

@@ -228,7 +228,7 @@ def amplitude_test(
     x : array, shape (n_unknowns,)
         Its fit.
     others : sequence of Experiment
-        Recordings that were not fitted.
+        Held-out recordings.
     windows : int
         Of each recording at most; fewer where it has less than two swings for each.
     jobs : int

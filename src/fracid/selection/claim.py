@@ -182,7 +182,7 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     determined = [order for order in orders if order.half <= KNOWN and order.integers]
     without = [order for order in orders if not order.integers]
     others = [order for order in orders if order not in (*determined, *without)]
-    unknown = [f"The recordings do not tell {GREEK.get(order.name, order.name)}." for order in others]
+    unknown = [f"{GREEK.get(order.name, order.name)} is not identifiable." for order in others]
     unknown += [f"The model gives {order} no integer value (integer_orders), so nothing of integer order is held "
                 "against it." for order in without]  # fmt: skip
     if not determined:
@@ -213,11 +213,11 @@ def _too_little(off: Sequence[OrderFound]) -> str:
 def _unexplained(where: str, e: LeftOver) -> str:
     if e.known:
         return (
-            f"What is left over of {where} is {e.rms:.2g} of the standard deviations that the recording has, and "
+            f"The residual of {where} is {e.rms:.2g} of the standard deviations that the recording has, and "
             "correlated: the model lacks something."
         )
     times = f"{e.times:.2g} times the encoder's rounding, and" if math.isfinite(e.times) else "no noise:"
-    return f"What is left over of {where} is {times} correlated: the model lacks something."
+    return f"The residual of {where} is {times} correlated: the model lacks something."
 
 
 def _effect(order: OrderFound) -> str:

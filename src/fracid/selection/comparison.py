@@ -186,7 +186,7 @@ class Comparison(CardDisplay):
 
     @property
     def held_out(self) -> tuple[str, ...]:
-        """Names of the recordings that were not fitted."""
+        """Names of the held-out recordings."""
         return tuple(self.rows[0].held_out)
 
     def best(self, *, fractional: bool) -> Row:
@@ -261,14 +261,14 @@ def compare(
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Comparison:
-    """Fit every structure of the ladder, and judge each on recordings that it was not fitted to.
+    """Fit every structure of the ladder, and judge each on held-out recordings.
 
     Parameters
     ----------
     problem : Problem or Project
         A project brings its own validation recordings, seed and starts.
     validation : sequence of Experiment
-        Recordings that are not fitted.
+        Held-out recordings.
     leave_one_out : bool
         Whether each recording, fitted or not, is held out once while all others are fitted.
     keep : collection of str

@@ -271,7 +271,7 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
     u = np.ascontiguousarray(u.reshape(len(u), -1))
     if count is None and len(u) == 1 and u.shape[1] == steps + 1 > 1:
         raise InputError(f"inputs has the shape {u.shape}: one row of {steps + 1} inputs, where the grid has as many "
-                         "points. Turn it round: inputs.T.")  # fmt: skip
+                         "points. Transpose it: inputs.T.")  # fmt: skip
     if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
         columns = "n_inputs" if count is None else count
         raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {columns}), a row for each of the "

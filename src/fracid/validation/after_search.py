@@ -63,7 +63,7 @@ TIGHTER = 1e-2
 """Of that: the memory beside which a looser one is seen."""
 
 SHORT = 0.5
-"""Half intervals that a minimum may be away: from there on an interval of 95 % holds it in 84 %."""
+"""CI half-widths that a minimum may be away: from there on an interval of 95 % holds it in 84 %."""
 
 FALLS = 1.0
 """Of the cost, by which a step may lower it [%]: far from a minimum intervals are wide, and hide how far."""
@@ -163,8 +163,8 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
         if u.kind == "order":
             half = max(LEAST_SHIFT, half if math.isfinite(half) else 0.0)
         if math.isfinite(half) and abs(shift[i]) > half:
-            yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "half intervals",
-                f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times half its interval: "
+            yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "CI half-widths",
+                f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times its CI half-width: "
                 f"{problem.memory.name} is too loose. Leave memory and tolerance out of [fit].")  # fmt: skip
 
 
@@ -267,9 +267,9 @@ def noisy_start(
     i = max(first, key=lambda k: times[k])
     sd = max(float(np.max(s)) for s in noise.values())
     unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
-    return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "half intervals",
+    return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "CI half-widths",
         f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
-        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times half its interval, which does not know of that. Type "
+        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, which ignores it. Type "
         f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
         "in the recording's table."),)  # fmt: skip
 
@@ -291,11 +291,11 @@ def _stopped_short(
     if intervals[i] > SHORT or by_cost:
         i = i if intervals[i] > SHORT else int(np.argmax(np.abs(step) / least))
         measure = (
-            (float(intervals[i]), SHORT, "half intervals") if intervals[i] > SHORT else (lower, FALLS, "% of the cost")
+            (float(intervals[i]), SHORT, "CI half-widths") if intervals[i] > SHORT else (lower, FALLS, "% of the cost")
         )
         yield Finding("stopped-short", problem.names[i], *measure,
-            f"the search stopped short of its minimum: a step of {step[i]:+.2g}, {intervals[i]:.2g} times half its "
-            f"interval, and of the others with it, lowers the cost to {cost:.6g} from {here:.6g}. Start the free "
+            f"the search stopped short of its minimum: a step of {step[i]:+.2g}, {intervals[i]:.2g} times its CI "
+            f"half-width, and of the others with it, lowers the cost to {cost:.6g} from {here:.6g}. Start the free "
             "values where this fit ended, or type --multi-start 16.")  # fmt: skip
 
 
@@ -321,6 +321,6 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         part, times = rms / max(spread, 1e-300), rms / noise
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
-                f"what is left over is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
+                f"the residual is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
                 f"{times:.2g} times the noise: this model may not be able to explain it. Look at "
                 "fracid resid, free a friction, or ask fracid compare; another start: --multi-start 16.")  # fmt: skip

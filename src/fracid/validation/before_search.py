@@ -23,15 +23,15 @@ code                asked how; the number
 and of the minimum :func:`after` asks
 
 ==================  ==============================================================================================
-``loose-memory``    how far the unknowns would go with a memory a thousand times as accurate, in half intervals:
+``loose-memory``    how far the unknowns would go with a memory a thousand times as accurate, in CI half-widths:
                     :math:`δx = (J^T J)^{-1} J^T δy`, δy the change of the simulated outputs
 ``short-window``    an order that is seen, but not to 0.1, in a record that ends in motion after fewer than ten swings:
                     how many, and how long it takes; an interval shrinks like :math:`T^{-3/2}`
 ``noisy-start``     how far the noise of the first samples moves an unknown, where the start is taken from them
-                    (``held``, ``measured``), in half intervals (:func:`fracid.estimation.curvature.start_shift`)
+                    (``held``, ``measured``), in CI half-widths (:func:`fracid.estimation.curvature.start_shift`)
 ``late`` and so on  a signal that is late, scaled, off its zero, that drifts or has play: its size by one
-                    Gauss-Newton step, and how far that would move an order, in half intervals
-``stopped-short``   how far a Newton step from the search's end goes to lower cost, in half intervals
+                    Gauss-Newton step, and how far that would move an order, in CI half-widths
+``stopped-short``   how far a Newton step from the search's end goes to lower cost, in CI half-widths
                     (:func:`fracid.estimation.curvature.newton_step`); said above a half, or where that is lower by 1 %
 ``cannot-explain``  rms of what is left over, in units of the noise that is measured on the samples (third differences,
                     and no less than the encoder's q/√12): where more than a tenth of the motion is left, and that is
@@ -93,7 +93,7 @@ def before(
     reports : mapping, optional
         Each recording's name to what was measured of it; measured on its samples if left out.
     validation : tuple of Experiment
-        Recordings that are not fitted.
+        Held-out recordings.
     jobs : int
         Threads.
 

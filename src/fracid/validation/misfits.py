@@ -44,12 +44,12 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
             if left.known:
                 if not left.explained:
                     yield Finding("misfit", f"{r.name}: {output}", left.rms, 1.0, "standard deviations",
-                        f"what is left over is {left.rms:.2g} of the standard deviations that the recording has, and "
-                        "hangs together: the model lacks something. fracid resid shows what.")  # fmt: skip
+                        f"the residual is {left.rms:.2g} of the standard deviations that the recording has, and "
+                        "autocorrelated: the model lacks something. fracid resid shows what.")  # fmt: skip
             elif MISFIT < left.times < math.inf and not left.white:
                 yield Finding("misfit", f"{r.name}: {output}", left.times, MISFIT, "times the encoder's rounding",
-                    f"what is left over is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
-                    "what the encoder's rounding leaves, and hangs together: the model lacks something. "
+                    f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
+                    "the encoder's rounding, and autocorrelated: the model lacks something. "
                     "fracid resid shows what, fracid compare looks for it.")  # fmt: skip
 
 
@@ -68,12 +68,12 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             if percent < POOR:
                 yield Finding("missed", f"{r.name}: {output}", percent, POOR, "% fit",
-                    f"it was not fitted, and the model does not predict it: fit {percent:.1f} %. Is it of the same "
+                    f"it was held out, and the model does not predict it: fit {percent:.1f} %. Is it of the same "
                     "rig, with the same zeros and signs?")  # fmt: skip
             elif times > WORSE and not left.explained:
-                yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times what is left over of the fitted",
-                    f"it was not fitted, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
-                    f", {times:.2g} times what it leaves over of what was fitted: it does not hold beyond "
+                yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times the residual of the fitted",
+                    f"it was held out, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
+                    f", {times:.2g} times the residual of the fitted recordings: it does not hold beyond "
                     "that.")  # fmt: skip
 
 

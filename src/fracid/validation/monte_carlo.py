@@ -314,7 +314,9 @@ class NoiseStudy:
         hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
         if not intervals:
             return f"{name}: no repetition gave an interval."
-        text = f"{name}: {hits} of {intervals} intervals of 95 % hold the truth ({100 * hits / intervals:.1f} %)"
+        text = (
+            f"{name}: {hits} of {intervals} intervals of 95 % contain the true value ({100 * hits / intervals:.1f} %)"
+        )
         narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
         if narrow:
             return f"{text}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."
@@ -367,7 +369,7 @@ def noise_study(
         In place of the problem's.
     rival : bool
         Whether each repetition also asks if its orders would be called fractional: off its integer value, and better
-        than the integer-order rival.  That takes up to twice as long.
+        than the integer-order alternative.  That takes up to twice as long.
     executor, jobs, journal, progress
         As for :func:`fracid.tasks.tasks.run_tasks`; each repetition runs on one thread.  The result is the same for
         any.

@@ -137,7 +137,7 @@ def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, i
     """What the distribution shows, and what to do."""
     tested = f"Anderson-Darling {_p(p)} on {_apart(independent)}" if math.isfinite(p) else _too_few(independent)
     if ppcc >= NORMAL:
-        note = "; what the test sees, be it the encoder's steps, is too small to matter" if p < SIGNIFICANT else ""
+        note = "; the deviation, for instance the encoder's steps, is too small to matter" if p < SIGNIFICANT else ""
         return f"Normal enough: PPCC {ppcc:.3f} ({tested}){note}."
     shape, cure = shape_and_cure
     if not p < SIGNIFICANT:
@@ -159,7 +159,7 @@ def shape_phrases(lean: float, tails: float, variance: Variance) -> tuple[str, s
         return "with heavy tails", (
             'Some samples lie far off: see over time where; if it is the sensor, cost = "huber" gives them less weight.'
         )
-    return "with cut tails", "Rounding or a swing left over looks so: see the spectrum and the encoder's step."
+    return "with cut tails", "Rounding or a residual swing looks like this: see the spectrum and the encoder's step."
 
 
 def _too_few(independent: int) -> str:
@@ -229,7 +229,7 @@ def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool)
         f"rms {with_unit(rms, unit, '.2g')}, {_times(rms / step)} steps of the encoder{offset_phrase(mean, rms, unit)}"
     )
     if rms < AT_THE_FLOOR * floor:
-        return f"{text}: rounding alone leaves {floor / step:.2g}. A better model cannot be seen with this encoder."
+        return f"{text}: rounding alone leaves {floor / step:.2g}. This encoder cannot distinguish a better model."
     rest = "noise" if white else "the model or a disturbance"
     if rms < 2 * floor:
         return f"{text}: rounding has {_percent((floor / rms) ** 2)} of its power, the rest is {rest}."

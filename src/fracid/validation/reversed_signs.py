@@ -83,9 +83,9 @@ def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
         clearest = max(alike, key=lambda r: r.given / r.turned)
         given, turned = 100 * clearest.given, 100 * clearest.turned
         names = ", ".join(r.recording for r in alike)
-        yield Finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, "% of the motion left over",
+        yield Finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, "% of the motion unexplained",
             f"two swings, fitted, leave {given:.0f} % of the motion over, and {turned:.0f} % with the sign "
-            f"of {' or '.join(angles)} turned round: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
+            f"of {' or '.join(angles)} reversed: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
 
 
 def _most_moved(problem: Problem) -> list[Experiment]:

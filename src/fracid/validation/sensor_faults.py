@@ -65,7 +65,7 @@ MUCH = 0.3
 """Part of the squares that are left over; of twins without a fault a hundredth."""
 
 MOVES = 1.0
-"""Half intervals by which an order may move."""
+"""CI half-widths by which an order may move."""
 
 MOST = 0.6
 """Part of the squares that are left over which one fault may explain; real rigs reach 0.34."""
@@ -149,12 +149,12 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
         says, mend = _size(problem, best), _mend(problem, best)
         if _moves(best):
-            yield Finding(best.code, best.signal, best.half_intervals, MOVES, "half intervals",
+            yield Finding(best.code, best.signal, best.half_intervals, MOVES, "CI half-widths",
                 f"{says}: freed, that would move {best.moves} by {best.shift:+.2g}, {best.half_intervals:.2g} times "
-                          f"half its interval. {mend}")  # fmt: skip
+                          f"its CI half-width. {mend}")  # fmt: skip
         else:
-            yield Finding(best.code, best.signal, 100 * best.share, 100 * MOST, "% of the squares left over",
-                          f"{says}: that would explain {100 * best.share:.0f} % of the squares that are left over. "
+            yield Finding(best.code, best.signal, 100 * best.share, 100 * MOST, "% of the squared residual",
+                          f"{says}: that would explain {100 * best.share:.0f} % of the squared residual. "
                           f"{mend}")  # fmt: skip
 
 

@@ -113,7 +113,7 @@ class CutCheck:
 
     @property
     def range(self) -> dict[str, tuple[float, float]]:
-        """Order → its least and its greatest value over the fit and its rivals."""
+        """Order → its least and its greatest value over the fit and its alternatives."""
         rows = [self.orders, *(t.orders for t in self.rivals)]
         return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.orders}
 
@@ -153,8 +153,8 @@ class CutCheck:
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
         return (
             f"{name} moves by {by:+.2g} with {cause} ({self.orders[name]:.4g} as fitted, {far.orders[name]:.4g} "
-            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ±{half:.2g}: the interval does not know "
-            f"of what the model lacks. Take {low:.4g} … {high:.4g} for what is known of {name}."
+            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ±{half:.2g}: the interval ignores "
+            f"model error. Take {low:.4g} … {high:.4g} for what is known of {name}."
         )
 
     def _better(self, t: Treatment) -> str:

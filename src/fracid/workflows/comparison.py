@@ -77,7 +77,7 @@ def run_comparison(
 ) -> FinishedComparison:
     """Fit every structure to a project's recordings, and write the folder: what ``fracid compare`` does.
 
-    Cut short, the same call goes on where it was.
+    Interrupted, the same call resumes.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@
 
     project ── load ── open the folder ── identify ── result.json ── figures, report.html ── finished
                             │                │
-                       run.json         evaluations.jsonl, .memo: from which a run that was cut short goes on
+                       run.json         evaluations.jsonl, .memo: from which an interrupted run is resumed
 
 ``fracid fit`` and ``fracid demo`` are this call and what they print.
 """
@@ -69,7 +69,7 @@ class FinishedRun:
     undrawn: str = ""
     """Why there are no figures and no report, in a sentence; empty where they are there."""
     resumed: bool = False
-    """Whether it went on with what an earlier run, cut short, had left in the folder."""
+    """Whether it resumed an earlier, interrupted run in the folder."""
 
 
 def run(
@@ -91,7 +91,7 @@ def run(
 ) -> FinishedRun:
     """Identify what a project leaves free, and write the run folder: what ``fracid fit`` does.
 
-    A folder that holds this very fit, cut short, is gone on with.  Ctrl-C keeps the best so far.
+    A folder that holds this very fit, interrupted, is resumed.  Ctrl-C keeps the best so far.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def run(
     executor : str, optional
         Where many starts run, each for itself: ``processes`` or a scheduler's address.
     resume : bool
-        Go on with what is in the folder, or raise why that cannot be.
+        Resume what is in the folder, or raise why that cannot be.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     figures : bool
         Draw the figures and write the report, as the command does; ``fracid draw`` and ``fracid report`` do it later.
     observer : Observer, optional
@@ -170,7 +170,7 @@ def run(
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
     if not resume and cut_short(folder, "fit", request, inputs):
-        observer.notice(f"{folder} holds this fit, cut short: it is gone on with. To begin anew remove the folder.")
+        observer.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
         resume = True
     words = _command(project, out, request) if command is None else command
     with (

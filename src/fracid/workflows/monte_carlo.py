@@ -84,7 +84,7 @@ def run_noise_study(
 ) -> FinishedNoiseStudy:
     """Identify a model's own noisy simulations many times, and write the folder: what ``fracid noise`` does.
 
-    Cut short, the same call goes on where it was.
+    Interrupted, the same call resumes.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def run_noise_study(
     out : str or Path, optional
         The folder; ``noise`` in that of the run, ``runs/rig-noise`` of ``rig.toml`` if left out.
     seed : int
-        Of all randomness.
+        Random seed.
     jobs : int
         Processes or threads.
     angles : bool

@@ -70,7 +70,7 @@ def run_profiles(
     parameters, joint, points
         As of :func:`fracid.profile`.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     out : str or Path, optional
         The folder; that of the run, ``runs/rig-profile`` of ``rig.toml`` if left out.
     seed : int

@@ -55,7 +55,7 @@ def redraw(
     zero : str, optional
         Of a rig: ``hanging`` or ``upright``; hanging if left out.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     out : Path, optional
         The folder; ``figures/journal`` in that of the run if left out.
     jobs : int

@@ -59,7 +59,7 @@ def run_residuals(
     trust: bool = False,
     out: str | Path | None = None,
 ) -> FinishedResiduals:
-    """Test what a fit leaves over, and write it down: what ``fracid resid`` does.
+    """Test the residuals of a fit, and write the result: what ``fracid resid`` does.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def run_residuals(
     recordings, outputs : sequence of str, optional
         Which; all if left out.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     out : str or Path, optional
         The folder; that of the run if left out.
 

@@ -58,9 +58,9 @@ def resume_run(
     trust: bool = False,
     observer: Observer = SILENT,
 ) -> FinishedRun:
-    """Go on with a fit that was cut short: nothing that was done is repeated, and the result is the same.
+    """Resume an interrupted fit: no finished work is repeated, and the result is the same.
 
-    Cut short by Ctrl-C, a kill, a crash or a full disk.  A study goes on by the same call again.
+    Interrupted by Ctrl-C, a kill, a crash or a full disk.  A study goes on by the same call again.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def resume_run(
     jobs : int
         Threads; the result is the same for any number.
     trust : bool
-        Let the project run code of its own.  Read that first.
+        Run Python code that the project refers to.  Review it first.
     observer : Observer, optional
         Hears notices, and how far the search is.
 

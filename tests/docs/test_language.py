@@ -1,0 +1,111 @@
+"""What users read speaks the field's own words: none of the phrases below, which readers stumbled over.
+
+Looked through are the pages, the messages and help texts in the source, the report's template and the public
+docstrings.  Names in code (`` `rival=True` ``) and the changelog, which quotes the past, are not.
+"""
+
+import ast
+import inspect
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import fracid
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "fracid"
+PAGES = sorted(
+    str(page.relative_to(ROOT)) for page in (ROOT / "README.md", ROOT / "SECURITY.md", *(ROOT / "docs").rglob("*.md"))
+)
+INSTEAD = {
+    r"left over|leaves? over": "residual, unexplained",
+    r"\b(?:can|cannot)(?: practically)?(?: not)? be told": "identifiable, not identifiable, distinguishable",
+    r"hardly sees?\b|hardly seen": "practically non-identifiable; carries almost no information",
+    r"\bnot fitted\b": "held out",
+    r"\b(?:hold|holds|holding) the truths?\b": "coverage; contain the true value",
+    r"\bhangs? together": "autocorrelated",
+    r"half intervals?\b": "CI half-width",
+    r"\bturn(?:ed|s)? (?:it |them |most of them )?round\b": "sign reversed; resolve",
+    r"\b(?:go|goes|gone|going|went) on with\b": "resume, continue",
+    r"\bcut short\b": "interrupted",
+    r"\bmend(?:s|ed)?\b": "fix, correct",
+    r"\bbe it\b": "for instance",
+    r"\bended so\b": "did not converge",
+    r"\bof all randomness": "random seed",
+    r"\bdata (?:do not )?object\b": "the cost reaches the 95 % limit",
+    r"\bknows? (?:itself|of each other)": "correlation time; share information",
+    r"\basks? nobody": "loads nothing from the network",
+    r"\brivals?\b": "alternative model, integer-order alternative",
+    r"\bas far as these\b": "its interval includes zero; within the resolution of",
+    r"\bdoes not know of\b": "ignores",
+    r"\b(?:do not|does not|cannot) tell\b": "determine, separate; is not identifiable",
+    r"\bRead that first\b": "review it first",
+}
+"""Phrase → what to write in its place."""
+PATTERN = re.compile("|".join(f"(?:{phrase})" for phrase in INSTEAD), re.IGNORECASE)
+
+
+def phrases(text):
+    """Those of the list that a text has, with the words around and what to write."""
+    flat = re.sub(r"\s+", " ", text)
+    for m in PATTERN.finditer(flat):
+        better = next(b for phrase, b in INSTEAD.items() if re.fullmatch(phrase, m.group(), re.IGNORECASE))
+        yield f"…{flat[max(0, m.start() - 40) : m.end() + 40]}… write: {better}"
+
+
+@cache
+def messages(path):
+    """The strings of a module that may be printed: docstrings only of commands, whose help they are; no keys."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    statements = (n.value for n in ast.walk(tree) if isinstance(n, ast.Expr))
+    docstrings = {id(value) for value in statements if isinstance(value, ast.Constant)} - {
+        id(f.body[0].value)
+        for f in ast.walk(tree)
+        if isinstance(f, ast.FunctionDef) and f.decorator_list and path.parent.name == "cli"
+        if isinstance(f.body[0], ast.Expr)
+    }
+    strings = (n for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str))
+    return [n.value for n in strings if " " in n.value.strip() and id(n) not in docstrings]
+
+
+def public_docstrings():
+    for name in fracid.__all__:
+        thing = getattr(fracid, name)
+        yield name, inspect.getdoc(thing)
+        for member, value in vars(thing).items() if inspect.isclass(thing) else ():
+            if not member.startswith("_") and (callable(value) or isinstance(value, property)):
+                yield f"{name}.{member}", value.__doc__
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_has_no_phrase_of_the_list(page):
+    prose = re.sub(r"`[^`\n]+`", "`code`", (ROOT / page).read_text(encoding="utf-8"))
+    assert [*phrases(prose)] == []
+
+
+def test_messages_and_help_have_no_phrase_of_the_list():
+    found = [f"{m.relative_to(ROOT)}: {p}" for m in SOURCE.rglob("*.py") for text in messages(m) for p in phrases(text)]
+    assert found == []
+
+
+def test_the_report_has_no_phrase_of_the_list():
+    assert [*phrases((SOURCE / "report" / "page.html.j2").read_text(encoding="utf-8"))] == []
+
+
+def test_public_docstrings_have_no_phrase_of_the_list():
+    prose = ((name, re.sub(r"^\w+ : .*$", "", text or "", flags=re.MULTILINE)) for name, text in public_docstrings())
+    assert [f"{name}: {p}" for name, text in prose for p in phrases(text)] == []
+
+
+def test_a_help_text_begins_with_what_it_does_not_with_of():
+    helps = re.compile(r'help="(Of [^"]*)"')
+    assert [h for m in (SOURCE / "cli").glob("*.py") for h in helps.findall(m.read_text(encoding="utf-8"))] == []
+
+
+@pytest.mark.parametrize(
+    "text", ["What is left\nover", "the intervals hold the truth", "It cannot be told from a spring."]
+)
+def test_a_phrase_is_found_over_the_end_of_a_line_too(text):
+    assert len([*phrases(text)]) == 1
