@@ -148,6 +148,14 @@ class Arrowhead:
         above = np.einsum("kri,ki->kr", self.own, own) + self.shared @ shared
         return float(np.sum(above**2) + np.sum((self.rest[:, :-1] @ shared) ** 2))
 
+    def normal(self, x: FloatArray) -> FloatArray:
+        """Give J'Jx, shape (n_unknowns,)."""
+        own, shared = self._apart(x)
+        above = np.einsum("kri,ki->kr", self.own, own) + self.shared @ shared
+        rest = self.rest[:, :-1]
+        across = np.einsum("kri,kr->i", self.shared, above) + rest.T @ (rest @ shared)
+        return self._joined(np.einsum("kri,kr->ki", self.own, above), np.asarray(across))
+
     def step(self, damping: FloatArray) -> FloatArray:
         """Minimise ‖J step + r‖² + ‖damping·step‖²; an infinite damping holds an unknown, shape (n_unknowns,)."""
         held = np.isinf(damping)
