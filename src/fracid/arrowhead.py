@@ -29,6 +29,9 @@ from fracid.qr import triangle
 
 __all__ = ["Arrowhead", "Blocks"]
 
+PIECE = 256
+"""Rows."""
+
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
@@ -121,7 +124,7 @@ class Arrowhead:
         R, left = np.zeros((K, p, p + s + 1)), []
         for k, part in enumerate(parts):
             p_k = part.shape[1] - s - 1
-            T = np.asarray(np.linalg.qr(part, mode="r"))
+            T = _triangle(part)
             R[k, : len(T[:p_k]), :p_k], R[k, : len(T[:p_k]), p:] = T[:p_k, :p_k], T[:p_k, p_k:]
             left.append(T[p_k:, p_k:])
         return cls(
@@ -186,6 +189,16 @@ class Arrowhead:
         x[self.blocks.shared] = shared
         x[self.blocks.own[self.blocks.own >= 0]] = own[self.blocks.own >= 0]
         return x
+
+
+def _triangle(rows: FloatArray) -> FloatArray:
+    """R of rows, in pieces so small that the libraries of linear algebra do not start threads for them."""
+    length = max(PIECE, 4 * rows.shape[1])
+    while len(rows) > 2 * length:
+        end = len(rows) - len(rows) % length
+        pieces = np.linalg.qr(rows[:end].reshape(-1, length, rows.shape[1]), mode="r")
+        rows = np.concatenate([np.asarray(pieces).reshape(-1, rows.shape[1]), rows[end:]])
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def _solved(R: FloatArray, y: FloatArray) -> FloatArray:

@@ -26,8 +26,11 @@ from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space
 
 __all__ = ["blockwise"]
 
-FIRST = 1e-3
+FIRST = 1e-6
 """The first α, of the greatest curvature in units of the sizes."""
+
+FALL = 1e-2
+"""By so much α falls at most from step to step."""
 
 STUCK = 1e12
 """With α this many times that curvature, no step is worth a name."""
@@ -91,7 +94,7 @@ def blockwise(
         small = np.linalg.norm(step / size) < tolerance * (tolerance + np.linalg.norm((x - space.start) / size + 1))
         if ratio > 0:
             best, r, R = trial, trial.residuals, None
-            α, ν = α * max(1 / 3, 1 - (2 * ratio - 1) ** 3), 2.0
+            α, ν = α * max(FALL, 1 - (2 * ratio - 1) ** 3), 2.0
         else:
             α, ν = ν * α, 2 * ν
         if small or (ratio > 0.25 and before - after < tolerance * before):
