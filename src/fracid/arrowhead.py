@@ -21,8 +21,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, IntArray
 from fracid.qr import triangle
@@ -78,6 +80,10 @@ class Blocks:
         for j, column in enumerate(self.own.T):
             place[column[column >= 0]] = j
         return place
+
+    def of(self, which: NDArray[np.integer[Any]] | NDArray[np.bool_]) -> Blocks:
+        """Those of some of the unknowns."""
+        return Blocks(self.recording[which], self.rows, self.levels)
 
     def columns(self, k: int) -> IntArray:
         """The unknowns that the rows of recording k depend on: its own, then the shared ones."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.arrowhead import Blocks
+from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure, FailureReason
 
 __all__ = ["BlockJacobian", "block_jacobian"]
@@ -31,7 +31,7 @@ class BlockJacobian:
     def of(self, which: NDArray[np.bool_]) -> BlockJacobian:
         """The columns of some of its unknowns."""
         kept = [part[..., which[self.blocks.columns(k)]] for k, part in enumerate(self.parts)]
-        return BlockJacobian(Blocks(self.blocks.recording[which], self.blocks.rows), kept)
+        return BlockJacobian(self.blocks.of(which), kept)
 
     @property
     def norms(self) -> FloatArray:
@@ -40,6 +40,12 @@ class BlockJacobian:
         for k, part in enumerate(self.parts):
             squares[self.blocks.columns(k)] += np.sum(part**2, axis=(0, 1))
         return np.asarray(np.sqrt(squares))
+
+    def solved(self, change: FloatArray) -> FloatArray:
+        """What moves all samples by most of a change, next to nothing of what they do not see, shape (n_unknowns,)."""
+        blocks, rows = self.blocks, np.split(change, self.blocks.rows[1:-1])
+        parts = (np.column_stack([j.reshape(len(r), -1), -r]) for j, r in zip(self.parts, rows, strict=True))
+        return Arrowhead.of(blocks, parts).step(np.maximum(1e-10 * self.norms, 1e-300))
 
 
 def block_jacobian(
@@ -78,7 +84,7 @@ def block_jacobian(
     >>> found.parts[1][:, 0].tolist()
     [[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]]
     """
-    some = Blocks(blocks.recording[free], blocks.rows)
+    some = blocks.of(free)
     parts = [np.zeros((*e.shape, len(some.columns(k)))) for k, e in enumerate(here)]
 
     def differentiate(group: NDArray[np.int64]) -> Failure | None:
