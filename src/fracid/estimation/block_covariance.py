@@ -17,7 +17,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,17 +72,19 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
     (True, (0, 3))
     """
     n, s = len(blocks.recording), len(blocks.shared)
-    parts = []
-    for k, r in enumerate(rows):
-        known = np.diag(prior[blocks.columns(k)])
-        known = known if k == 0 else known[: r.shape[1] - s]  # those of the shared ones once
-        part = np.concatenate([r, known[np.any(known, axis=1)]])
-        parts.append(np.column_stack([part, np.zeros(len(part))]))
-    R = Arrowhead.of(blocks, parts)
+
+    def with_priors() -> Iterator[FloatArray]:
+        for k, r in enumerate(rows):
+            known = np.diag(prior[blocks.columns(k)])
+            known = known if k == 0 else known[: r.shape[1] - s]  # those of the shared ones once
+            part = np.concatenate([r, known[np.any(known, axis=1)]])
+            yield np.column_stack([part, np.zeros(len(part))])
+
+    R = Arrowhead.of(blocks, with_priors())
     largest = math.sqrt(_greatest(R.normal, n))
-    D, F, rest, unseen = np.zeros((n, n)), np.zeros((n, s)), [R.rest[:, :-1]], []
+    F, rest, unseen, alone = np.zeros((n, s)), [R.rest[:, :-1]], [], []
     F[blocks.shared] = np.eye(s)
-    for k in range(len(parts)):
+    for k in range(len(rows)):
         own = blocks.columns(k)[: rows[k].shape[1] - s]
         Y, Z = R.own[k][:, : len(own)], R.shared[k]
         if not len(own):
@@ -90,7 +92,8 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
         U, σ, V = np.linalg.svd(Y, full_matrices=False)
         seen = σ > least * largest
         inverse = (V[seen].T / σ[seen]) @ U[:, seen].T
-        D[np.ix_(own, own)], F[own] = inverse @ inverse.T, -inverse @ Z
+        alone.append((own, inverse @ inverse.T))
+        F[own] = -inverse @ Z
         rest.append(Z - U[:, seen] @ (U[:, seen].T @ Z))
         unseen += [_placed(n, own, v) for v in V[~seen]]
     _, σ, V = np.linalg.svd(np.concatenate(rest))
@@ -99,7 +102,9 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
     seen = σ > least * largest * long
     C = (V[seen].T / σ[seen] ** 2) @ V[seen]
     unseen += list(directions[~seen] / long[~seen, None])
-    inverse = D + F @ C @ F.T
+    inverse = F @ C @ F.T
+    for own, D in alone:
+        inverse[np.ix_(own, own)] += D
     smallest = 0.0 if unseen else 1 / math.sqrt(max(_greatest(lambda v: inverse @ v, n), 1e-300))
     condition = largest / max(smallest, np.finfo(float).eps * largest, 1e-300)
     return Bread(inverse, F, np.array(unseen).reshape(-1, n), condition)

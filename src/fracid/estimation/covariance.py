@@ -333,12 +333,13 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     ]
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
     wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
-    scale, known = np.outer(norm, norm), 2 * level * prior / norm**2
-    covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) / scale for parts in (S, S0))
-    return Sandwich(
-        free, bread.inverse / scale, np.outer(wider, wider) * covariance, white, bread.unseen / norm, bandwidth,
-        bread.condition, wider,
-    )  # fmt: skip
+    known = 2 * level * prior / norm**2
+    covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) for parts in (S, S0))
+    inverse, directions, condition = bread.inverse, bread.unseen / norm, bread.condition
+    for square, factor in ((inverse, 1 / norm), (covariance, wider / norm), (white, 1 / norm)):  # in place
+        square *= factor
+        square *= factor[:, None]
+    return Sandwich(free, inverse, covariance, white, directions, bandwidth, condition, wider)
 
 
 def _sandwich(
