@@ -36,6 +36,9 @@ LONG = 10_000_000
 MANY = 200
 """Recordings in one project."""
 
+OWN = 500
+"""Recordings in one project, each of which has a start of its own."""
+
 POPULATION = 100_000
 """Members of a generation, or runs of a batch."""
 
@@ -91,6 +94,14 @@ def make_many(folder: Path) -> None:
         np.savez(folder / f"swing-{k:03}.npz", **swings(1001, 5e-3, 0.2 + 0.005 * k, seed=k))
     tables = "".join(recording(f"swing-{k:03}.npz") for k in range(MANY))
     (folder / "many.toml").write_text(f'{SRV02}{tables}[fit]\ninitial_state = "held"\n')
+
+
+def make_own(folder: Path) -> None:
+    """500 recordings of 10 s at 200 Hz, each with an initial state of its own: 2,003 unknowns."""
+    for k in range(OWN):
+        np.savez(folder / f"swing-{k:03}.npz", **swings(2000, 5e-3, 0.2 + 0.001 * k, seed=k))
+    tables = "".join(recording(f"swing-{k:03}.npz") for k in range(OWN))
+    (folder / "own.toml").write_text(f'{SRV02}{tables}[fit]\ninitial_state = "estimate"\n')
 
 
 def make_long(folder: Path) -> None:
@@ -194,6 +205,7 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         ("fit, 3 free", fit_project("many"), 6.4, 400),
         ("report", report_run("many"), 6.4, 500),
     ]),
+    "own": (make_own, [("fit, 3 free and 4 of each recording", fit_project("own"), 32.0, 1000)]),
     "long": (make_long, [
         (".npz, check", check_file("long.npz"), 240.0, 1200),
         (".csv, check", check_file("long.csv"), 240.0, 2500),
@@ -250,6 +262,7 @@ def main(sections: list[str]) -> str:
 TITLES = {
     "hour": "an hour at 1 kHz, 3.6·10⁶ samples",
     "many": "200 recordings, 1,001 samples each",
+    "own": "500 recordings, 2,000 samples each",
     "long": "10⁷ samples of two angles",
     "population": "10⁵ at once",
 }

@@ -17,6 +17,7 @@ PACKAGE = Path(fracid.__file__).parent
 LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
     {"figures", "files", "qr"},
+    {"arrowhead"},
     {"safety"},
     {"cards", "schemas"},
     {"findings", "signals", "tasks"},

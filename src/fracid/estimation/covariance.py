@@ -79,6 +79,14 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.estimation.block_covariance import (
+    block_bread,
+    block_long_run,
+    block_sandwiched,
+    block_widening,
+    summed,
+)
+from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
 from fracid.estimation.rounding import edges, half_widths
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
@@ -90,17 +98,20 @@ __all__ = [
     "Sandwich",
     "Uncertainty",
     "at_bound",
+    "by_blocks",
     "claimed_half_width",
+    "column_norms",
     "half_width",
     "jacobian",
     "residual_bandwidth",
     "rows_and_scores",
+    "rows_and_scores_by_recording",
     "sandwich",
     "uncertainty",
     "widening",
 ]
 
-_Seen = tuple[list[FloatArray], list[FloatArray]]
+_Seen = tuple[list[FloatArray], list[FloatArray] | BlockJacobian]
 """Errors and Jacobian of each recording, shapes (n_samples, n_outputs) and (n_samples, n_outputs, n_free)."""
 
 LEAST_SHIFT = 1e-4
@@ -286,11 +297,13 @@ def _given(
     :math:`b = A^{-1} a_j` and :math:`s = a_{jj} - a_j' A^{-1} a_j`, what the others do not see of j.
     """
     given: list[tuple[str, ...]] = [()] * len(x)
+    errors, J = seen
+    if isinstance(J, BlockJacobian):  # not asked of hundreds of recordings
+        return ()
     at, free = np.flatnonzero(active), np.flatnonzero(~active)
     beyond = jacobian(problem, x, at, jobs=jobs) if len(at) else Failure(FailureReason.NOTHING_FREE, "")
     if isinstance(beyond, Failure) or not len(free):
         return () if not len(at) else tuple(given)
-    errors, J = seen
     rows, _ = rows_and_scores(problem, errors, [np.concatenate(both, axis=-1) for both in zip(J, beyond, strict=True)])
     size = np.linalg.norm(rows, axis=0)
     A = (rows / np.where(size > 0, size, 1.0)).T @ (rows / np.where(size > 0, size, 1.0))
@@ -336,11 +349,45 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
 
 def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | Failure:
     """Errors of each recording at x and their derivatives by the unknowns `free`."""
-    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
-    return errors if isinstance(errors, Failure) else J if isinstance(J, Failure) else (errors, J)
+    errors = problem.errors(x)
+    if isinstance(errors, Failure):
+        return errors
+    J = jacobian(problem, x, free, jobs=jobs) if problem.blocks is None else by_blocks(problem, x, free, jobs=jobs)
+    return J if isinstance(J, Failure) else (errors, J)
 
 
-def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
+def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:
+    """The same, recording by recording."""
+    blocks = J.blocks
+    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
+    prior, level = _prior_curvature(problem, errors, free)
+    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
+    norm[norm == 0] = 1.0
+    for k, (r, s) in enumerate(zip(rows, scores, strict=True)):
+        r /= norm[blocks.columns(k)]
+        s /= norm[blocks.columns(k)]
+    bread = block_bread(blocks, rows, np.sqrt(prior) / norm, UNSEEN)
+    S, bandwidth = block_long_run(blocks, scores, WHITENED)
+    S0 = [
+        part / np.outer(norm[blocks.columns(k)], norm[blocks.columns(k)])
+        for k, part in enumerate(_white_parts(problem, errors, J.parts))
+    ]
+    samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
+    wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
+    known = 2 * level * prior / norm**2
+    covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) for parts in (S, S0))
+    inverse, directions, condition = bread.inverse, bread.unseen / norm, bread.condition
+    for square, factor in ((inverse, 1 / norm), (covariance, wider / norm), (white, 1 / norm)):  # in place
+        square *= factor
+        square *= factor[:, None]
+    return Sandwich(free, inverse, covariance, white, directions, bandwidth, condition, wider)
+
+
+def _sandwich(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray] | BlockJacobian, free: NDArray[np.intp]
+) -> Sandwich:
+    if isinstance(J, BlockJacobian):
+        return _block_sandwich(problem, errors, J, free)
     rows, scores = rows_and_scores(problem, errors, J)
     prior, level = _prior_curvature(problem, errors, free)
     norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
@@ -438,7 +485,7 @@ def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_]
     interior = ~active[some]
     if interior.all() or not interior.any():
         return active, estimator, (errors, J)
-    J = [j[..., interior] for j in J]
+    J = J.of(interior) if isinstance(J, BlockJacobian) else [j[..., interior] for j in J]
     return active, _sandwich(problem, errors, J, some[interior]), (errors, J)
 
 
@@ -446,11 +493,19 @@ def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
+    rows, scores = rows_and_scores_by_recording(problem, errors, J)
+    return _joined(rows), scores
+
+
+def rows_and_scores_by_recording(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """The same, the rows of each recording alone; its J may have columns of its own."""
     loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
     rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
-    return _joined(rows), scores
+    return rows, scores
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:
@@ -467,13 +522,26 @@ def _loss(problem: Problem) -> Loss:
 
 def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
     """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
+    power, squares = _white_squares(problem, errors, J)
+    return np.asarray(power * np.sum([square for recording in squares for square in recording], axis=0))
+
+
+def _white_parts(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
+    """The same of each recording."""
+    power, squares = _white_squares(problem, errors, J)
+    return [np.asarray(power * np.sum(recording, axis=0)) for recording in squares]
+
+
+def _white_squares(
+    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
+) -> tuple[float, list[list[FloatArray]]]:
+    """The variance of a residual, and by what each output of each recording counts."""
     loss, weights, balance = _loss(problem), problem.criterion.sample_weights(errors), problem.criterion.balance(errors)
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
-    squares = [
-        (j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o]
-        for w, j in zip(weights, J, strict=True) for o in range(j.shape[1])
-    ]  # fmt: skip
-    return np.asarray(power * np.sum(squares, axis=0))
+    return power, [
+        [(j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o] for o in range(j.shape[1])]
+        for w, j in zip(weights, J, strict=True)
+    ]
 
 
 def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
@@ -522,9 +590,7 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
 
     Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
     """
-    steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    room = np.minimum(problem.space.upper - x, x - problem.space.lower)
-    steps = np.where(room > 0, np.minimum(steps, 0.5 * room), steps)
+    steps = _steps(problem, x)
     here = problem.errors(x)
     if isinstance(here, Failure):
         return here
@@ -544,6 +610,32 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     with ThreadPoolExecutor(jobs) as pool:
         reasons = [why for why in pool.map(differentiate, range(len(free))) if why]
     return reasons[0] if reasons else J
+
+
+def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> BlockJacobian | Failure:
+    """The same of a problem of many recordings (:attr:`fracid.problem.Problem.blocks`), without its zeros."""
+    assert problem.blocks is not None
+    here = problem.errors(x)
+    if isinstance(here, Failure):
+        return here
+    return block_jacobian(problem.errors, here, x, _steps(problem, x), problem.blocks, free, jobs=jobs)
+
+
+def _steps(problem: Problem, x: FloatArray) -> FloatArray:
+    """Of the differences, within the bounds, shape (n_unknowns,)."""
+    steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
+    room = np.minimum(problem.space.upper - x, x - problem.space.lower)
+    return np.asarray(np.where(room > 0, np.minimum(steps, 0.5 * room), steps))
+
+
+def column_norms(problem: Problem, x: FloatArray, *, jobs: int = 1) -> FloatArray | Failure:
+    """How much each unknown moves all samples, ‖∂e/∂x_i‖, shape (n_unknowns,)."""
+    everything = np.arange(len(x))
+    if problem.blocks is not None:
+        blocks = by_blocks(problem, x, everything, jobs=jobs)
+        return blocks if isinstance(blocks, Failure) else blocks.norms
+    J = jacobian(problem, x, everything, jobs=jobs)
+    return J if isinstance(J, Failure) else np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in J]), axis=0)
 
 
 def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
@@ -583,8 +675,6 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
     >>> [widening([r], np.array([[1 / len(r)]]), B).round(3).item() for r, B in ((few, 0), (many, 0), (many, 99))]
     [1.198, 1.002, 1.142]
     """
-    from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
-
     share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
     values, vectors = np.linalg.eigh(inverse)
     root = vectors * np.sqrt(np.maximum(values, 0.0))  # A⁻¹ is root root'
@@ -602,6 +692,13 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
             leverage[i] += (
                 np.sum(neighbour_sums(np.einsum("to,toj->tj", influence, projection), m) ** 2) / m
             )  # root' M_t v_i
+    return _widened(whole, scatter, leverage)
+
+
+def _widened(whole: FloatArray, scatter: FloatArray, leverage: FloatArray) -> FloatArray:
+    """t(ν)/1.96/√(1 − f) from Σq, Σ K² q q and what the fit has taken of Σq."""
+    from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
+
     remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
     degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
     return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(remainder))

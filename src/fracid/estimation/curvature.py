@@ -39,7 +39,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import UNSEEN, jacobian, rows_and_scores
+from fracid.estimation.block_covariance import block_bread, summed
+from fracid.estimation.covariance import UNSEEN, by_blocks, jacobian, rows_and_scores, rows_and_scores_by_recording
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 from fracid.qr import triangle
@@ -83,9 +84,12 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     >>> (0.951 - found.inverse @ found.gradient).round(4)               # back to 0.95
     array([0.95])
     """
-    errors, J = problem.errors(x), jacobian(problem, x, free, jobs=jobs)
+    errors = problem.errors(x)
     if isinstance(errors, Failure):
         return errors
+    if problem.blocks is not None:
+        return _by_blocks(problem, x, errors, free, jobs)
+    J = jacobian(problem, x, free, jobs=jobs)
     if isinstance(J, Failure):
         return J
     rows, scores = rows_and_scores(problem, errors, J)
@@ -98,6 +102,23 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     nonzero = singular > UNSEEN * max(float(singular[0]), 1e-300)
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]
     return Curvature(free, inverse / np.outer(norm, norm), gradient)
+
+
+def _by_blocks(
+    problem: Problem, x: FloatArray, errors: list[FloatArray], free: NDArray[np.intp], jobs: int
+) -> Curvature | Failure:
+    """The same of many recordings with unknowns of their own."""
+    J = by_blocks(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure):
+        return J
+    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
+    prior, pull = _priors(problem, x)
+    gradient = summed(J.blocks, [s.sum(axis=0) for s in scores]) + pull[free]
+    norm = np.sqrt(summed(J.blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior[free])
+    norm[norm == 0] = 1.0
+    scaled = [r / norm[J.blocks.columns(k)] for k, r in enumerate(rows)]
+    bread = block_bread(J.blocks, scaled, np.sqrt(prior[free]) / norm, UNSEEN)
+    return Curvature(free, bread.inverse / np.outer(norm, norm), gradient)
 
 
 def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:

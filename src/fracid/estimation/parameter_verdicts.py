@@ -40,7 +40,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, jacobian, uncertainty
+from fracid.estimation.covariance import NORMAL_95, Uncertainty, column_norms, uncertainty
 from fracid.models.friction import LUGRE
 from fracid.problem import Problem, Unknown
 from fracid.problem.limits import limits
@@ -173,7 +173,7 @@ class _View:
         if u.complete:
             return half > WIDE_PART
         if u.kind == "initial":
-            return half > max(self.travels()[u.target], WIDE_ANGLE)
+            return half > max(self.travels[u.target], WIDE_ANGLE)
         return u.kind == "order" and half > WIDE_ORDER
 
     def bound(self, i: int) -> float:
@@ -181,6 +181,7 @@ class _View:
         reach = self.problem.unknowns[i].range
         return min(reach.lower, reach.upper, key=lambda end: abs(end - float(self.x[i])))
 
+    @cached_property
     def travels(self) -> dict[str, float]:
         """How far each state moves, the most over the recordings [rad, rad/s^order]."""
         return {n: max(float(np.ptp(run[:, i])) for run in self.runs)
@@ -204,16 +205,17 @@ class _View:
         )
         return joint, z / q if q > 0 else math.nan
 
+    @cached_property
     def swings(self) -> dict[str, float]:
         """The same of the model's outputs that are states, and how far the others were measured to."""
-        travels, problem = [*self.travels().values()], self.problem
+        travels, problem = [*self.travels.values()], self.problem
         measured = {n: max(float(np.ptp(e.measured[:, k])) for e in problem.experiments)
                     for k, n in enumerate(problem.outputs)}  # fmt: skip
         return measured | {n: travels[i] for n, i in problem.model.output_states.items()}
 
     def size(self, output: str) -> str:
         """How far an output moves, in words."""
-        return with_unit(self.swings()[output], self.problem.experiments[0].units.get(output, "rad"))
+        return with_unit(self.swings[output], self.problem.experiments[0].units.get(output, "rad"))
 
     def moved_by(self, order: str) -> tuple[str, ...]:
         """The outputs whose states have this order."""
@@ -241,13 +243,9 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
                 initial={n: scaled(v, 0.5) for n, v in e.initial.items()}) for e in problem.experiments
     ))  # fmt: skip
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
-    everything = np.arange(len(x))
-    J, J_half = jacobian(problem, x, everything, jobs=jobs), jacobian(smaller, np.where(angles, 0.5 * x, x), everything)
-    if isinstance(J, Failure) or isinstance(J_half, Failure):
+    norms = column_norms(problem, x, jobs=jobs), column_norms(smaller, np.where(angles, 0.5 * x, x))
+    if isinstance(norms[0], Failure) or isinstance(norms[1], Failure):
         return np.full(len(x), np.nan)
-    norms = [
-        np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in matrices]), axis=0) for matrices in (J, J_half)
-    ]
     return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))
 
 
@@ -394,7 +392,7 @@ def _because(view: _View, i: int) -> str:
     """A reason in the motion, where there is one: what hardly moves, or does not move far enough."""
     if sentence := _of_presliding(view, i):
         return sentence
-    u, swings = view.problem.unknowns[i], view.swings()
+    u, swings = view.problem.unknowns[i], view.swings
     most = max(swings, key=lambda n: swings[n])
     if u.kind == "order":
         own = view.moved_by(u.target)

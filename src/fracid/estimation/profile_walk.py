@@ -96,7 +96,8 @@ def refit(
     if not len(free):
         return problem.evaluate(x)
     names = tuple(problem.names[i] for i in free)
-    inner = Space(names, space.lower[free], space.upper[free], x[free])
+    blocks = None if space.blocks is None else space.blocks.of(free)
+    inner = Space(names, space.lower[free], space.upper[free], x[free], blocks=blocks)
 
     def whole(y: FloatArray) -> FloatArray:
         point = x.copy()

@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number
 from fracid.files import json_number
 from fracid.safety.json_files import REACH, json_of
@@ -88,6 +89,8 @@ class Space:
     """Shape (n,)."""
     scale: FloatArray | None = None
     """Typical sizes, shape (n,), NaN where the start and the bounds are to tell; None for all."""
+    blocks: Blocks | None = None
+    """Which unknowns and rows belong to which recording, where that is worth using."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that are none or do not hold the start."""

@@ -11,6 +11,8 @@ the same steps, without its copies of what is as tall as the recordings.
 Rows are taken in units of the first residuals' norm, rounded to a power of two so that no digit changes: the method
 takes sixth powers of them, which of 10⁵² or 10⁻⁵² are no numbers.
 
+Where many recordings have unknowns of their own, the search is that of :mod:`.blockwise`.
+
 The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
 wide as y is long, and in x a search from zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and
 call that converged.
@@ -30,6 +32,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, InputError, at_least
 from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Space, as_generator
+from fracid.optimise.blockwise import blockwise
 from fracid.qr import BLOCK, triangle
 
 __all__ = ["OPTIMISER", "least_squares", "sizes"]
@@ -73,6 +76,10 @@ def least_squares(
     from scipy.optimize import least_squares as scipy_least_squares
 
     size = sizes(space)
+    if space.blocks is not None:
+        return blockwise(
+            space, space.blocks, size, lambda x: _steps(space, size, x), tolerance=tolerance, budget=budget
+        )
     bounds = size + (space.lower - space.start), size + (space.upper - space.start)  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:

@@ -149,9 +149,9 @@ class Parametrisation:
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""
         vectors = [v.copy() for v in self._fixed[e.name]]
-        for value, parameter, (vector, where) in zip(x, self.unknowns, self._places, strict=True):
-            if parameter.experiment in (None, e.name):
-                vectors[vector][where] = value
+        for i in self._acting[e.name]:
+            vector, where = self._places[i]
+            vectors[vector][where] = x[i]
         orders, parameters, initial, release = vectors
         for state, nu in self.model.complements:
             orders[state] = 1.0 - parameters[nu]
@@ -184,6 +184,16 @@ class Parametrisation:
     def _readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
         values = dict(zip(self.model.parameter_names, parameters.tolist(), strict=True))
         return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
+
+    @cached_property
+    def _acting(self) -> dict[str, list[int]]:
+        """For each recording the unknowns that its run takes: those that all share, and its own."""
+        shared = [i for i, u in enumerate(self.unknowns) if u.experiment is None]
+        acting = {e.name: [*shared] for e in self.experiments}
+        for i, u in enumerate(self.unknowns):
+            if u.experiment is not None:
+                acting[u.experiment].append(i)
+        return acting
 
     @cached_property
     def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:

@@ -24,7 +24,10 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
+import numpy as np
+
 from fracid.arrays import FloatArray
+from fracid.arrowhead import Blocks
 from fracid.errors import Failure, InputError
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
@@ -42,6 +45,9 @@ from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
 __all__ = ["Problem", "alternative_of"]
+
+MANY = 100
+"""Unknowns that belong to one recording each, from which on their structure is used."""
 
 EVERY = ("every output",)
 """In place of the outputs that are scored: all that the model has."""
@@ -194,8 +200,23 @@ class Problem:
 
     @property
     def space(self) -> Space:
-        """The unknowns with their bounds, for an optimiser."""
-        return self.parametrisation.space
+        """The unknowns with their bounds, for an optimiser; their blocks, where no prior ties the rows together."""
+        space = self.parametrisation.space
+        whole = self.criterion.priors or self.cost_function.loss is None
+        return space if whole else replace(space, blocks=self.blocks)
+
+    @cached_property
+    def blocks(self) -> Blocks | None:
+        """Which unknowns and rows belong to which recording; None where so few are a recording's own that all are one.
+
+        With ``weights = "noise"`` a row for the level of each output follows.
+        """
+        numbers: dict[str | None, int] = {e.name: k for k, e in enumerate(self.experiments)}
+        recording = np.array([numbers.get(u.experiment, -1) for u in self.unknowns], dtype=np.int64)
+        if np.count_nonzero(recording >= 0) < MANY or len(self.experiments) < 2:
+            return None
+        rows = np.cumsum([0, *(len(e.measured) * len(self.outputs) for e in self.experiments)])
+        return Blocks(recording, rows, 0 if self.weights == "equal" else len(self.outputs))
 
     @property
     def ties(self) -> dict[str, str]:

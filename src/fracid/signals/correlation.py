@@ -16,6 +16,7 @@ __all__ = [
     "power_spectrum",
     "products_by_lag",
     "sokal_bandwidth",
+    "sokal_lag",
 ]
 
 
@@ -115,6 +116,17 @@ def sokal_bandwidth(scores: FloatArray) -> float:
     """
     n = len(scores)
     covariance = sum((products_by_lag(s)[: n // 4 + 1] for s in scores.T), np.zeros(n // 4 + 1))
+    return sokal_lag(covariance)
+
+
+def sokal_lag(covariance: FloatArray) -> float:
+    """The same of covariances at lags 0, 1, …
+
+    Examples
+    --------
+    >>> sokal_lag(0.5 ** np.arange(100))  # a correlation time of 3
+    15.0
+    """
     return float(_within_window(covariance)[1])
 
 

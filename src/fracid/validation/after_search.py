@@ -23,7 +23,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian
+from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, by_blocks, jacobian
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
@@ -150,13 +150,9 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
     errors = np.concatenate([y.ravel() for y in now])
     if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
         return  # moves no unknown by more than a fraction of its standard error
-    everything = np.arange(len(x))
-    J = jacobian(problem, x, everything, jobs=jobs)
-    if isinstance(J, Failure):
+    shift = _projected(problem, x, change, jobs)
+    if shift is None:
         return
-    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    shift = np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale
     for i, u in enumerate(problem.unknowns):
         se = math.nan if isinstance(uncertainty, Failure) else float(uncertainty.standard_error[i])
         half = NORMAL_95 * se
@@ -166,6 +162,20 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
             yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "CI half-widths",
                 f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times its CI half-width: "
                 f"{problem.memory.name} is too loose. Leave memory and tolerance out of [fit].")  # fmt: skip
+
+
+def _projected(problem: Problem, x: FloatArray, change: FloatArray, jobs: int) -> FloatArray | None:
+    """By how much the unknowns would have to move for such a change of all samples; None where a run fails."""
+    everything = np.arange(len(x))
+    if problem.blocks is not None:
+        blocks = by_blocks(problem, x, everything, jobs=jobs)
+        return None if isinstance(blocks, Failure) else blocks.solved(change)
+    J = jacobian(problem, x, everything, jobs=jobs)
+    if isinstance(J, Failure):
+        return None
+    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    return np.asarray(np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale)
 
 
 def _tolerance(problem: Problem) -> float:
