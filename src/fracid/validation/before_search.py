@@ -10,8 +10,8 @@ code                asked how; the number
 ``wrong-zero``      is the posture in which the recording comes to rest one in which the model stays?  At rest the
                     equations are linear, :math:`D^q δ = J δ`; a positive eigenvalue of J says that it falls over.
                     How far from hanging [degrees], limit 90; also an offset of more than 11°
-``tilted-axis``     how far the pendulum's rest moved while the arm turned, from the record's begin to its end: an axis
-                    that leans by ε moves it by up to 2 ε [degrees, limit 0.3]
+``tilted-axis``     how far the pendulum's rest moved while the arm turned, from before the input to the record's end:
+                    an axis that leans by ε moves it by up to 2 ε [degrees, limit 0.3]
 ``stiff``           \|J\|h along the measured motion, for explicit schemes (:mod:`fracid.solver.stiffness`)
 ``coarse-steps``    steps for each period of the fastest oscillation, there
 ``wrong-sign``      two swings of each recording, fitted as the project says and with the sign of one angle turned
@@ -59,7 +59,8 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import measure_signal
-from fracid.signals.swing import final_value, swing_period
+from fracid.signals.resolution import resolution
+from fracid.signals.swing import final_value, swing_period, tail
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
@@ -76,6 +77,9 @@ OFFSET = math.radians(11.0)
 
 MOVED_REST, TURNED = math.radians(0.3), math.radians(5.0)
 """A pendulum that hangs elsewhere after its arm has turned hangs on an axis that leans."""
+
+FEW = 5
+"""Samples that are no rest."""
 
 DRIVEN = 0.01
 """Of the largest input: beyond it the rig is driven."""
@@ -277,15 +281,20 @@ def _tilted_axis(problem: Problem, e: Experiment, hanging: Hanging | None) -> It
     if hanging is None or not level or not {joint, hanging.pendulum} <= set(problem.outputs):
         return
     both = [e.measured[:, problem.outputs.index(n)] for n in (joint, hanging.pendulum)]
-    begins, ends = ([final_value(y[::way]) for y in both] for way in (-1, 1))
-    if begins[1] is None or abs(hanging.off(begins[1])) > OFFSET:
-        return
-    turned, moved = (math.nan if a is None or b is None else math.degrees(b - a)
-                     for a, b in zip(begins, ends, strict=True))  # fmt: skip
+    rests = [(_before_the_input(e, y), rest if at_rest else None) for y in both for rest, _, at_rest in (tail(y),)]
+    turned, moved = (math.nan if a is None or b is None else math.degrees(b - a) for a, b in rests)
     if abs(turned) > math.degrees(TURNED) and abs(moved) > math.degrees(MOVED_REST):
         yield Finding("tilted-axis", f"{e.name}: {hanging.pendulum}", abs(moved), math.degrees(MOVED_REST), "degrees",
             f"its rest moved by {moved:+.2g}° while {joint} turned by {turned:+.0f}°: the arm's axis may lean. Free "
             f"{' and '.join(tilts)} in [model.parameters], from -0.1 to 0.1, or level the base.")  # fmt: skip
+
+
+def _before_the_input(e: Experiment, y: FloatArray) -> float | None:
+    """Where a signal is at rest before the first input begins; None where it is not, or nothing is known of inputs."""
+    changes = np.flatnonzero(np.any(np.diff(e.inputs, axis=0) != 0, axis=1))
+    still = y[: changes[0] + 1] if len(changes) else y[:0]
+    at_rest = len(still) >= FEW and np.ptp(still) <= 3 * (resolution(y) or 0.0) * (1 + 1e-9)
+    return float(np.mean(still)) if at_rest else None
 
 
 def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Finding]:
