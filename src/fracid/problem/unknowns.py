@@ -147,7 +147,7 @@ def scaled(value: float | Free, factor: float) -> float | Free:
     Examples
     --------
     >>> scaled(Free(1.0, 0.0, 3.0), -2.0)
-    Free(start=-2.0, lower=-6.0, upper=-0.0, prior=None, scale=None)
+    Free(start=-2.0, lower=-6.0, upper=-0.0, prior=None, scale=None, hard=False)
     """
     if not isinstance(value, Free):
         return factor * value
