@@ -117,7 +117,7 @@ def main():
     print(f"the damper's order q = 1 - r is {1 - fit.orders['r'].value:.3f}")
     print(f"residual {1e3 * recording.rmse['x']:.3g} mm, noise {1e3 * NOISE:g} mm")
     dashpot_cost = fit.alternative.trials[0].cost  # the first of the integer-order models that a fit tries by itself
-    print(f"the integer-order rival, a dashpot: {1e3 * dashpot_cost:.4g} mm")
+    print(f"the integer-order alternative, a dashpot: {1e3 * dashpot_cost:.4g} mm")
     print(
         f"the nearest of {len(fit.alternative.trials)} alternatives: {1e3 * fit.alternative.cost:.4g} mm, {fit.claim}"
     )
