@@ -228,7 +228,8 @@ def real(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_real_rig_needs_dry_friction_and_cable_and_no_orders_and_the_numbers_repeat(real, capsys):
-    record = real("one", "--jobs", "2", "--amplitude")
+    sliding = [word for rung in ("viscous", "Coulomb", "drag", "cable") for word in ("--rung", rung)]
+    record = real("one", "--jobs", "2", "--amplitude", *sliding)
     assert len(record["structures"]) == 8
     by_name = {s["name"]: s for s in record["structures"]}
     plain, paper, dry, ladder, free = (
@@ -247,6 +248,6 @@ def test_a_real_rig_needs_dry_friction_and_cable_and_no_orders_and_the_numbers_r
         assert order["interval95"][0] <= 1 <= order["interval95"][1]
     assert "The paper's structure" in record["verdict"]
     assert record["amplitude"]["viscous, orders free"]["friction_in_disguise"]
-    assert not record["amplitude"][free["name"]]["friction_in_disguise"]
-    again = real("two", "--jobs", "1", "--amplitude")
+    assert record["amplitude"][free["name"]]["friction_in_disguise"]  # the joints give before they slide
+    again = real("two", "--jobs", "1", "--amplitude", *sliding)
     assert again == record
