@@ -148,8 +148,14 @@ def _given(view: _View, i: int, verdict: Verdict) -> Verdict:
     at = view.known.given[i] if view.known.given else ()
     if not at or verdict.kind != "identifiable":
         return verdict
-    values = " and ".join(f"{n} = {view.x[view.names.index(n)]:.4g}" for n in at)
+    values = " and ".join(f"{n} = {_bound(view, view.names.index(n)):.4g}" for n in at)
     return replace(verdict, reason="; ".join(filter(None, (verdict.reason, f"given that {values}"))))
+
+
+def _bound(view: _View, i: int) -> float:
+    """The bound that holds an unknown."""
+    space, value = view.problem.space, view.x[i]
+    return float(min(space.lower[i], space.upper[i], key=lambda bound: abs(bound - value)))
 
 
 class _View:
