@@ -52,10 +52,12 @@ from fracid.fit import Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.claim import FLOOR, Claim, claim_of, leftovers, orders_found
+from fracid.selection.claim import FLOOR, Claim, claim_of, orders_found
+from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, claimable, integer_values
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
+from fracid.selection.residual_noise import leftovers
 from fracid.solver.methods import METHODS
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import executor_from_name
@@ -369,7 +371,10 @@ def _claim(analysis: _Findings, jobs: int) -> None:
         starts=analysis.multi_start, seed=analysis.seed,
     )  # fmt: skip
     analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
-    analysis.claim = claim_of(orders, analysis.alternative, left, contradictions)
+    element = None if all(e.explained for e in left.values()) else fractional_element(
+        problem, best, goal=analysis.alternative.cost if analysis.alternative else None, jobs=jobs
+    )  # fmt: skip
+    analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
 
 
 IMITATION = "may stand in for friction that the model lacks"

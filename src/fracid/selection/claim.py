@@ -20,17 +20,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
-from fracid.problem import Experiment, Problem
+from fracid.problem import Problem
+from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
-from fracid.signals.left_over import LeftOver, left_over
+from fracid.signals.left_over import LeftOver
 from fracid.units import GREEK
 
-__all__ = ["FLOOR", "Claim", "OrderFound", "claim_of", "damping", "leftovers", "orders_found"]
+__all__ = ["FLOOR", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
 FLOOR = 0.02
 """The damping ratio by which an order must differ from an integer, its interval taken off: 0.013 in an order."""
@@ -106,30 +105,13 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
     return tuple(found)
 
 
-def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
-    """Recording and output, in words → what is left over of it; empty where a run fails."""
-    fitted = [problem.fitted(x, e) for e in problem.experiments]
-    return {
-        f"{e.name}, {output}": left_over(
-            _scored(e, e.measured[:, k] - y[:, k], k), e.measured[:, k], known=e.deviation is not None
-        )
-        for e, y in zip(problem.experiments, fitted, strict=True) if not isinstance(y, Failure)
-        for k, output in enumerate(problem.outputs)
-    }  # fmt: skip
-
-
-def _scored(e: Experiment, residual: FloatArray, output: int) -> FloatArray:
-    """What counts of a residual, NaN where nothing does; in standard deviations where these are known."""
-    residual = residual if e.deviation is None else residual / e.deviation[:, output]
-    return residual if e.scored is None else np.where(e.scored, residual, np.nan)
-
-
 def claim_of(
     orders: Sequence[OrderFound],
     alternative: Alternative | None,
     left_over: Mapping[str, LeftOver],
     contradictions: Sequence[str] = (),
     support: Sequence[str] = (),
+    element: FractionalElement | None = None,
 ) -> Claim:
     """What a fit's orders are evidence of.
 
@@ -145,6 +127,8 @@ def claim_of(
         Sentences, each of which forbids to call it fractional.
     support : sequence of str
         Sentences that are said beside a claim of fractional orders.
+    element : FractionalElement, optional
+        A springpot that explains what is left over: neither the orders nor their integers are the answer then.
 
     Examples
     --------
@@ -158,6 +142,10 @@ def claim_of(
         return Claim("undecided", ("No order was free: they were given, not found.",))
     off = [order for order in orders if order.off]
     unexplained = [_unexplained(where, e) for where, e in left_over.items() if not e.explained]
+    if element is not None:
+        found = " and ".join(map(str, orders))
+        return Claim("undecided", (f"{found}, but the model lacks something.", *unexplained, str(element),
+                                   element.remedy))  # fmt: skip
     open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []))
     if alternative is not None and any(t.as_well for t in alternative.trials):
         return Claim("integer", (alternative.warning, *open_question))

@@ -69,10 +69,11 @@ from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, Sc
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, effective_samples, schwarz
-from fracid.selection.claim import OrderFound, claim_of, leftovers
+from fracid.selection.claim import OrderFound, claim_of
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
+from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal

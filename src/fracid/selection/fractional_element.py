@@ -1,0 +1,223 @@
+r"""Does a springpot explain what is left over?  A score test, and a fit where the test says so.
+
+Orders of the derivatives do not imitate a springpot: on a rig with one at the pendulum, λ and μ stay near 1 and the
+residual at several times the encoder's rounding.  To fit one in every joint of every rig would cost more than the fit
+itself.  So its first effect is asked for: the derivative s of the residual e with respect to the springpot's strength
+c at c = 0, what the unknowns can do in its place taken off (s⊥, orthogonal to the Jacobian).  To first order it
+explains the share
+
+.. math:: R^2 = \frac{(s_⊥ · e)^2}{|s_⊥|^2 |e|^2}, \qquad c = -\frac{s_⊥ · e}{|s_⊥|^2}
+
+of the squares (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3), a few simulations a
+joint.  Where that is more than :data:`SHARE`, with c > 0, the model is fitted with it; it is named where noise alone
+is left then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure
+from fracid.estimation.climbing import embedded
+from fracid.estimation.covariance import jacobian
+from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.models.friction import SPRINGPOT
+from fracid.optimise import Evaluation
+from fracid.problem import Free, Problem
+from fracid.selection.bic import STRONG
+from fracid.selection.integer_rival import Rival, freed_friction, gain_over, integer_values, moving, springpots
+from fracid.selection.residual_noise import leftovers
+
+__all__ = ["SHARE", "FractionalElement", "Score", "fractional_element", "scores"]
+
+SHARE = 0.3
+"""Of the residual's squares that a springpot must explain, to first order, to be fitted."""
+
+ORDERS = (0.2, 0.5, 0.8)
+"""At which its effect is asked for."""
+
+SMALL, LARGE = 1e-3, 0.3
+"""The effect of the strength at which it is asked for, in parts of the residual: a derivative, yet no rounding."""
+
+SAME_DIRECTION = 1e-8
+"""Directions of the Jacobian below this part of its largest singular value are none."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a springpot would explain, to first order."""
+
+    name: str
+    """``springpot_alpha``."""
+    order: float
+    strength: float
+    """[N m s^ν/rad] or the parameter's own unit."""
+    share: float
+    """R² of the residual's squares; 0 where the strength would be negative."""
+
+
+@dataclass(frozen=True)
+class FractionalElement:
+    """A springpot that explains what integer orders leave over."""
+
+    name: str
+    strength: float
+    order: float
+    cost: float
+    before: float
+    """The cost without it."""
+    gain: float
+    """Of BIC."""
+
+    def __str__(self) -> str:
+        """What it explains, in a sentence."""
+        return (
+            f"A springpot explains more: with {self.name} = {self.strength:.2g} of order {self.order:.2f} and every "
+            f"other order integer the cost falls from {self.before:.3g} to {self.cost:.3g} (BIC {-self.gain:+.3g} in "
+            "its favour)."
+        )
+
+    @property
+    def remedy(self) -> str:
+        """What to type."""
+        order = _order_of(self.name)
+        return (
+            f"What would decide it: in [model.parameters] {self.name} = {{ start = {self.strength:.2g}, lower = 0.0, "
+            f"upper = {10 * self.strength:.2g} }} and {order} = {{ start = {self.order:.2f}, lower = 0.05, upper = "
+            "0.95 }, the other orders 1; then fracid fit and compare, which hold it against friction of integer order."
+        )
+
+
+def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]:
+    """What a springpot in each joint that moves would explain of the residual at a minimum.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without springpots.
+    x : numpy.ndarray, shape (n_unknowns,)
+        Its minimum.
+    jobs : int
+        Threads.
+    """
+    errors = problem.errors(x)
+    J = jacobian(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(errors, Failure) or isinstance(J, Failure):
+        return
+    e = _joined(errors)
+    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])[np.isfinite(e)]
+    e, scored = e[np.isfinite(e)], np.isfinite(e)
+    norms = np.linalg.norm(rows, axis=0)
+    Q, singular, _ = np.linalg.svd(rows[:, norms > 0] / norms[norms > 0], full_matrices=False)
+    Q = Q[:, singular > SAME_DIRECTION * np.max(singular, initial=0.0)]
+    for name in _names(problem):
+        for order in ORDERS:
+            s = _effect(problem, x, name, order, e, scored)
+            if s is None:
+                continue
+            s = s - Q @ (Q.T @ s)
+            strength = -float(s @ e) / float(s @ s)
+            share = float(s @ e) ** 2 / float(s @ s) / float(e @ e)
+            yield Score(name, order, strength, share if strength > 0 else 0.0)
+
+
+def fractional_element(
+    problem: Problem, best: Evaluation, *, goal: float | None = None, jobs: int = 1
+) -> FractionalElement | None:
+    """The springpot that explains the residual of a fit better than its orders do, if there is one.
+
+    Parameters
+    ----------
+    problem : Problem
+    best : Evaluation
+        Its minimum.
+    goal : float, optional
+        A cost that it must lie below too: of the best integer-order alternative.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    FractionalElement or None
+        None where the model has none to give, has one already, or a record has a past.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, parameters={"springpot_alpha": 2e-4, "springpot_order_alpha": 0.4},
+    ...                       orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.5}, step=4e-3, end=4.0)
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)},
+    ...                   {"b_alpha": Free(3e-4, 0.0, 0.1)}, initial_state="held")
+    >>> best = refined(problem, problem.start, 1, Watch()).best
+    >>> element = fractional_element(problem, best)
+    >>> element.name, round(element.strength, 5), round(element.order, 2)
+    ('springpot_alpha', 0.0002, 0.4)
+    """
+    if springpots(problem) or best.residuals is None or any(e.past is not None for e in problem.experiments):
+        return None
+    score = max(scores(problem, best.point, jobs=jobs), key=lambda s: s.share, default=None)
+    if score is None or score.share < SHARE:
+        return None
+    order = _order_of(score.name)
+    free = {score.name: replace(freed_friction(problem, [score.name])[score.name], start=score.strength),
+            order: Free(score.order, 0.05, 0.95)}  # fmt: skip
+    with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
+    values = dict(zip(problem.names, best.point.tolist(), strict=True)) | {n: v.start for n, v in free.items()}
+    end = uninterrupted(refined(with_it, embedded(with_it, values), jobs, Watch())).best
+    if end.residuals is None:
+        return None
+    _, gain = gain_over(Rival(with_it, end, "", {}), problem, best)
+    at = dict(zip(with_it.names, end.point.tolist(), strict=True))
+    before = min(best.cost, best.cost if goal is None else goal)
+    explained = all(left.explained for left in leftovers(with_it, end.point).values())
+    if gain > -STRONG or end.cost**2 > (1 - SHARE) * before**2 or not explained:
+        return None
+    return FractionalElement(score.name, at[score.name], at[order], end.cost, before, gain)
+
+
+def _names(problem: Problem) -> list[str]:
+    """The strengths of springpots that the problem fixes at none, of joints that move."""
+    joints, all_names = ("", *moving(problem)), problem.model.parameter_names
+    return [n for n, k in problem.model.friction.items() if k.rung == SPRINGPOT.rung and k.off == 0.0
+            and k.joint in joints and _order_of(n) in all_names]  # fmt: skip
+
+
+def _order_of(name: str) -> str:
+    return name.replace("springpot_", "springpot_order_")
+
+
+def _effect(
+    problem: Problem, x: FloatArray, name: str, order: float, e: FloatArray, scored: NDArray[np.bool_]
+) -> FloatArray | None:
+    """∂e/∂c at a small c; None where no strength gives one.
+
+    Between two strengths, neither of them 0: without the state of a springpot the same model is solved by another
+    method, whose error differs by more than what a weak springpot does.
+    """
+
+    def errors(strength: float) -> FloatArray | None:
+        there = replace(problem, parameters={**problem.parameters, name: strength, _order_of(name): order})
+        result = there.errors(embedded(there, dict(zip(problem.names, x.tolist(), strict=True))))
+        return None if isinstance(result, Failure) else _joined(result)[scored]
+
+    strength = 1e-5 * freed_friction(problem, [name])[name].upper
+    for _ in range(8):
+        weak, strong = errors(0.1 * strength), errors(strength)
+        change = None if weak is None or strong is None else strong - weak
+        size = np.inf if change is None else float(np.linalg.norm(change) / np.linalg.norm(e))
+        if change is not None and SMALL < size < LARGE:
+            return np.asarray(change / (0.9 * strength))
+        strength *= 0.1 if size >= LARGE else 10.0
+    return None
+
+
+def _joined(errors: list[FloatArray]) -> FloatArray:
+    return np.concatenate([e.ravel() for e in errors])
