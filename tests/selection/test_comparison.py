@@ -502,3 +502,33 @@ def test_a_cost_of_ones_own_is_fitted_by_evolution_and_judged_held_out():
     found = judged(p, validation=[other], keep=["coulomb_theta", "coulomb_alpha", *DRAG])
     assert found["viscous, orders 1"].error == pytest.approx(1e-3, rel=0.2)
     assert all(r.bic == math.inf for r in found.rows)
+
+
+def test_a_comparison_at_40_hz_chooses_its_step_else_orders_would_stand_in_for_it(tmp_path):
+    noise = np.random.default_rng(1)
+    for name, angle in (("fitted", 1.2), ("held_out", 0.8)):
+        run = fracid.simulate(fracid.rotary_pendulum("srv02-rotpen"), orders={"lambda": 1.0, "mu": 1.0},
+                              parameters={"coulomb_alpha": 1e-3}, initial={"alpha": angle}, step=1e-3,
+                              end=5.0)  # fmt: skip
+        y = run.states[::25, [0, 2]] + 1e-4 * noise.standard_normal((len(run.time[::25]), 2))
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([run.time[::25], y]), header="t,theta,alpha", comments="",
+                   delimiter=",")  # fmt: skip
+    channels = '{ column = "theta", unit = "rad" }\nalpha = { column = "alpha", unit = "rad" }'
+    recordings = "".join(
+        f'[[recording]]\nname = "{n}"\nfile = "{n}.csv"\ntime = {{ column = "t" }}\ntheta = {channels}\nuse = "{use}"\n'
+        for n, use in (("fitted", "fit"), ("held_out", "validate"))
+    )
+    text = (
+        '[model]\nname = "rotary-pendulum"\nrig = "srv02-rotpen"\n[model.parameters]\n'
+        "b_alpha = { start = 3e-4, lower = 0.0, upper = 0.01 }\n[model.orders]\nlambda = 1.0\n"
+        f"mu = {{ start = 1.0, lower = 0.8, upper = 1.2 }}\n{recordings}[fit]\n"
+    )
+    claims = {}
+    for step, line in (("fixed", "substeps = 1\n"), ("chosen", "")):
+        (tmp_path / f"{step}.toml").write_text(text + line, encoding="utf-8")
+        claims[step] = compare(fracid.load_project(tmp_path / f"{step}.toml"), rungs=["viscous", "Coulomb"])
+    assert claims["fixed"].verdict.startswith("Orders help on 1 of 1")
+    assert claims["chosen"].claim == "integer"
+    assert claims["chosen"].notes[0].startswith("The step was refined to")
+    with_coulomb = claims["chosen"]["viscous + Coulomb, orders 1"]
+    assert with_coulomb.values["coulomb_alpha"] == pytest.approx(1e-3, rel=0.02)

@@ -74,6 +74,7 @@ from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
 from fracid.selection.residual_noise import leftovers
+from fracid.selection.step import quiet_substeps
 from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -317,8 +318,16 @@ def compare(
     study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
+    notes: tuple[str, ...] = ()
+    fixed_step = not isinstance(problem, Project) or problem.fixed_step
+    if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
+        fitted, notes = study.fit_again(fitted, substeps), (
+            f"The step was refined to {substeps} a sample and every structure fitted again there: at {base.substeps} a "
+            "sample it moved the best ones.",
+        )  # fmt: skip
+        rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     units = {n: unit for e in base.experiments for n, unit in e.units.items()}
-    comparison = Comparison(rows, "", study.ladder(WHOLE).notes, base.outputs, samples, leave_one_out,
+    comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, samples, leave_one_out,
                             base.cost_function.name, seed, starts, units=units)  # fmt: skip
     if amplitude:
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
@@ -353,7 +362,13 @@ class _InMemory:
     """Parameters to keep, rungs to climb."""
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     """Models of integer order beside the ladder."""
+    substeps: int | None = None
+    """Steps a sample; None for the problem's."""
     folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
+
+    def at(self, substeps: int) -> _InMemory:
+        """The same at a finer step."""
+        return replace(self, substeps=substeps, folds={})
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         return self.problem, self.validation, self.alternatives
@@ -369,6 +384,12 @@ class _OfFile:
     only: tuple[tuple[str, ...], tuple[str, ...]]
     """Parameters to keep, rungs to climb."""
     trust: bool
+    substeps: int | None = None
+    """Steps a sample; None for the problem's."""
+
+    def at(self, substeps: int) -> _OfFile:
+        """The same at a finer step."""
+        return replace(self, substeps=substeps)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         project = load_project(self.path, preset=self.preset, trust=self.trust)
@@ -415,6 +436,7 @@ def _fold(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
 
 def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
     problem, validation, alternatives = origin.load()
+    problem = problem if origin.substeps is None else replace(problem, substeps=origin.substeps)
     every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
@@ -433,12 +455,19 @@ _fold_of_file = lru_cache(maxsize=32)(_made)
 def _fit_structure(
     origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
     below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
+    before: tuple[dict[str, float], str] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Fit one structure and score it: a task, whose result is plain JSON."""
+    """Fit one structure and score it: a task, whose result is plain JSON.
+
+    `before` has its minimum at a coarser step, and how that was found; below it nothing is looked for then.
+    """
     fold = _fold(origin, held_out, leave_one_out)
     structure, others = fold.ladder[name], fold.held_out
     problem = structure.problem
-    best, outcome = _fitted(structure, below, seed, starts, jobs)
+    if before is None:
+        best, outcome = _fitted(structure, below, seed, starts, jobs)
+    else:
+        best, outcome = _descended(problem, structure.embed(before[0]), jobs, Watch()), before[1]
     values = dict(zip(problem.names, best.point.tolist(), strict=True))
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
@@ -574,6 +603,30 @@ class _Study:
             fits |= {(fold, s.name): results[_key(fold, s)] for fold, s in wave}
         return fits
 
+    def substeps(self, rows: Sequence[Row]) -> int:
+        """The steps a sample at which the best rows of either kind are quiet."""
+        kinds = [[row for row in rows if row.fractional == kind and math.isfinite(row.cost)] for kind in (False, True)]
+        best = [_best(kind) for kind in kinds if kind]
+        tasks = [Task(f"step | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
+                                             dict(row.values), _half_widths(row), max(1, self.execution.jobs // 2)))
+                 for row in best]  # fmt: skip
+        results = self._run(_choose_step, tasks)
+        return max((int(results[task.key]["substeps"]) for task in tasks), default=1)
+
+    def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
+        """All fits once more, at a finer step, each from its minimum."""
+        self.origin = self.origin.at(substeps)
+        pairs = [(fold, s) for fold in self.folds for s in self.ladder(fold).structures
+                 if fits[fold, s.name]["cost"] is not None]  # fmt: skip
+        tasks = {}
+        for fold, s in pairs:
+            of_it = fits[fold, s.name]
+            tasks[fold, s.name] = Task(f"{_key(fold, s)} | {substeps} steps a sample", (
+                *self._arguments(fold, s, fits, len(pairs)), (of_it["values"], of_it["outcome"]),
+            ))  # fmt: skip
+        results = self._run(_fit_structure, [*tasks.values()])
+        return {**fits} | {pair: results[task.key] for pair, task in tasks.items()}
+
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
         waves: dict[int, list[tuple[str, Structure]]] = {}
@@ -605,7 +658,7 @@ class _Study:
         """What of integer order comes nearest to a fractional structure."""
         own = self.origin.load()[2]
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
-        half = {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
+        half = _half_widths(row)
         key = f"alternatives | {row.name}"
         task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half, others,
                           self.execution.jobs, self.starts, self.seed))  # fmt: skip
@@ -620,6 +673,21 @@ class _Study:
                  for name in names]  # fmt: skip
         results = self._run(_test_amplitude, tasks)
         return {name: AmplitudeTest.of_json(results[f"amplitude | {name}"]) for name in names}
+
+
+def _half_widths(row: Row) -> dict[str, float]:
+    """Half the 95 % interval of each order that has one."""
+    return {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
+
+
+def _choose_step(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
+    values: Mapping[str, float], half_widths: dict[str, float], jobs: int,
+) -> dict[str, Any]:  # fmt: skip
+    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
+    if problem.cost_function.loss is None:
+        return {"substeps": problem.substeps}
+    return {"substeps": quiet_substeps(problem, np.array([values[n] for n in problem.names]), half_widths, jobs=jobs)}
 
 
 def _key(fold: str, s: Structure) -> str:

@@ -158,6 +158,8 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
             return fault_of(result, AmplitudeBlock)
         if key.startswith("alternatives |"):
             return "" if result.get("alternative") is None else fault_of(result["alternative"], AlternativeBlock)
+        if key.startswith("step |"):
+            return "" if isinstance(result.get("substeps"), int) and result["substeps"] >= 1 else "no steps a sample"
         there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there
