@@ -22,6 +22,7 @@ The records are others' and no part of the project: without --train they are loo
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import sys
@@ -105,6 +106,8 @@ class Benchmark:
     """States that the first samples do not tell: as in training."""
     split: float = 0.5
     """Part of the training record that a structure is fitted to; it is judged on the rest."""
+    blocks: int = 0
+    """In place of that: a short record in so many blocks, each predicted by a fit to the others."""
     aside: float = 0.75
     """Part that is trained on where there is no test."""
     repeating: tuple[str, ...] = ()
@@ -137,15 +140,16 @@ BENCHMARKS = {
     ),
     "cascaded_tanks": Benchmark(
         public_models.cascaded_tanks, "V", 1.0, 4, "0.191 (grey box, Worden 2018), 0.306 (CT-SUBNET)",
-        ranges(pump=(0.033, 1e-3, 0.3), k1=(0.035, 1e-3, 0.3), k2=(0.06, 1e-3, 0.6), k3=(0.06, 1e-3, 0.6),
+        ranges(pump=(0.033, 1e-3, 0.3), k1=(0.035, 0.0, 0.3), ratio=(2.0, 0.1, 20.0), k3=(0.06, 1e-3, 0.6),
                part=(1.2, 0.0, 6.0)),
         {
             "linear outflow": ranges(c3=(0.0, -0.05, 0.05)),
+            "linear outflow of the upper tank": ranges(c1=(0.0, -0.05, 0.05)),
             "threshold of the pump": ranges(u0=(0.0, -1.0, 1.0)),
         },
         between="hold", substeps=4, method="pi2",
         initial=lambda r: {"upper": Free(6.0, 0.0, 10.0), "lower": Free(r.y[0], r.y[0] - 0.5, r.y[0] + 0.5)},
-        hidden=("upper",),
+        hidden=("upper",), blocks=4,
     ),
     "emps": Benchmark(
         public_models.emps, "mm", 1e3, 20, "2.64 (dynoNet), 4.61 (CT-SUBNET)",
@@ -171,10 +175,13 @@ def experiment(of: Benchmark, record: Record, initial: Mapping[str, float | Free
     )  # fmt: skip
 
 
-def posed(of: Benchmark, record: Record, free: GROUP, order: float | Free = 1.0) -> Problem:
-    """The problem of a structure on a record."""
-    e = experiment(of, record, of.initial(record))
-    return Problem(of.model, (e,), {"q": order}, free, initial_state="held", substeps=of.substeps, method=of.method)
+def posed(of: Benchmark, records: Record | Sequence[Record], free: GROUP, order: float | Free = 1.0) -> Problem:
+    """The problem of a structure on a record, or on several."""
+    several = (records,) if isinstance(records, Record) else records
+    experiments = tuple(experiment(of, record, of.initial(record)) for record in several)
+    return Problem(
+        of.model, experiments, {"q": order}, free, initial_state="held", substeps=of.substeps, method=of.method
+    )
 
 
 @dataclass(frozen=True)
@@ -266,23 +273,37 @@ def error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, fl
 
 
 def chosen(of: Benchmark, record: Record) -> tuple[Minimum, list[tuple[str, float]]]:
-    """The structure that predicts the rest of a record best from its first part, and each candidate's error."""
-    cut = round(of.split * len(record.y))
-    part, rest = record.part(0, cut, "part"), record.part(cut - 1, len(record.y), "rest")
-
-    def judged(free: GROUP, before: Minimum | None) -> tuple[Minimum, float]:
-        model = minimum(posed(of, part, free), before)
-        return model, error(of, model, rest, {n: model.last[n] for n in of.hidden})
-
+    """The structure that predicts best what it was not fitted to, and each candidate's error."""
+    judged = by_blocks if of.blocks else by_the_rest
     free: GROUP = of.base
-    best, lowest = judged(free, None)
+    best, lowest = judged(of, record, free, None)
     errors = [("simplest", lowest)]
     for name, group in of.groups.items():
-        more, left = judged({**free, **group}, best)
+        more, left = judged(of, record, {**free, **group}, best)
         errors.append((f"+ {name}", left))
         if left < BETTER * lowest:
             free, best, lowest = {**free, **group}, more, left
     return best, errors
+
+
+def by_the_rest(of: Benchmark, record: Record, free: GROUP, before: Minimum | None) -> tuple[Minimum, float]:
+    """A structure's minimum on the first part of a record, and its error on the rest."""
+    cut = round(of.split * len(record.y))
+    part, rest = record.part(0, cut, "part"), record.part(cut - 1, len(record.y), "rest")
+    model = minimum(posed(of, part, free), before)
+    return model, error(of, model, rest, {n: model.last[n] for n in of.hidden})
+
+
+def by_blocks(of: Benchmark, record: Record, free: GROUP, before: Minimum | None) -> tuple[Minimum, float]:
+    """A structure's minimum on a record, and its error on each block of it when fitted to the others."""
+    cuts = np.linspace(0, len(record.y), of.blocks + 1).astype(int).tolist()
+    blocks = [record.part(a, b, f"block {k}") for k, (a, b) in enumerate(itertools.pairwise(cuts), 1)]
+    whole = minimum(posed(of, record, free), before)
+    squares = []
+    for block in blocks:
+        others = posed(of, [other for other in blocks if other is not block], free)
+        squares.append(error(of, minimum(others, whole), block, {}) ** 2)
+    return whole, float(np.sqrt(np.mean(squares)))
 
 
 def identified(of: Benchmark, record: Record, part: Minimum) -> Minimum:

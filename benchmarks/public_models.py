@@ -62,11 +62,11 @@ def flow(level: float, root: float, linear: float) -> float:
 
 def levels(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
     """The pump fills the upper tank, that the lower; what is beyond the rim of the upper goes partly into the lower."""
-    pump, k1, k2, k3, part, c3, u0 = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
+    pump, k1, ratio, k3, part, c3, u0, c1 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
     upper, lower = x[0], x[1]
     over = WEIR * max(upper - FULL, 0.0)
-    out[0] = pump * max(u[0] - u0, 0.0) - flow(upper, k1, 0.0) - over
-    out[1] = flow(upper, k2, 0.0) + part * over - flow(lower, k3, c3) - WEIR * max(lower - FULL, 0.0)
+    out[0] = pump * max(u[0] - u0, 0.0) - flow(upper, k1, c1) - over
+    out[1] = ratio * flow(upper, k1, c1) + part * over - flow(lower, k3, c3) - WEIR * max(lower - FULL, 0.0)
 
 
 def lower_level(t: float, x: FloatArray, u: FloatArray, p: FloatArray) -> float:  # noqa: ARG001
@@ -80,11 +80,12 @@ cascaded_tanks = Model(
     parameters=(
         Parameter("pump", "1/s", 0.033, "inflow of the upper tank over the voltage", lower=0.0),
         Parameter("k1", "V^0.5/s", 0.035, "outflow of the upper tank", lower=0.0),
-        Parameter("k2", "V^0.5/s", 0.06, "inflow of the lower tank", lower=0.0),
+        Parameter("ratio", "1", 2.0, "what a level of the upper tank is in the lower one", lower=0.0),
         Parameter("k3", "V^0.5/s", 0.06, "outflow of the lower tank", lower=0.0),
         Parameter("part", "1", 1.2, "of the overflow that the lower tank gets, in its own levels", lower=0.0),
         Parameter("c3", "1/s", 0.0, "linear part of the lower tank's outflow"),
         Parameter("u0", "V", 0.0, "voltage at which the pump begins"),
+        Parameter("c1", "1/s", 0.0, "linear part of the upper tank's outflow"),
     ),
     zero="", source="Schoukens, Mattsson, Wigren, Noël, Cascaded tanks benchmark (2016)",
 )  # fmt: skip

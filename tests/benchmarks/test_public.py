@@ -12,7 +12,7 @@ import fracid
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 NOISE = 0.01
-TRUTH = {"pump": 0.04, "k1": 0.04, "k2": 0.05, "k3": 0.055, "part": 1.5}
+TRUTH = {"pump": 0.04, "k1": 0.04, "ratio": 1.25, "k3": 0.055, "part": 1.5}
 
 
 @pytest.fixture(scope="module")
