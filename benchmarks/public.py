@@ -22,14 +22,17 @@ The records are others' and no part of the project: without --train they are loo
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
+import json
 import math
 import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import public_models
@@ -114,6 +117,8 @@ class Benchmark:
     """Constants that are a record's own: with them its simulated motion repeats itself as its input does."""
     sizes: tuple[float, ...] = ()
     """Of these."""
+    parts: Mapping[str, tuple[int, str]] = field(default_factory=dict)
+    """What the name of a test record holds → its first samples that are scored beside it, and what these are called."""
 
 
 def ranges(**values: tuple[float, float, float]) -> GROUP:
@@ -136,7 +141,7 @@ BENCHMARKS = {
         },
         between="band-limited", substeps=8, method="pi3",
         initial=lambda r: {"y": Free(r.y[0], -1.0, 1.0), "y'": Free(0.0, -300.0, 300.0)},
-        split=0.125,
+        split=0.125, parts={"arrow": (32_000, "no_extrapolation")},
     ),
     "cascaded_tanks": Benchmark(
         public_models.cascaded_tanks, "V", 1.0, 4, "0.191 (grey box, Worden 2018), 0.306 (CT-SUBNET)",
@@ -316,8 +321,10 @@ def identified(of: Benchmark, record: Record, part: Minimum) -> Minimum:
 # --- the command ---------------------------------------------------------------------------------------------------
 
 
-def run(name: str, train: Path, test: Path | None, *, orders: bool = False, between: Between | None = None) -> None:
-    """Identify one benchmark and print what came out."""
+def run(
+    name: str, train: Path, test: Path | None, *, orders: bool = False, between: Between | None = None
+) -> dict[str, Any]:
+    """Identify one benchmark and print what came out; a test's name → its error, as JSON."""
     began, of = time.perf_counter(), BENCHMARKS[name]
     of = replace(of, between=between or of.between)
     whole = Record.of(train / f"{name}_train.csv")
@@ -329,32 +336,56 @@ def run(name: str, train: Path, test: Path | None, *, orders: bool = False, betw
     for candidate, left in errors:
         print(f"  structure: {candidate:30} {left:8.4g} {of.unit} held out")
     model = identified(of, record, part)
-    known = uncertainty(model.problem, model.x, jobs=JOBS)
-    for i, (constant, value) in enumerate(model.values.items()):
-        interval = None if isinstance(known, Failure) else known.interval(model.x, i)
-        half = math.nan if interval is None else (interval[1] - interval[0]) / 2
-        print(f"  {constant:32} {value:12.6g} ± {half:.2g} {model.problem.unknowns[i].unit}")
-    print(f"  fitted to {of.scale * model.cost:.4g} {of.unit}; frozen after {time.perf_counter() - began:.0f} s")
+    constants = with_intervals(model)
+    for constant, entry in constants.items():
+        ends = entry["interval95"]
+        half = math.nan if ends is None else (ends[1] - ends[0]) / 2
+        print(f"  {constant:32} {entry['value']:12.6g} ± {half:.2g} {entry['unit']}")
+    seconds = time.perf_counter() - began
+    print(f"  fitted to {of.scale * model.cost:.4g} {of.unit}; frozen after {seconds:.0f} s")
     if orders:
         print_orders(of, model)
     start = {n: model.problem.unpack(model.x, model.problem.experiments[0])[2][of.model.states.index(n)].item()
              for n in of.hidden}  # fmt: skip
-    for path in tests:
-        print_error(of, model, Record.of(path), start)
+    predicted = [part for path in tests for part in parts_of(of, Record.of(path))]
     if not tests:
-        aside = whole.part(cut - 1, len(whole.y), "aside")
+        predicted, start = [whole.part(cut - 1, len(whole.y), f"{name}_aside")], {n: model.last[n] for n in of.hidden}
         print(f"  no {name}_test*.csv; the last {len(whole.y) - cut} samples of training, kept aside:")
-        print_error(of, model, aside, {n: model.last[n] for n in of.hidden})
+    answer = {}
+    for unseen in predicted:
+        rms = print_error(of, model, unseen, start)
+        answer[unseen.name] = {"rms": rms if math.isfinite(rms) else None, "unit": of.unit, "seconds": seconds,
+                               "parameters": constants}  # fmt: skip
     print(f"  published: {of.published} {of.unit}")
     print(f"  {time.perf_counter() - began:.0f} s in all", flush=True)
+    return answer
 
 
-def print_error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> None:
-    """The error of a test, and what it is with all constants of the training record."""
-    print(f"  {record.name:32} {error(of, model, record, hidden):12.4g} {of.unit}")
+def parts_of(of: Benchmark, record: Record) -> list[Record]:
+    """A test record, and what of it a protocol scores beside."""
+    beside = [part for end, part in of.parts.items() if end in record.name]
+    return [record, *(record.part(0, n, f"{record.name}_{suffix}") for n, suffix in beside if n < len(record.y))]
+
+
+def with_intervals(model: Minimum) -> dict[str, dict[str, Any]]:
+    """Each constant with its unit and 95 % interval."""
+    known = uncertainty(model.problem, model.x, jobs=JOBS)
+    intervals = [None if isinstance(known, Failure) else known.interval(model.x, i) for i in range(len(model.x))]
+    return {
+        name: {"value": value, "interval95": None if ends is None else [float(end) for end in ends],
+               "unit": model.problem.unknowns[i].unit}
+        for i, ((name, value), ends) in enumerate(zip(model.values.items(), intervals, strict=True))
+    }  # fmt: skip
+
+
+def print_error(of: Benchmark, model: Minimum, record: Record, hidden: Mapping[str, float]) -> float:
+    """The error of a test, and what it is with all constants of the training record; returns the first."""
+    rms = error(of, model, record, hidden)
+    print(f"  {record.name:32} {rms:12.4g} {of.unit}")
     if of.repeating:
         as_trained = error(of, model, record, hidden, own=False)
         print(f"  {record.name + ', ' + ' and '.join(of.repeating) + ' of training':32} {as_trained:12.4g} {of.unit}")
+    return rms
 
 
 def print_orders(of: Benchmark, model: Minimum) -> None:
@@ -376,6 +407,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--train", type=Path, default=RECORDS, metavar="DIR", help="where NAME_train.csv are")
     parser.add_argument("--test", type=Path, metavar="DIR", help="where NAME_test*.csv are")
     parser.add_argument("--orders", action="store_true", help="also free the order of the equations")
+    parser.add_argument("--json", action="store_true", help="errors and constants as JSON on standard output")
     parser.add_argument("--between", choices=BETWEEN, help="what the inputs do between their samples, instead")
     options = parser.parse_args(arguments)
     if unknown := [n for n in options.names if n not in BENCHMARKS]:
@@ -383,8 +415,12 @@ def main(arguments: Sequence[str]) -> None:
     names = [n for n in options.names or BENCHMARKS if (options.train / f"{n}_train.csv").is_file()]
     if not names:
         sys.exit(f"No NAME_train.csv in {options.train}; say where with --train DIR or FRACID_BENCHMARKS=DIR")
-    for name in names:
-        run(name, options.train, options.test, orders=options.orders, between=options.between)
+    answers: dict[str, Any] = {}
+    with contextlib.redirect_stdout(sys.stderr) if options.json else contextlib.nullcontext():
+        for name in names:
+            answers |= run(name, options.train, options.test, orders=options.orders, between=options.between)
+    if options.json:
+        print(json.dumps(answers, indent=2))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The harness of public benchmarks: it trains on one file, is judged on another, and says where there is none."""
 
 import importlib.util
+import json
 import re
 import sys
 from pathlib import Path
@@ -45,9 +46,13 @@ def tanks(public, path, seed, samples=384):
 def test_a_model_of_the_training_file_predicts_the_test_file_to_its_noise(public, tmp_path, capsys):
     tanks(public, tmp_path / "cascaded_tanks_train.csv", 1)
     tanks(public, tmp_path / "cascaded_tanks_test.csv", 2)
-    public.main(["--train", str(tmp_path), "--test", str(tmp_path)])
-    said = capsys.readouterr().out
+    public.main(["--train", str(tmp_path), "--test", str(tmp_path), "--json"])
+    out, said = capsys.readouterr()
     assert float(re.search(r"cascaded_tanks_test +(\S+) V", said)[1]) < 3 * NOISE
+    test = json.loads(out)["cascaded_tanks_test"]
+    assert test["rms"] < 3 * NOISE
+    assert test["unit"] == "V"
+    assert test["parameters"]["k3"]["value"] == pytest.approx(TRUTH["k3"], rel=0.2)
     assert "384 samples of training" in said
     assert "aside" not in said
 
@@ -59,7 +64,13 @@ def test_without_a_test_file_the_end_of_the_training_is_kept_aside_and_said(publ
     said = capsys.readouterr().out
     assert "288 samples of training" in said
     assert "no cascaded_tanks_test*.csv; the last 96 samples of training, kept aside" in said
-    assert float(re.search(r"\n +aside +(\S+) V", said)[1]) < 5 * NOISE
+    assert float(re.search(r"cascaded_tanks_aside +(\S+) V", said)[1]) < 5 * NOISE
+
+
+def test_the_arrow_is_scored_within_the_range_of_training_too(public):
+    arrow = public.Record("silverbox_test_arrow", 1.6e-3, np.zeros(40_475), np.zeros(40_475))
+    sizes = {part.name: len(part.y) for part in public.parts_of(public.BENCHMARKS["silverbox"], arrow)}
+    assert sizes == {"silverbox_test_arrow": 40_475, "silverbox_test_arrow_no_extrapolation": 32_000}
 
 
 def test_the_period_of_an_input_is_found_and_noise_has_none(public):
