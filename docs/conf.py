@@ -22,9 +22,11 @@ extensions = [
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
-    "accessible",  # these seven are in _site/
+    "sphinx_copybutton",
+    "accessible",  # these eight are in _site/
     "commands",
     "docstrings",
+    "excerpts",
     "mathml",
     "modules",
     "offline",
@@ -59,7 +61,10 @@ html_title = "fracid"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_copy_source = False
-html_show_search_summary = False  # it would fetch the pages that were found, which no browser does from files
+html_show_search_summary = True  # from _site/excerpts.py: no browser fetches a page from files
+html_logo = html_favicon = "_site/static/logo.svg"
+copybutton_prompt_text = r">>> |\.\.\. |\$ "  # what is typed, without the prompt and what was answered
+copybutton_prompt_is_regexp = True
 html_show_sphinx = False
 pygments_style = "a11y-high-contrast-light"  # of accessible-pygments, which comes with the theme
 pygments_dark_style = "a11y-high-contrast-dark"

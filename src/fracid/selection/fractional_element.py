@@ -6,7 +6,7 @@ itself.  So its first effect is asked for: the derivative s of the residual e wi
 c at c = 0, what the unknowns can do in its place taken off (s⊥, orthogonal to the Jacobian).  To first order it
 explains the share
 
-.. math:: R^2 = \frac{(s_⊥ · e)^2}{|s_⊥|^2 |e|^2}, \qquad c = -\frac{s_⊥ · e}{|s_⊥|^2}
+.. math:: R^2 = \frac{(s_\perp \cdot e)^2}{|s_\perp|^2 |e|^2}, \qquad c = -\frac{s_\perp \cdot e}{|s_\perp|^2}
 
 of the squares (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3), a few simulations a
 joint.  Where that is more than :data:`SHARE`, with c > 0, the model is fitted with it; it is named where noise alone
