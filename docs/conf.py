@@ -35,19 +35,27 @@ extensions = [
 exclude_patterns = ["_site", "images"]
 nitpicky = True  # a role in a docstring that leads nowhere is an error, as a dead link is
 show_warning_types = True
-smartquotes = False  # -- is the beginning of an option, and ' a mark of seconds
+smartquotes = (
+    False  # -- is the beginning of an option, and ' a mark of seconds
+)
 
 # --- pages ---
 myst_enable_extensions = ["dollarmath", "attrs_inline"]
 myst_heading_anchors = 4
 myst_dmath_double_inline = True
-suppress_warnings = ["myst.header"]  # pages begin with one title, but tables of measured figures may skip a level
+suppress_warnings = [
+    "myst.header"
+]  # pages begin with one title, but tables of measured figures may skip a level
 
 # --- reference ---
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"  # of fields; the parameters' own lines say their types, with shapes and units
 autodoc_typehints_description_target = "documented"
-autodoc_type_aliases = {"FloatArray": "ndarray", "Array": "ndarray", "ArrayLike": "array_like"}
+autodoc_type_aliases = {
+    "FloatArray": "ndarray",
+    "Array": "ndarray",
+    "ArrayLike": "array_like",
+}
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"
 numpydoc_show_class_members = False  # they follow by themselves
@@ -61,7 +69,9 @@ html_title = "fracid"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_copy_source = False
-html_show_search_summary = True  # from _site/excerpts.py: no browser fetches a page from files
+html_show_search_summary = (
+    True  # from _site/excerpts.py: no browser fetches a page from files
+)
 html_logo = html_favicon = "_site/static/logo.svg"
 copybutton_prompt_text = r">>> |\.\.\. |\$ "  # what is typed, without the prompt and what was answered
 copybutton_prompt_is_regexp = True
