@@ -1,8 +1,11 @@
 "use strict";
-// Curves: uPlot with the page's colours.  A chart is described by a plain record
-//   { title, x, xlabel, ylabel, series: [{ label, y, kind }], bands: [{ axis, from, to, kind }], marks: [{ axis, at, text }],
-//     height, logx, logy, legend }
-// and built when it comes into view; on a change of theme or width, and for printing, it is built again.
+// Curves: uPlot with the page's colours.  A chart is described by a plain record (charts.py writes it too)
+//   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind }], bands: [{ axis, from, to, kind }],
+//     marks: [{ axis, at, text, kind, row }], right: [{ at, text }], rightlabel, height, yrange, logx, logy, bare, room, keyed }
+// and built when it comes into view, in the place of the SVG that stands there for paper and where no script runs; on a
+// change of theme or width it is built again.
+
+document.documentElement.classList.add("live");
 
 const css = name => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 
@@ -16,6 +19,13 @@ function round(v, digits = 4) {
   const small = v !== 0 && Math.abs(v) < 1e-4;
   return (small ? (+v.toPrecision(digits)).toExponential() : String(+v.toPrecision(digits))).replaceAll("-", "−");
 }
+
+// Of a logarithmic axis the powers of ten alone, as 10⁻⁴.
+const powers = (u, ticks) => ticks.map(v => {
+  if (v === null) return "";
+  const k = Math.round(Math.log10(v));
+  return Math.abs(Math.log10(v) - k) > 1e-9 ? "" : Math.abs(k) < 3 ? round(v, 3) : `10${String(k).replace(/./g, c => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] || "⁻")}`;
+});
 
 const KINDS = {
   measured: { colour: "measured", width: 3 },
@@ -33,15 +43,26 @@ class Chart {
     this.host = host;
     this.spec = spec;
     this.plot = null;
-    this.heading = host.appendChild(document.createElement("div"));
+    this.heading = host.querySelector(".title") || host.appendChild(document.createElement("div"));
     this.heading.className = "title";
     this.heading.textContent = spec.title;
+    for (const s of spec.series.length > 1 && !spec.keyed ? spec.series : []) this.key(s);
+    this.values = this.heading.appendChild(document.createElement("span"));
+    this.values.className = "values";
     this.body = host.appendChild(document.createElement("div"));
     host.setAttribute("role", "group");
     host.setAttribute("aria-label", `${spec.title}: ${spec.ylabel} over ${spec.xlabel}`);
-    host.style.minHeight = `${spec.height + 70}px`;
+    host.style.minHeight = `${spec.height + 24}px`;
     Chart.all.push(this);
     Chart.watch.observe(host);
+  }
+
+  // Beside the title, what a line is.
+  key({ label, kind }) {
+    const key = this.heading.appendChild(document.createElement("span"));
+    key.className = "key";
+    key.appendChild(document.createElement("span")).className = `swatch ${kind}`;
+    key.append(label);
   }
 
   build() {
@@ -59,7 +80,7 @@ class Chart {
   options() {
     const { spec } = this;
     const axis = (label, more) => ({
-      label, labelSize: 22, labelFont: "12px system-ui, sans-serif", font: "12px system-ui, sans-serif",
+      label: label || null, labelSize: label ? 20 : 0, labelFont: "12px system-ui, sans-serif", font: "12px system-ui, sans-serif",
       stroke: css("soft"), ticks: { stroke: css("grid"), width: 1, size: 4 }, gap: 4,
       values: (u, ticks) => ticks.map(v => (v === null ? "" : round(v, 6))), ...more,
     });
@@ -68,9 +89,13 @@ class Chart {
       width: this.width, height: spec.height,
       scales: {
         x: { time: false, distr: spec.logx ? 3 : 1 },
-        y: { distr: spec.logy ? 3 : 1, range: spec.yrange },
+        y: { distr: spec.logy ? 3 : 1, range: spec.yrange || undefined },
       },
-      axes: [axis(spec.xlabel, { size: 26, space: 60, grid: grid(spec.logx) }), axis(spec.ylabel, { size: 52, space: 28, grid: grid(spec.logy) })],
+      axes: [
+        axis(spec.xlabel, { size: spec.bare ? 6 : 24, space: 60, grid: grid(spec.logx), ...(spec.bare ? { values: () => [] } : spec.logx ? { values: powers } : {}) }),
+        axis(spec.ylabel, { size: 48, space: 26, grid: grid(spec.logy), ...(spec.logy ? { values: powers } : {}) }),
+        ...(spec.right && spec.right.length ? [this.right(axis)] : []),
+      ],
       series: [
         { label: spec.xname || spec.xlabel, value: (u, v) => round(v, 5) },
         ...spec.series.map(s => {
@@ -83,20 +108,39 @@ class Chart {
           };
         }),
       ],
-      legend: { show: spec.legend !== false, live: true },
+      legend: { show: false },
+      padding: [6, spec.right && spec.right.length ? 0 : spec.room || 10, 0, 0],
       cursor: { drag: { x: true, y: false, setScale: true }, y: false, points: { size: 7 } },
       hooks: {
-        drawClear: [u => this.bands(u)],
-        draw: [u => this.marks(u)],
+        drawClear: [u => this.bands(u, band => band.kind !== "band")],
+        draw: [u => { this.bands(u, band => band.kind === "band"); this.marks(u); }], // the band over the line, or noise hides it
+        setCursor: [u => this.read(u)],
         setScale: [(u, key) => key === "x" && spec.scaled && spec.scaled(this)],
       },
     };
   }
 
-  bands(u) {
+  // Ticks where they are asked for: those of a residual are whole encoder steps.
+  right(axis) {
+    const { right, rightlabel } = this.spec, text = new Map(right.map(r => [r.at, r.text]));
+    return axis(rightlabel, {
+      side: 1, size: 34, grid: { stroke: css("edge"), width: 0.5, dash: [2, 3] },
+      splits: (u, k, low, high) => right.map(r => r.at).filter(at => at >= low && at <= high),
+      values: (u, ticks) => ticks.map(at => text.get(at) || ""),
+    });
+  }
+
+  // The values under the cursor, beside the title.
+  read(u) {
+    const i = u.cursor.idx, named = this.spec.xname === "time" ? [] : [[this.spec.xname, round(u.data[0][i], 4)]];
+    const values = u.series.slice(1).map((s, k) => [s.label, s.value(u, u.data[k + 1][i])]);
+    this.values.textContent = i === null || i === undefined ? "" : [...named, ...values].map(pair => pair.join(" ")).join(", ");
+  }
+
+  bands(u, kinds) {
     const { left, top, width, height } = u.bbox;
     const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
-    for (const band of this.spec.bands || []) {
+    for (const band of (this.spec.bands || []).filter(kinds)) {
       const [a, b] = [band.from, band.to].map(v => u.valToPos(v, band.axis, true));
       u.ctx.fillStyle = css(band.kind);
       if (band.axis === "x") {
@@ -118,7 +162,7 @@ class Chart {
       if (!(mark.axis === "x" ? at >= left && at <= left + width : at >= top && at <= top + height)) continue;
       ctx.strokeStyle = ctx.fillStyle = css(mark.kind || "mark");
       ctx.lineWidth = uPlot.pxRatio;
-      ctx.setLineDash(mark.solid ? [] : [5 * uPlot.pxRatio, 3 * uPlot.pxRatio]);
+      ctx.setLineDash(mark.kind === "mark" && mark.text ? [] : [5 * uPlot.pxRatio, 3 * uPlot.pxRatio]);
       ctx.beginPath();
       if (mark.axis === "x") { ctx.moveTo(at, top); ctx.lineTo(at, top + height); } else { ctx.moveTo(left, at); ctx.lineTo(left + width, at); }
       ctx.stroke();
@@ -155,6 +199,11 @@ Chart.watch = new IntersectionObserver(entries => {
     if (entry.isIntersecting && chart && !chart.plot) chart.build();
   }
 }, { rootMargin: "600px" });
+
+// What charts.py describes, its numbers unpacked.
+Chart.described = said => ({
+  ...said, x: line(floats(said.x)), series: said.series.map(s => ({ ...s, y: line(floats(s.y)) })), yrange: said.yrange || undefined,
+});
 
 Chart.rebuild = (everything = false) => {
   for (const chart of Chart.all) if (chart.plot || everything) chart.build();

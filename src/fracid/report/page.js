@@ -36,17 +36,20 @@ const traceOf = (() => {
   return k => { if (!made.has(k)) made.set(k, new Trace(DATA.recordings[k])); return made.get(k); };
 })();
 
-// What is drawn of a recording: each output measured and fitted, and its residual.
+// What is drawn of a recording: each output measured and simulated, and its residual.
 function curves(trace) {
-  const x = line(trace.t), shared = { x, xlabel: `time from ${round(trace.said.start, 6)} s on [s]`, xname: "time" };
-  return trace.outputs.flatMap(o => {
+  const x = line(trace.t);
+  return trace.outputs.flatMap((o, k) => {
+    const last = k === trace.outputs.length - 1, shared = { x, xname: "time", keyed: true, bare: !last, room: trace.outputs.some(o => o.step) ? 56 : 10 };
     const residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]), unit = o.unit ? ` [${o.unit}]` : "";
-    const band = o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [];
+    const shaded = o.step ? `; shaded: ± 1 encoder step of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
     return [
-      { title: `${o.letter}, measured and fitted`, ylabel: o.letter + unit, height: 230, ...shared,
-        series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "fitted", y: line(o.fitted), kind: "fitted" }] },
-      { title: `${o.letter}, residual${o.step ? `; one encoder step of ${round(o.step, 3)}${o.unit} shaded` : ""}`, ylabel: `residual${unit}`,
-        height: 140, ...shared, bands: band, series: [{ label: "measured − fitted", y: line(residual), kind: "residual", digits: 3 }] },
+      { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: 146, ...shared, bare: true,
+        series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "simulated", y: line(o.fitted), kind: "fitted" }] },
+      { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? `time after ${round(trace.said.start, 6)} s [s]` : "",
+        height: last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
+        bands: o.step ? [{ axis: "y", from: -o.step, to: o.step, kind: "band" }] : [],
+        series: [{ label: "residual", y: line(residual), kind: "residual", digits: 3 }] },
     ];
   });
 }
@@ -59,21 +62,13 @@ class Player {
     this.playing = false;
     this.charts = [];
     this.busy = false;
-    this.rigs = this.makeRigs();
+    this.rig = DATA.rig && new Rig(element("rig"), DATA.rig, new Camera());
+    if (this.rig) this.turnable(this.rig);
     this.wire();
     this.open(0);
   }
 
-  makeRigs() {
-    if (!DATA.rig) return [];
-    const camera = new Camera();
-    const rigs = [["rig-measured", "measured"], ["rig-fitted", "fitted"]].map(([id, which]) =>
-      Object.assign(new Rig(element(id), DATA.rig, camera), { which }));
-    for (const rig of rigs) this.turnable(rig.canvas, camera);
-    return rigs;
-  }
-
-  turnable(canvas, camera) {
+  turnable({ canvas, camera }) {
     canvas.addEventListener("pointerdown", e => canvas.setPointerCapture(e.pointerId));
     canvas.addEventListener("pointermove", e => {
       if (!canvas.hasPointerCapture(e.pointerId)) return;
@@ -86,8 +81,9 @@ class Player {
   open(k) {
     this.trace = traceOf(k);
     const poses = which => Array.from(this.trace.t, t => this.trace.angle("alpha", which, t) - this.rest());
-    for (const rig of this.rigs) rig.frame([...poses("measured"), ...poses("fitted")]);
+    if (this.rig) this.rig.frame([...poses("measured"), ...poses("fitted")]);
     this.window = [0, this.trace.end];
+    this.loop = [0, this.firstSwings()];
     const old = new Set(this.charts);
     Chart.all = Chart.all.filter(c => !old.has(c));
     element("shown").textContent = this.trace.said.name;
@@ -130,7 +126,7 @@ class Player {
   zoom(from, to) {
     const least = 20 * this.trace.step();
     if (to - from < least) [from, to] = [(from + to - least) / 2, (from + to + least) / 2];
-    this.window = [Math.max(0, from), Math.min(this.trace.end, to)];
+    this.window = this.loop = [Math.max(0, from), Math.min(this.trace.end, to)];
     this.busy = true;
     for (const chart of this.charts) chart.zoom(...this.window);
     this.busy = false;
@@ -142,12 +138,12 @@ class Player {
     this.zoom(about - (about - from) * factor, about + (to - about) * factor);
   }
 
-  // Six swings from the start, as the pendulum's sign changes count them; a tenth of the record without any.
+  // The end of six swings, as the pendulum's sign changes count them; a tenth of the record without any.
   firstSwings() {
     const { trace } = this, o = trace.outputs.at(-1), y = o.measured, mean = y.reduce((a, b) => a + b, 0) / y.length;
     let crossings = 0, k = 1;
     for (; k < y.length && crossings < 12; k++) if ((y[k] - mean) * (y[k - 1] - mean) < 0) crossings++;
-    this.zoom(0, crossings === 12 ? trace.t[k - 1] : trace.end / 10);
+    return crossings === 12 ? trace.t[k - 1] : trace.end / 10;
   }
 
   seek(time, from = null) {
@@ -157,19 +153,25 @@ class Player {
     this.show();
   }
 
+  // Simulated and measured angles [°]; the measured ones ten times as far away, where the reader asks for it.
+  poses(time) {
+    const { trace } = this, rest = this.rest(), factor = element("tenfold").checked ? 10 : 1;
+    const angles = which => [trace.angle("theta", which, time), trace.angle("alpha", which, time) - rest];
+    const simulated = angles("fitted"), measured = angles("measured");
+    return { simulated, measured, ghost: simulated.map((v, k) => v + factor * (measured[k] - v)) };
+  }
+
   show() {
-    const { now, trace } = this;
+    const { now, trace, rig } = this;
     element("clock").textContent = `${now.toFixed(2)} s`;
     element("time").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
-    const rest = this.rest();
-    for (const rig of this.rigs) {
-      const pose = time => [trace.angle("theta", rig.which, time), trace.angle("alpha", rig.which, time) - rest];
-      const moments = this.playing ? 24 : 0, trail = Array.from({ length: moments }, (_, k) => pose(Math.max(0, now - 0.35 * (1 - k / (moments - 1 || 1)))));
-      const [theta, alpha] = pose(now);
-      rig.draw(theta, alpha, trail);
-      const name = rig.which === "fitted" ? "simulated" : "measured";
-      rig.canvas.nextElementSibling.textContent = `${name}: ${trace.output("theta") ? `θ ${theta.toFixed(1)}°, ` : ""}α ${alpha.toFixed(1)}°`.replaceAll("-", "−");
-    }
+    if (!rig) return;
+    const { simulated, measured, ghost } = this.poses(now);
+    const moments = this.playing ? 24 : 0;
+    const trail = Array.from({ length: moments }, (_, k) => this.poses(Math.max(0, now - 0.35 * (1 - k / (moments - 1 || 1)))).simulated);
+    rig.draw(simulated, ghost, trail);
+    const degrees = (name, k) => `${name} ${simulated[k].toFixed(1)}° (measured ${measured[k].toFixed(1)}°)`;
+    element("rig-said").textContent = [trace.output("theta") && degrees("θ", 0), degrees("α", 1)].filter(Boolean).join(", ").replaceAll("-", "−");
   }
 
   play(on = !this.playing) {
@@ -183,10 +185,10 @@ class Player {
     else this.show();
   }
 
-  // Plays what is seen, over and over.
+  // Plays the first swings, or what the reader zoomed in on, over and over.
   frame(at) {
     if (!this.playing) return;
-    const [from, to] = this.window, seconds = this.last === null ? 0 : Math.min(at - this.last, 100) / 1000;
+    const [from, to] = this.loop, seconds = this.last === null ? 0 : Math.min(at - this.last, 100) / 1000;
     this.last = at;
     const next = this.now + seconds * Number(element("speed").value);
     this.seek(next >= to || next < from ? from : next);
@@ -195,9 +197,10 @@ class Player {
 
   wire() {
     element("play").addEventListener("click", () => this.play());
-    element("time").addEventListener("input", e => this.seek(Number(e.target.value)));
+    element("time").addEventListener("input", e => { this.loop = this.window; this.seek(Number(e.target.value)); });
+    element("tenfold").addEventListener("change", () => this.show());
     element("recording").addEventListener("change", e => { this.play(false); this.open(Number(e.target.value)); });
-    const zooms = { in: () => this.magnify(0.5), out: () => this.magnify(2), start: () => { this.firstSwings(); this.seek(0); }, all: () => this.zoom(0, this.trace.end) };
+    const zooms = { in: () => this.magnify(0.5), out: () => this.magnify(2), start: () => { this.zoom(0, this.firstSwings()); this.seek(0); }, all: () => this.zoom(0, this.trace.end) };
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", zooms[button.dataset.zoom]);
     element("player").addEventListener("keydown", e => this.key(e));
   }
@@ -205,7 +208,7 @@ class Player {
   key(event) {
     const { tagName, type } = event.target;
     if (event.ctrlKey || event.metaKey || event.altKey || tagName === "SELECT") return;
-    if (tagName === "BUTTON" && event.key === " ") return; // a button's own
+    if ((tagName === "BUTTON" || type === "checkbox") && event.key === " ") return; // their own
     if (type === "range" && event.key !== " ") return;
     const step = event.shiftKey ? 1 : 5 * this.trace.step();
     const does = {
@@ -221,58 +224,7 @@ class Player {
 
 // --- charts that stand still
 
-function whole(k) {
-  const { whole: w } = DATA.recordings[k], x = line(floats(w.t).map(t => t + w.start));
-  const kinds = ["first", "second", "third"], units = [...new Set(w.signals.map(s => s.unit))];
-  return units.map(unit => ({
-    title: w.signals.filter(s => s.unit === unit).map(s => s.letter).join(" and "),
-    x, xlabel: "time on the recording's clock [s]", xname: "time", ylabel: `${unit === "°" ? "angle" : "input"} [${unit}]`.replace(" []", ""), height: 200,
-    series: w.signals.filter(s => s.unit === unit).map((s, i) => ({ label: s.letter, y: line(floats(s.y)), kind: kinds[i % 3] })),
-    bands: [{ axis: "x", from: w.window[0], to: w.window[1], kind: "window" }],
-    marks: [
-      { axis: "x", at: w.window[0], text: "used", kind: "link" }, { axis: "x", at: w.window[1], kind: "link" },
-      ...(w.release === null ? [] : [{ axis: "x", at: w.release, text: "release", kind: "mark", solid: true, row: 1 }]),
-    ],
-  }));
-}
-
-const RESIDUALS = {
-  acf: d => ({ title: "autocorrelation", x: line(floats(d.x)), xlabel: "lag [s]", xname: "lag", ylabel: "correlation", legend: true,
-    series: [{ label: "correlation", y: line(floats(d.y)), kind: "first" }], bands: [{ axis: "y", from: -d.band, to: d.band, kind: "band" }] }),
-  spectrum: d => ({ title: "spectrum", x: line(floats(d.x)), xlabel: "frequency [Hz]", xname: "frequency", ylabel: "power", logx: true, logy: true,
-    series: [{ label: "power per Hz", y: line(floats(d.y)), kind: "first", digits: 2 }], marks: d.swing ? [{ axis: "x", at: d.swing, text: "swing" }] : [] }),
-  normal: d => { const x = line(floats(d.x)); return { title: "normal probability plot", x, xlabel: "normal quantile", xname: "normal", ylabel: "residual / its spread",
-    series: [{ label: "residual", y: line(floats(d.y)), kind: "points", digits: 3 }, { label: "normal", y: x, kind: "dashed", digits: 3 }] }; },
-};
-
-function residual(kind, recording, output) {
-  const found = DATA.recordings.find(r => r.name === recording).residuals[output];
-  return found && found[kind] ? [{ height: 190, ...RESIDUALS[kind](found[kind]) }] : [];
-}
-
-function profileChart(k) {
-  const { profiles, threshold } = DATA.profiles, p = profiles[k], half = p.wald95 ? (p.wald95[1] - p.wald95[0]) / 3.92 : null;
-  const top = 2.5 * (threshold || 3.84);
-  const series = [{ label: "rise", y: p.rise.map(v => (v > 4 * top ? null : v)), kind: "first", digits: 3 }];
-  if (half) series.push({ label: "parabola", y: p.values.map(v => ((v - p.best) / half) ** 2), kind: "dashed", digits: 3 });
-  return [{ title: p.name, x: p.values, xlabel: p.unit ? `${p.name} [${p.unit}]` : p.name, xname: p.name, ylabel: "rise of the cost", height: 200, series,
-    yrange: [-0.04 * top, top], marks: threshold ? [{ axis: "y", at: threshold, text: "95 %" }, { axis: "x", at: p.best, kind: "third" }] : [] }];
-}
-
-const SPECS = {
-  whole: d => whole(Number(d.recording)),
-  acf: d => residual("acf", d.recording, d.output),
-  spectrum: d => residual("spectrum", d.recording, d.output),
-  normal: d => residual("normal", d.recording, d.output),
-  profile: d => profileChart(Number(d.profile)),
-};
-
-for (const host of document.querySelectorAll(".chart[data-kind]")) {
-  for (const spec of SPECS[host.dataset.kind](host.dataset)) {
-    const inner = host.appendChild(document.createElement("div"));
-    new Chart(inner, spec);
-  }
-}
+for (const host of document.querySelectorAll(".chart[data-chart]")) new Chart(host, Chart.described(DATA.charts[host.dataset.chart]));
 
 // --- surfaces
 
@@ -297,45 +249,48 @@ if (DATA.profiles && DATA.profiles.joint) {
 const player = new Player();
 
 const redraw = () => { Chart.rebuild(); Plane.all.forEach(p => p.draw()); player.show(); };
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 let waiting = 0;
 addEventListener("resize", () => {
   clearTimeout(waiting);
   waiting = setTimeout(() => { Chart.resize(); Plane.all.forEach(p => p.draw()); player.show(); }, 120);
 });
 
-// On paper there is no choosing: the curves of the other recordings as well, all notes open, light colours.
-const MOST_ON_PAPER = 12;
-const onPaper = [];
+// Light, dark, or as the system has it: the dark colours are a style sheet of their own, and this says when it holds.
+const THEMES = { system: "screen and (prefers-color-scheme: dark)", light: "not all", dark: "screen" };
+const theme = element("theme");
+theme.closest("label").hidden = false;
+theme.addEventListener("change", () => { element("dark").media = THEMES[theme.value]; redraw(); });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+
+// The section that is read is marked in the menu.
+const links = new Map([...document.querySelectorAll("#contents a")].map(a => [a.hash.slice(1), a]));
+const reading = new IntersectionObserver(entries => {
+  for (const { target, isIntersecting } of entries) {
+    if (!isIntersecting) continue;
+    for (const [id, a] of links) if (id === target.id) a.setAttribute("aria-current", "true"); else a.removeAttribute("aria-current");
+  }
+}, { rootMargin: "-20% 0px -75% 0px" });
+for (const id of links.keys()) reading.observe(element(id));
+
+// Paper has the charts as SVG, in light colours, and all notes open.
 addEventListener("beforeprint", () => {
   player.play(false);
-  document.documentElement.dataset.print = "";
-  DATA.recordings.slice(0, MOST_ON_PAPER).forEach((said, k) => {
-    if (traceOf(k) === player.trace) return;
-    const host = element("player").appendChild(document.createElement("div"));
-    host.appendChild(document.createElement("h3")).textContent = said.name;
-    onPaper.push(host, ...curves(traceOf(k)).map(spec => new Chart(host.appendChild(document.createElement("div")), spec)));
-  });
-  for (const d of document.querySelectorAll("details:not([open])")) { d.open = true; d.dataset.opened = ""; }
-  Chart.rebuild(true);
+  element("dark").media = "not all";
   Plane.all.forEach(p => p.draw());
-  player.show();
+  for (const d of document.querySelectorAll("details:not([open])")) { d.open = true; d.dataset.opened = ""; }
 });
 addEventListener("afterprint", () => {
-  delete document.documentElement.dataset.print;
-  const printed = new Set(onPaper.splice(0));
-  Chart.all = Chart.all.filter(chart => !printed.has(chart));
-  for (const one of printed) if (one instanceof Element) one.remove();
-  for (const d of document.querySelectorAll("[data-opened]")) { d.open = false; delete d.dataset.opened; }
+  element("dark").media = THEMES[theme.value];
   redraw();
+  for (const d of document.querySelectorAll("[data-opened]")) { d.open = false; delete d.dataset.opened; }
 });
 
-// It moves when it is first seen, unless the reader wants no motion.
+// It moves when it is seen, unless the reader wants no motion.
 if (DATA.rig && !CALM.matches) {
   const seen = new IntersectionObserver(entries => {
     if (!entries.some(e => e.isIntersecting)) return;
     seen.disconnect();
     if (!CALM.matches) player.play(true);
   }, { threshold: 0.6 });
-  seen.observe(element("rigs"));
+  seen.observe(element("rig"));
 }

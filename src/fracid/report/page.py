@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from math import degrees, isfinite
@@ -15,13 +13,16 @@ from markupsafe import Markup
 
 from fracid.errors import unwritable
 from fracid.files import json_number, write_text
+from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
+from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
 from fracid.report.material import Material
-from fracid.report.rig import rig_lengths
-from fracid.report.sentences import digits, half_width, joined, letter, number, unit
-from fracid.report.traces import traces
-from fracid.report.verdict import verdict
-from fracid.safety.text import printable
+from fracid.report.rig import rig_lengths, rig_still
+from fracid.report.sentences import joined, letter, number, unit
+from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
+from fracid.report.verdict import Line, verdict
+from fracid.report.whiskers import orders_drawn
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
@@ -36,7 +37,11 @@ REPORT = "report.html"
 OPEN = 6
 """Recordings, and residuals, that are shown without being asked for."""
 
-STYLES = ("uPlot.min.css", "page.css")
+STILL_POINTS = 900
+"""Of one line of a drawing, of few recordings."""
+
+STILL_RECORDINGS = 6
+"""Of more, each line gets fewer points: a page of two hundred stays light."""
 
 SCRIPTS = ("uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
 """In this order, into one element each."""
@@ -52,7 +57,7 @@ def write_report(
     out: str | Path | None = None,
     trust: bool = False,
 ) -> Path:
-    """Write the report of a run: one HTML file that opens offline.
+    """Write the report of a run: one HTML file that opens offline; of a folder of runs, an index of them.
 
     Parameters
     ----------
@@ -88,6 +93,8 @@ def write_report(
     wrote.
     """
     folder = Path(folder)
+    if out is None and not (folder / "result.json").exists() and runs_of(folder):
+        return write_index(folder)
     path = folder / REPORT if out is None else Path(out)
     text = report_page(_material(folder, fit, project, plane, jobs, trust))
     try:
@@ -95,6 +102,8 @@ def write_report(
         write_text(path, text)
     except OSError as error:
         raise unwritable(f"The report {path}", error, "Give another: --out FILE.") from None
+    if out is None:
+        refresh_index(folder.parent)
     return path
 
 
@@ -130,48 +139,27 @@ def report_page(material: Material) -> str:
     str
         HTML.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    jinja = Environment(
-        loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, finalize=_seen,
+    charts = _charts(material)
+    own, dark = styles()
+    scripts = [Markup(own_file(name)) for name in SCRIPTS]
+    return (
+        environment_of_pages()
+        .get_template("page.html.j2")
+        .render(
+            **_context(material, charts), styles=own, dark=dark, scripts=scripts, policy=policy([*own, dark], scripts),
+            data=_data(material, charts),
+        )
     )  # fmt: skip
-    jinja.filters |= {"number": number, "digits": digits, "half": half_width, "unit": unit, "letter": letter,
-                      "joined": joined}  # fmt: skip
-    styles, scripts = ([Markup(_own(name)) for name in names] for names in (STYLES, SCRIPTS))
-    template = jinja.get_template("page.html.j2")
-    return template.render(
-        **_context(material), styles=styles, scripts=scripts, policy=_policy(styles, scripts), data=_data(material)
-    )
-
-
-def _seen(value: Any) -> Any:
-    """A text of a run's without what cannot be seen: it could turn the direction of what stands beside it."""
-    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
-
-
-def _own(name: str) -> str:
-    """A file beside this one, as it stands between a tag and its end."""
-    return "\n" + (Path(__file__).parent / name).read_text(encoding="utf-8").strip() + "\n"
-
-
-def _policy(styles: list[Markup], scripts: list[Markup]) -> str:
-    """Content-Security-Policy: these styles and scripts, by their hashes, and nothing from anywhere."""
-
-    def hashes(texts: list[Markup]) -> str:
-        return " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in texts)
-
-    allowed = f"style-src {hashes(styles)}; script-src {hashes(scripts)}"
-    return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
 
 
 # --- data for the scripts --------------------------------------------------------------------------
 
 
-def _data(material: Material) -> Markup:
+def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
     """JSON that cannot leave its element: ``<`` is written as an escape, and NaN as null."""
     content = {
         "recordings": traces(material),
+        "charts": {name: chart.to_json() for name, chart in charts.items()},
         "rig": _rig(material),
         "plane": _plane_data(material),
         "profiles": _profiles(material),
@@ -226,36 +214,103 @@ def _thinned(points: Any, most: int = 1500) -> Any:
 
 
 def _profiles(material: Material) -> dict[str, Any] | None:
-    """The profiles of ``fracid profile``, where it wrote them."""
-    content = material.beside("profiles.json")
-    if content is None or not content.get("profiles"):
-        return None
-    joint = content.get("joint")
-    return {
-        "threshold": content.get("threshold"),
-        "profiles": [
-            {"name": letter(n), "unit": unit(p["unit"]), "values": p["values"], "rise": p["rise"], "best": p["value"],
-             "interval95": p["interval95"], "wald95": p["wald95"]}
-            for n, p in content["profiles"].items()
-        ],
-        "joint": joint and joint | {"names": [letter(n) for n in joint["names"]]},
-    }  # fmt: skip
+    """The joint profile of ``fracid profile``, where it wrote one."""
+    joint = (material.beside("profiles.json") or {}).get("joint")
+    return joint and {"joint": joint | {"names": [letter(n) for n in joint["names"]]}}
+
+
+# --- charts ----------------------------------------------------------------------------------------
+
+
+def _charts(material: Material) -> dict[str, Chart]:
+    """All that stand still, by name: as recorded, of the residuals, of the profiles."""
+    charts: dict[str, Chart] = {}
+    for i, (name, r) in enumerate(material.recordings.items()):
+        charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
+        for n, a in material.analyses[name].items():
+            charts |= _numbered(f"residual-{i}-{n}", residual_charts(a, r, material.unit(n)[1]))
+    return charts | _numbered("profile", _profile_charts(material.beside("profiles.json") or {}))
+
+
+def _numbered(name: str, charts: Iterator[Chart]) -> dict[str, Chart]:
+    return {f"{name}-{k}": chart for k, chart in enumerate(charts)}
+
+
+def _of(charts: Mapping[str, Chart], name: str) -> list[str]:
+    return [n for n in charts if n.rpartition("-")[0] == name]
+
+
+def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
+    """How far the cost rises where a value is held, beside the parabola of its interval."""
+    threshold = content.get("threshold") or 3.84
+    top = 2.5 * threshold
+    for name, p in content.get("profiles", {}).items():
+        x = np.array(p["values"], dtype=float)
+        rise = np.array([np.nan if v is None or v > 4 * top else v for v in p["rise"]])
+        series = [Series("rise", rise, "first")]
+        if p["wald95"] and None not in p["wald95"] and p["wald95"][1] > p["wald95"][0]:
+            half = (p["wald95"][1] - p["wald95"][0]) / 3.92
+            series.append(Series("parabola", ((x - p["value"]) / half) ** 2, "dashed"))
+        label = f"{letter(name)} [{unit(p['unit'])}]" if p["unit"] else letter(name)
+        marks = Mark("y", threshold, "95 %"), Mark("x", p["value"], "", "third")
+        yield Chart(letter(name), x, label, "rise of the cost", tuple(series), xname=letter(name), marks=marks,
+                    height=200, yrange=(-0.04 * top, top))  # fmt: skip
+
+
+def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
+    """Charts, fits and the rig as SVG."""
+    points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.recordings)))
+    narrow = ("residual-", "profile-")
+    stills = {n: still(c, 420 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
+    fits = {
+        name: [
+            Markup('<div class="title">{}</div>{}').format(c.title, still(c, 820, points))
+            for c in fit_charts(material, r)
+        ]
+        for name, r in material.recordings.items()
+    }
+    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": _rig_still(material)}
+
+
+def _rig_still(material: Material) -> Markup:
+    lengths = _rig(material)
+    if lengths is None:
+        return Markup("")
+    r = next(iter(material.recordings.values()))
+    pendulum = material.project.problem.model.pendulum
+    count = max(2, np.searchsorted(r.time, r.time[0] + 0.1 * (r.time[-1] - r.time[0])))
+    every = max(1, int(count) // 300)
+    α = np.nan_to_num(r.fitted[pendulum][:count:every]) - np.radians(lengths["alphaRest"].get(r.name, 0.0))
+    θ = np.nan_to_num(r.fitted["theta"][:count:every]) if "theta" in r.fitted else np.zeros_like(α)
+    return rig_still(lengths, θ, α)
 
 
 # --- what the template says --------------------------------------------------------------------------
 
 
-def _context(material: Material) -> dict[str, Any]:
+def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
     result, project = material.result, material.project
-    lines, off = verdict(material), _off(material)
+    off = _off(material)
+    headline, lines = _headline(verdict(material))
+    who = identity(material.folder, result, material.beside("environment.json") or {})
     return {
-        "title": f"{project.problem.model.name}: {_names(list(result['recordings']))}",
+        "run": who.name,
+        "title": f"{who.name}: {', '.join(who.facts)}",
+        "meta": [project.problem.model.name, _names(list(result["recordings"])), *who.facts],
+        "partial": who.partial,
+        "runs_begin": RUNS_BEGIN,
+        "runs_end": RUNS_END,
+        "orders": orders_drawn(result["orders"]),
+        **_stills(material, charts),
+        "profile_charts": _of(charts, "profile"),
         "open_at_most": OPEN,
+        "headline": headline,
         "lines": lines,
         "warnings": [*material.notes, *material.left_out, *result["warnings"], *project.notes],
         "result": result,
         "outputs": project.problem.outputs,
-        "recordings": [_recording(material, name) for name in result["recordings"]],
+        "recordings": [_recording(material, name) | {"charts": _of(charts, f"whole-{k}")}
+                       for k, name in enumerate(result["recordings"])],
         "equations": equations(project.problem.model, result, _driven(material)),
         "no_rival": _no_rival(result),
         "own_model": project.problem.model.written is None,
@@ -264,7 +319,8 @@ def _context(material: Material) -> dict[str, Any]:
         "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
         "off": [row for row in _parameters(material) if row["name"] in off],
         "per_recording": list(_per_recording(material)),
-        "residuals": [_residual(material, a) for outputs in material.analyses.values() for a in outputs.values()],
+        "residuals": [_residual(material, a) | {"charts": _of(charts, f"residual-{k}-{n}")}
+                      for k, outputs in enumerate(material.analyses.values()) for n, a in outputs.items()],
         "shown": material.shown,
         "rig": _rig(material),
         "plane": _plane_data(material),
@@ -275,6 +331,12 @@ def _context(material: Material) -> dict[str, Any]:
         "project_file": project.path.name,
         "command": _command(material.beside("environment.json") or {}),
     }  # fmt: skip
+
+
+def _headline(lines: tuple[Line, ...]) -> tuple[Line, tuple[Line, ...]]:
+    """What the page says first: the claim; of a result without one, its orders."""
+    first = lines[0] if lines[0].about == "Claim" else next(line for line in lines if line.about == "Orders")
+    return first, tuple(line for line in lines if line.about != "Claim")
 
 
 def _names(recordings: list[str]) -> str:
@@ -325,8 +387,8 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
     model, result = material.project.problem.model, material.result
     says = {p.name: p.description for p in model.parameters}
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
-    rows = [*result["orders"].items(), *result["parameters"].items()]
-    for name, e in rows:
+    orders = {n: {"integer": 1.0} | e for n, e in result["orders"].items()}
+    for name, e in (*orders.items(), *result["parameters"].items()):
         yield {"name": name, "says": says.get(name, ""), **e}
 
 

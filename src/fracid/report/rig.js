@@ -45,7 +45,8 @@ class Rig {
     return { end, tip: [end[0] - side * s, end[1] + side * c, up] };
   }
 
-  draw(theta, alpha, trail) {
+  // The rig as simulated, with a ghost where it was measured: each [θ, α] in degrees.
+  draw(simulated, measured, trail) {
     const { canvas } = this, ratio = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
@@ -57,16 +58,25 @@ class Rig {
     ctx.clearRect(-width / 2, -height / 2, width, height);
     this.size = Math.min(width, height);
     ctx.lineCap = "round";
-    const { end, tip } = this.pose(theta, alpha), floor = -this.column;
+    const { end, tip } = this.pose(...simulated), floor = -this.column;
     this.floor(floor, end, tip);
-    this.dial(theta);
+    this.dial(simulated[0]);
+    this.path(trail);
+    this.ghost(this.pose(...measured));
     const parts = [
       [[0, 0, floor / 2], () => this.bar([0, 0, floor], [0, 0, 0], 0.05, css("metal"), css("metal-dark"))],
       [end.map(v => 0.55 * v), () => this.bar([0, 0, 0], end, 0.035, css("metal"), css("metal-dark"))],
       [end.map((v, k) => 0.45 * v + 0.55 * tip[k]), () => this.pendulum(end, tip)],
     ];
-    this.path(trail);
     for (const [, paint] of parts.map(([middle, paint]) => [this.at(middle).depth, paint]).sort((a, b) => b[0] - a[0])) paint();
+  }
+
+  // Broader and pale, so that it shows as a rim where the two agree.
+  ghost({ end, tip }) {
+    this.ctx.globalAlpha = 0.55;
+    this.bar([0, 0, 0], end, 0.062, css("ghost"), css("ghost"));
+    this.bar(end, tip, 0.056, css("ghost"), css("ghost"));
+    this.ctx.globalAlpha = 1;
   }
 
   at([x, y, z]) { return this.camera.project([x, y, z - this.middle], this.size, this.radius); }

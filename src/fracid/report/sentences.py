@@ -51,23 +51,23 @@ def number(value: float | None, form: str = ".4g") -> str:
 
 
 def digits(estimate: Mapping[str, Any]) -> str:
-    """A value of result.json with as many digits as its standard error makes worth reading, and two more.
+    """A value of result.json down to the second digit of its 95 % half-width.
 
     One that lies at a bound is that bound: the search stops a little before it.
 
     Examples
     --------
-    >>> digits({"value": 0.0042925934, "standard_error": 0.000296}), digits({"value": 1.0})
+    >>> digits({"value": 0.0042925934, "interval95": [0.0037, 0.0049]}), digits({"value": 1.0})
     ('0.00429', '1')
     >>> digits({"value": 2.7e-20, "standard_error": None, "bound": 0.0})
     '0'
     """
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
-    value, error = estimate.get("value"), estimate.get("standard_error")
-    if value is None or not error or value == 0:
+    value, half = estimate.get("value"), half_width(estimate)
+    if value is None or not half or value == 0:
         return number(value, ".6g")
-    precision = floor(log10(abs(value))) - floor(log10(error)) + 2
+    precision = floor(log10(abs(value))) - floor(log10(float(f"{half:.1e}"))) + 2
     return number(value, f".{min(10, max(2, precision))}g")
 
 

@@ -1,24 +1,23 @@
-r"""The samples that the page draws: few enough to be light, enough to look the same.
+r"""What the page draws of each recording: packed for the player, and as charts.
 
-A line of a million samples is drawn by the least and the greatest of each of some hundred bins: on a screen it is the
-same line.  All signals of a recording share their times, so that a cursor and the moving rig can read them together:
-the union of every signal's extremes.  Numbers are embedded as little-endian float32 in base64, some 5·10⁻⁸ of their
-size apart, a thousandth of any encoder's step; times count from the first sample.
+All signals of a recording share their times, so that a cursor and the moving rig can read them together: the union of
+every signal's extremes (:mod:`fracid.report.samples`).  Times count from the first sample.
 """
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping
-from math import inf
+from collections.abc import Iterator
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.report.charts import RIGHT, Band, Chart, Mark, Series, encoder_ticks
 from fracid.report.material import first_part
-from fracid.report.sentences import letter
+from fracid.report.samples import base64_floats, extremes
+from fracid.report.sentences import joined, letter, number
 
 if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from fracid.report.material import Material
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["base64_floats", "extremes", "traces"]
+__all__ = ["fit_charts", "recorded_charts", "residual_charts", "traces"]
 
 POINTS = 20_000
 """Of one recording: 35 s at 500 Hz whole."""
@@ -38,69 +37,18 @@ FEWEST = 400
 """Of one, however many there are."""
 
 
-def base64_floats(values: FloatArray) -> str:
-    """Numbers as base64 of little-endian float32.
-
-    Examples
-    --------
-    >>> base64_floats(np.array([0.0, 1.0]))
-    'AAAAAAAAgD8='
-    """
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
-
-
-def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
-    """Indices of at most that many samples (and two) that draw the same lines.
-
-    Parameters
-    ----------
-    signals : list of arrays, each of shape (n,)
-        On one time base; what is not finite is passed over.
-    points : int
-
-    Returns
-    -------
-    array of int, shape (m,)
-        Rising; all of them where there are few.
-
-    Examples
-    --------
-    >>> t = np.arange(100.0)
-    >>> extremes([np.sin(t / 100), np.where(t == 37, 9.0, 0.0)], 12).tolist()
-    [0, 33, 34, 37, 67, 68, 99]
-    """
-    n = signals[0].size
-    if n <= points:
-        return np.arange(n)
-    size = -(-n * 2 * len(signals) // points)
-    parts = [np.array([0, n - 1])]
-    for y in signals:
-        padded = np.append(y, np.full(-n % size, np.nan)).reshape(-1, size)
-        mask = np.isfinite(padded)
-        at = size * np.arange(len(padded))
-        parts += [at + np.where(mask, padded, inf).argmin(axis=1), at + np.where(mask, padded, -inf).argmax(axis=1)]
-    indices = np.unique(np.concatenate(parts))
-    return indices[indices < n]
-
-
 def budget(recordings: int) -> int:
     """How many points one of so many recordings may have."""
     return int(min(POINTS, max(FEWEST, ALL_POINTS // max(1, recordings))))
 
 
+# --- measured and simulated ----------------------------------------------------------------------
+
+
 def traces(material: Material) -> list[dict[str, Any]]:
-    """What the page's script draws of each recording: measured, fitted and, of the whole file, as recorded."""
+    """What the player draws of each recording."""
     points = budget(len(material.recordings))
-    return [
-        {
-            "name": name,
-            "use": r.use,
-            **_fitted(material, r, points),
-            "whole": _recorded(material, material.as_recorded[name], r, points),
-            "residuals": {n: _residual(a, r, material.unit(n)[1]) for n, a in material.analyses[name].items()},
-        }
-        for name, r in material.recordings.items()
-    ]
+    return [{"name": name, "use": r.use, **_fitted(material, r, points)} for name, r in material.recordings.items()]
 
 
 def _fitted(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
@@ -117,64 +65,114 @@ def _fitted(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
 
 def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]) -> dict[str, Any]:
     unit, factor = material.unit(name)
-    step = material.project.resolutions[r.name].get(name)
+    step, limit = _residual_range(material, r, name)
     return {
         "name": name,
         "letter": letter(name),
         "unit": unit,
         "perRad": factor,
-        "step": None if step is None else factor * step,
+        "step": step,
+        "limit": limit,
+        "right": [{"at": place, "text": text} for place, text in (encoder_ticks(limit, step) if step else ())],
         "measured": base64_floats(factor * r.measured[name][at]),
         "fitted": base64_floats(factor * r.fitted[name][at]),
     }
 
 
-def _recorded(material: Material, whole: Recording, r: RecordingFit, points: int) -> dict[str, Any]:
-    names = list(whole.signals)
-    at = extremes([np.asarray(y, dtype=float) for y in whole.signals.values()], points // 2)
-    units = {n: material.unit(n) for n in names}
-    return {
-        "t": base64_floats((whole.time - whole.time[0])[at]),
-        "start": float(whole.time[0]),
-        "window": [float(r.time[0]), float(r.time[-1])],
-        "release": whole.report.release,
-        "signals": [
-            {"name": n, "letter": letter(n), "unit": unit, "y": base64_floats(factor * whole.signals[n][at])}
-            for n, (unit, factor) in units.items()
-        ],
-    }
+def _residual_range(material: Material, r: RecordingFit, name: str) -> tuple[float | None, float]:
+    """The encoder's step, and to where the residual's axis goes, both in the shown unit."""
+    factor = material.unit(name)[1]
+    raw = material.project.resolutions[r.name].get(name)
+    step = factor * raw if raw is not None and isfinite(raw) and raw > 0 else None
+    e = factor * np.abs(r.residual(name))
+    largest = float(np.max(e, initial=0.0, where=np.isfinite(e)))
+    return step, max(1.08 * largest, 1.6 * (step or 0.0)) or 1.0
+
+
+def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
+    """Of each output measured and simulated, and below it the residual."""
+    time = r.time - r.time[0]
+    room = RIGHT if any(_residual_range(material, r, name)[0] for name in r.measured) else 12.0
+    for k, name in enumerate(r.measured):
+        unit, factor = material.unit(name)
+        step, limit = _residual_range(material, r, name)
+        last, α = k == len(r.measured) - 1, letter(name)
+        yield Chart(
+            f"{α}, measured and simulated", time, "", f"{α}{_in(unit)}",
+            (Series("measured", factor * r.measured[name], "measured"),
+             Series("simulated", factor * r.fitted[name], "fitted")),
+            xname="time", height=150, room=room,
+        )  # fmt: skip
+        yield Chart(
+            residual_title(α, unit, step), time, f"time after {number(float(r.time[0]), '.6g')} s [s]" if last else "",
+            f"residual{_in(unit)}", (Series("measured − simulated", factor * r.residual(name), "residual"),),
+            xname="time", bands=(Band("y", -step, step),) if step else (), height=140 if last else 116,
+            yrange=(-limit, limit), right=encoder_ticks(limit, step) if step else (),
+            rightlabel="steps" if step else "", room=room,
+        )  # fmt: skip
+
+
+def residual_title(symbol: str, unit: str, step: float | None) -> str:
+    """What the chart shows, and how much an encoder's step is."""
+    shaded = f"; shaded: ± 1 encoder step of {number(step, '.3g')}{unit if unit == '°' else f' {unit}'}" if step else ""
+    return f"{symbol}, residual (measured − simulated){shaded}"
+
+
+def _in(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+# --- as recorded ---------------------------------------------------------------------------------
+
+
+def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> Iterator[Chart]:
+    """All signals of a file, those of a unit in one chart, with the part that was used."""
+    at = extremes([np.asarray(y, dtype=float) for y in whole.signals.values()], budget(len(material.recordings)) // 2)
+    units = {n: material.unit(n) for n in whole.signals}
+    used = float(r.time[0]), float(r.time[-1])
+    marks = [Mark("x", used[0], "used", "link"), Mark("x", used[1], "", "link")]
+    marks += [] if whole.report.release is None else [Mark("x", whole.report.release, "release", "mark", row=1)]
+    for unit in dict.fromkeys(unit for unit, _ in units.values()):
+        names = [n for n in units if units[n][0] == unit]
+        yield Chart(
+            joined([letter(n) for n in names]), whole.time[at], "time on the recording's clock [s]",
+            f"{'angle' if unit == '°' else 'signal'}{_in(unit)}",
+            tuple(Series(letter(n), units[n][1] * whole.signals[n][at], ("first", "second", "third")[k % 3])
+                  for k, n in enumerate(names)),
+            xname="time", bands=(Band("x", *used, "window"),), marks=tuple(marks), height=200,
+        )  # fmt: skip
 
 
 # --- residuals -----------------------------------------------------------------------------------
 
 
-def _residual(a: ResidualAnalysis, r: RecordingFit, factor: float) -> dict[str, Mapping[str, Any]] | None:
-    """Autocorrelation, spectrum and normal probability plot of one residual; None where there is too little."""
+def residual_charts(a: ResidualAnalysis, r: RecordingFit, factor: float) -> Iterator[Chart]:
+    """Autocorrelation, spectrum and normal probability plot of one residual; none where there is too little."""
     from scipy.stats import norm
 
     from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 
+    if not a.whiteness.thinning:  # it could not be tested
+        return
     whole = first_part(r).residual(a.output)
     e = whole[longest_stretch(np.isfinite(whole))]
-    if not a.whiteness.thinning:  # it could not be tested
-        return None
     ρ = autocorrelation(e)
     count = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
     lags = np.unique(np.linspace(0, count - 1, min(count, 160)).astype(int))
+    white = 1.96 / np.sqrt(e.size)
+    yield Chart("autocorrelation", lags * a.step, "lag [s]", "correlation", (Series("correlation", ρ[lags], "first"),),
+                xname="lag", bands=(Band("y", -white, white),))  # fmt: skip
+    if a.spectrum.sentence:  # uneven samples have none
+        f, S = power_spectrum(e, a.step)
+        f, S = _log_bins(f[1:], S[1:])
+        marks = (Mark("x", a.spectrum.swing, "swing"),) if a.spectrum.swing else ()
+        yield Chart("spectrum", f, "frequency [Hz]", "power", (Series("power per Hz", factor**2 * S, "first"),),
+                    xname="frequency", logx=True, logy=True, marks=marks)  # fmt: skip
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 120)).astype(int))
     quantiles = norm.ppf((ranks + 0.625) / (e.size + 0.25))
     ordered = np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300)
-    traces: dict[str, Mapping[str, Any]] = {
-        "acf": {"x": base64_floats(lags * a.step), "y": base64_floats(ρ[lags]), "band": 1.96 / np.sqrt(e.size)},
-        "normal": {"x": base64_floats(quantiles), "y": base64_floats(ordered)},
-    }
-    if a.spectrum.sentence:  # uneven samples have none
-        f, S = power_spectrum(e, a.step)
-        spectrum = _log_bins(f[1:], S[1:])
-        traces["spectrum"] = {
-            "x": base64_floats(spectrum[0]), "y": base64_floats(factor**2 * spectrum[1]), "swing": a.spectrum.swing
-        }  # fmt: skip
-    return traces
+    lines = Series("residual", ordered, "points"), Series("normal", quantiles, "dashed")
+    yield Chart("normal probability plot", quantiles, "normal quantile", "residual / its spread", lines, xname="normal")
 
 
 def _log_bins(f: FloatArray, S: FloatArray, bins: int = 120) -> tuple[FloatArray, FloatArray]:

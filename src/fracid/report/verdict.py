@@ -12,7 +12,7 @@ from fracid.signals.left_over import ROUNDING
 if TYPE_CHECKING:
     from fracid.report.material import Material
 
-__all__ = ["Line", "verdict"]
+__all__ = ["Line", "contradictions", "verdict"]
 
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
@@ -28,7 +28,7 @@ class Line:
     """Whether there is nothing to look at."""
 
 
-# --- the six lines -------------------------------------------------------------------------------
+# --- the claim ------------------------------------------------------------------------------------
 
 
 def verdict(material: Material) -> tuple[Line, ...]:
@@ -38,21 +38,38 @@ def verdict(material: Material) -> tuple[Line, ...]:
 
 
 CLAIMS = {
-    "fractional": "The recordings show fractional dynamics.",
-    "integer": "Nothing here says that the rig is fractional.",
-    "undecided": "The recordings do not decide whether the rig is fractional.",
+    "fractional": "The recordings show fractional dynamics",
+    "integer": "Nothing here says that the rig is fractional",
+    "undecided": "The recordings do not decide whether the rig is fractional",
 }
-"""What each claim means, in a sentence."""
+"""What each claim means, in words."""
 
 
 def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
-    """What is claimed of the rig; in order only where no line below contradicts it."""
+    """What is claimed of the rig, in one sentence; in order only where nothing on the page contradicts it."""
     claim = material.result.get("claim")
     if claim is None:  # of an earlier version
         return
-    contradicted = claim == "undecided" or not all(line.good for line in lines if line.about in ("Fit", "Orders"))
-    contradicted |= claim == "fractional" and not all(line.good for line in lines if line.about == "Checks")
-    yield Line("Claim", " ".join((CLAIMS[claim], *material.result["claim_reasons"])), not contradicted)
+    against = contradictions(material, lines) if claim != "undecided" else []
+    orders = joined([_order(n, e) for n, e in material.result["orders"].items()])
+    doubt = f"; but see {joined(against)} below" if against else ""
+    yield Line("Claim", f"{CLAIMS[claim]}: {orders}{doubt}.", claim != "undecided" and not against)
+
+
+def contradictions(material: Material, lines: tuple[Line, ...]) -> list[str]:
+    """What else on the page speaks against the claim, by its heading; a prediction that nobody tested does not."""
+    result, compared = material.result, material.beside("compare.json")
+    doubts = {line.about: not line.good for line in lines}
+    doubts["Prediction"] &= bool(material.used("validate"))
+    doubts["Checks"] &= result["claim"] == "fractional"
+    doubts["Values"] = False  # one that is not identifiable does not bend the others
+    doubts["Ladder"] = compared is not None and (compared.get("claim") or result["claim"]) != result["claim"]
+    doubts["Each recording alone"] = bool((result.get("spread") or {}).get("sentences"))
+    doubts["Where the record begins"] = bool((result.get("cut") or {}).get("warnings"))
+    return [name for name, doubtful in doubts.items() if doubtful]
+
+
+# --- the other five ------------------------------------------------------------------------------
 
 
 def _fit(material: Material) -> Line:
@@ -144,9 +161,10 @@ def _is(names: list[str]) -> str:
 
 def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     cost, own = rival["cost"], material.result["cost"]["value"]
+    others = rival["structure"].partition(";")[0]  # all that was freed stands under Checks
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
     gain = number(rival["bic_gain_of_the_fractional_model"], ".3g")
-    return f"The data favour fractional orders: with {rival['structure']}, {times} (ΔBIC = {gain})."
+    return f"The data favour fractional orders: with {others}, {times} (ΔBIC = {gain})."
 
 
 def _prediction(material: Material) -> Line:

@@ -29,6 +29,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -374,7 +375,8 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
                 (folder / old).unlink(missing_ok=True)
             for path in (*_figures(folder), *_halves(folder)):
                 path.unlink(missing_ok=True)
-            typed = {"command": list(command), "directory": str(Path.cwd())}
+            began = datetime.now(UTC).isoformat(timespec="seconds")
+            typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
             environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), **typed})
             write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
         except OSError as error:

@@ -35,13 +35,14 @@ class FitOptions(Block):
 
 
 class EnvironmentBlock(Block):
-    """environment.json: versions and machine, what was typed and where."""
+    """environment.json: versions and machine, what was typed, where and when."""
 
     versions: dict[str, str] = Field({})
     platform: str = ""
     processor: str = ""
     command: list[str] = Field([])
     directory: str = ""
+    started: str = ""
 
 
 class EvaluationLine(Block):

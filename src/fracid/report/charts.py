@@ -1,0 +1,332 @@
+"""The page's charts, each described once: as SVG that stands on paper and without a script, and as data for uPlot.
+
+The SVG takes its colours from the classes of ``page.css``, so it follows the theme; its text is text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, floor, log10
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from fracid.arrays import FloatArray
+from fracid.report.samples import base64_floats, extremes
+from fracid.report.sentences import number
+
+__all__ = ["RIGHT", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
+
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 58.0, 6.0, 40.0
+"""Room around the plot for ticks and labels [px]."""
+
+ENCODER_STEPS = (1, 3, 10, 30, 100, 300, 1000)
+"""Where the right axis of a residual has its ticks, to both sides."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One line of a chart."""
+
+    label: str
+    y: FloatArray
+    """Shape (n,); not finite where there is a gap."""
+    kind: str
+    """How it is drawn: a class of ``page.css``, a row of ``KINDS`` in ``charts.js``."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A strip across the plot."""
+
+    axis: str
+    """``x`` or ``y``: the one whose values bound it."""
+    low: float
+    high: float
+    kind: str = "band"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A line across the plot, with a word."""
+
+    axis: str
+    at: float
+    text: str = ""
+    kind: str = "mark"
+    row: int = 0
+    """Of the word, so that two do not overlap."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What is drawn over what."""
+
+    title: str
+    x: FloatArray
+    """Shape (n,), rising."""
+    xlabel: str
+    ylabel: str
+    series: tuple[Series, ...]
+    xname: str = ""
+    """Short, for the legend."""
+    bands: tuple[Band, ...] = ()
+    marks: tuple[Mark, ...] = ()
+    height: int = 190
+    """[px]"""
+    logx: bool = False
+    logy: bool = False
+    yrange: tuple[float, float] | None = None
+    right: tuple[tuple[float, str], ...] = ()
+    """Ticks of an axis to the right: where, and what stands there."""
+    rightlabel: str = ""
+    room: float = 12.0
+    """To the right of the plot at least [px], so that those below each other end at one place."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``charts.js`` takes it."""
+        return {
+            "title": self.title, "x": base64_floats(self.x), "xlabel": self.xlabel, "ylabel": self.ylabel,
+            "xname": self.xname or self.xlabel, "height": self.height, "logx": self.logx, "logy": self.logy,
+            "series": [{"label": s.label, "y": base64_floats(s.y), "kind": s.kind} for s in self.series],
+            "bands": [{"axis": b.axis, "from": b.low, "to": b.high, "kind": b.kind} for b in self.bands],
+            "marks": [{"axis": m.axis, "at": m.at, "text": m.text, "kind": m.kind, "row": m.row} for m in self.marks],
+            "yrange": self.yrange, "right": [{"at": at, "text": text} for at, text in self.right],
+            "rightlabel": self.rightlabel,
+        }  # fmt: skip
+
+
+# --- axes ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Values to places [px]."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    log: bool = False
+
+    def at(self, values: Any) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            v, low, high = ((np.log10(u) if self.log else np.asarray(u, dtype=float))
+                            for u in (values, self.low, self.high))  # fmt: skip
+        placed: FloatArray = self.start + (v - low) / (high - low) * (self.end - self.start)
+        return placed
+
+    def inside(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def ticks(self, space: float) -> list[float]:
+        """Round values, at least so far apart [px]."""
+        if self.log:
+            powers = range(ceil(log10(self.low) - 1e-9), floor(log10(self.high) + 1e-9) + 1)
+            apart = ceil(space * max(1, len(powers)) / abs(self.end - self.start))
+            return [10.0**k for k in powers if k % apart == 0]
+        step = round_step((self.high - self.low) * space / abs(self.end - self.start))
+        return [k * step for k in range(ceil(self.low / step - 1e-9), floor(self.high / step + 1e-9) + 1)]
+
+
+def round_step(least: float) -> float:
+    """1, 2 or 5 times a power of ten, not below.
+
+    Examples
+    --------
+    >>> round_step(0.03)
+    0.05
+    """
+    power = 10.0 ** floor(log10(least))
+    return float(next(m * power for m in (1, 2, 5, 10) if m * power >= least * (1 - 1e-9)))
+
+
+def _bounds(values: list[FloatArray], log: bool, pad: float) -> tuple[float, float]:
+    """The ends of what is finite, with some air."""
+    finite = [v[np.isfinite(v) & ((v > 0) | (not log))] for v in values]
+    joined = np.concatenate([*finite, np.empty(0)])
+    if not joined.size:
+        return (1.0, 10.0) if log else (0.0, 1.0)
+    low, high = float(joined.min()), float(joined.max())
+    if log:
+        return (low / 1.2, high * 1.2) if low == high or pad else (low, high)
+    air = pad * (high - low) or (0.0 if high > low else abs(high) or 1.0)
+    return low - air, high + air
+
+
+def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tuple[float, str], ...]:
+    """Ticks of a residual's right axis, in encoder steps: ±1 and ±3 always, words where there is room for them.
+
+    Parameters
+    ----------
+    limit : float
+        The axis goes from −limit to limit.
+    step : float
+        Of the encoder, in the axis's unit.
+    height : float
+        Of the plot [px].
+
+    Returns
+    -------
+    tuple of (place, text)
+        An empty text where two words would touch.
+
+    Examples
+    --------
+    >>> encoder_ticks(0.4, 0.1)
+    ((-0.3, '−3'), (-0.1, '−1'), (0.1, '+1'), (0.3, '+3'))
+    >>> [text for _, text in encoder_ticks(2.0, 0.1)]
+    ['−10', '', '', '', '', '+10']
+    """
+    per_step = height / (2 * limit / step)
+    counts = [n for n in ENCODER_STEPS if n * step <= limit]
+    last, words = -12.0 + 6.0, {}
+    for n in counts:
+        legible = n * per_step - last >= 12.0
+        last = n * per_step if legible else last
+        words[n] = str(n) if legible else ""
+    up = [(round(n * step, 12), words[n] and f"+{words[n]}") for n in counts]
+    return tuple([(-at, text.replace("+", "−")) for at, text in reversed(up)] + up)
+
+
+# --- the drawing ---------------------------------------------------------------------------------
+
+
+def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
+    """A chart as SVG.
+
+    Parameters
+    ----------
+    chart : Chart
+    width : int
+        [px]; it scales.
+    points : int
+        At most so many of a line.
+
+    Returns
+    -------
+    Markup
+        An element ``<svg>``, its words escaped.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 5)
+    >>> drawn = still(Chart("swing", t, "time [s]", "α [°]", (Series("<measured>", np.sin(t), "measured"),)))
+    >>> drawn.startswith('<svg class="still"'), "<measured>" in drawn, "&lt;measured&gt;" in drawn
+    (True, False, True)
+    """
+    right = RIGHT if chart.right else chart.room
+    bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
+    x = _Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
+    ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
+    y = _Axis(*ends, bottom, TOP, chart.logy)
+    parts = [
+        *_grid(x, y), *_labels(chart, x, y, width),
+        *(_band(b, x, y) for b in chart.bands if b.kind != "band"),
+        *(_path(chart.x, s, x, y, points) for s in chart.series),
+        *(_band(b, x, y) for b in chart.bands if b.kind == "band"),
+        *_right(chart, y, width - right), *(_mark(m, x, y) for m in chart.marks), *_key(chart, width - right),
+    ]  # fmt: skip
+    name = escape(f"{chart.title}: {chart.ylabel} over {chart.xlabel or chart.xname}")
+    opened = f'<svg class="still" viewBox="0 0 {width} {chart.height}" role="img" aria-label="{name}">'
+    return Markup(opened + "".join(parts) + "</svg>")  # each part is escaped where it is made
+
+
+def _grid(x: _Axis, y: _Axis) -> Iterator[str]:
+    across = "".join(f"M{x.start:g} {y.at(v):.1f}H{x.end:g}" for v in y.ticks(30.0))
+    upward = "".join(f"M{x.at(v):.1f} {y.start:g}V{y.end:g}" for v in x.ticks(70.0))
+    yield f'<path class="grid" d="{across}{upward}"/>'
+
+
+def _text(x: float, y: float, words: str, how: str = "", anchor: str = "middle") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
+
+
+def _labels(chart: Chart, x: _Axis, y: _Axis, width: int) -> Iterator[str]:
+    for v in x.ticks(70.0):
+        yield _text(float(x.at(v)), y.start + 15, _tick(v, x.log))
+    for v in y.ticks(30.0):
+        yield _text(x.start - 5, float(y.at(v)) + 4, _tick(v, y.log), anchor="end")
+    if chart.xlabel:
+        yield _text((x.start + x.end) / 2, chart.height - 5, chart.xlabel)
+    middle = (y.start + y.end) / 2
+    yield _text(13, middle, chart.ylabel, f' transform="rotate(-90 13 {middle:g})"')
+    if chart.rightlabel:
+        at = width - 6
+        yield _text(at, middle, chart.rightlabel, f' transform="rotate(-90 {at} {middle:g})"')
+
+
+def _tick(value: float, log: bool) -> str:
+    """``0.5``; of a logarithmic axis ``10⁻⁴``."""
+    if log and abs(log10(value)) > 2.5:
+        return number(value, ".0e").removeprefix("1·")
+    return number(value, ".6g")
+
+
+def _right(chart: Chart, y: _Axis, end: float) -> Iterator[str]:
+    shown = [(at, text) for at, text in chart.right if y.inside(at)]
+    if shown:
+        d = "".join(f"M{LEFT:g} {y.at(at):.1f}H{end + 4:g}" for at, _ in shown)
+        yield f'<path class="steps" d="{d}"/>'
+    for at, text in shown:
+        if text:
+            yield _text(end + 6, float(y.at(at)) + 4, text, anchor="start")
+
+
+def _band(band: Band, x: _Axis, y: _Axis) -> str:
+    axis = x if band.axis == "x" else y
+    low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in (band.low, band.high))
+    along, across = (
+        (min(low, high), abs(high - low)),
+        ((y.end, y.start - y.end) if axis is x else (x.start, x.end - x.start)),
+    )
+    (left, wide), (top, tall) = (along, across) if axis is x else (across, along)
+    return f'<rect class="{band.kind}" x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"/>'
+
+
+def _path(at: FloatArray, series: Series, x: _Axis, y: _Axis, points: int) -> str:
+    """A line in tenths of a pixel, each point from the one before."""
+    finite = np.isfinite(series.y) & ((series.y > 0) | (not y.log)) & ((at > 0) | (not x.log))
+    if not finite.any():
+        return ""
+    keep = extremes([np.where(finite, series.y, np.nan)], points)
+    places = np.stack([x.at(at[keep]), y.at(np.clip(np.where(finite, series.y, y.low), y.low, y.high)[keep])])
+    px, py = np.rint(10 * places).astype(int)
+    if series.kind == "points":
+        return "".join(
+            f'<circle class="points" cx="{a / 10:g}" cy="{b / 10:g}" r="2"/>' for a, b in zip(px, py, strict=True)
+        )
+    d, pen = [], None
+    for a, b, drawn in zip(px.tolist(), py.tolist(), finite[keep].tolist(), strict=True):
+        if not drawn:
+            pen = None
+            continue
+        d.append(f"M{a} {b}l" if pen is None else f"{a - pen[0]} {b - pen[1]} ")
+        pen = (a, b)
+    return f'<path class="{series.kind}" transform="scale(.1)" d="{"".join(d).replace(" -", "-").strip()}"/>'
+
+
+def _mark(mark: Mark, x: _Axis, y: _Axis) -> str:
+    axis = x if mark.axis == "x" else y
+    if not axis.inside(mark.at):
+        return ""
+    at = float(axis.at(mark.at))
+    late = axis is y or at > x.end - 60  # the word stands before the line's end, or after an upright line
+    if axis is x:
+        d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * mark.row)
+    else:
+        d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.end - 4, at - 4)
+    word = _text(*place, mark.text, anchor="end" if late else "start") if mark.text else ""
+    return f'<path class="mark {mark.kind}" d="{d}"/>{word}'
+
+
+def _key(chart: Chart, end: float) -> Iterator[str]:
+    """What each of several lines is."""
+    at = end - 8
+    for s in reversed(chart.series if len(chart.series) > 1 else ()):
+        yield _text(at, TOP + 13, s.label, ' class="key"', anchor="end")
+        at -= 7.4 * len(s.label) + 24
+        yield f'<path class="{s.kind}" d="M{at:.0f} {TOP + 9:g}h20"/>'
+        at -= 14

@@ -1,0 +1,62 @@
+"""What every page of fracid's is made with: templates that escape, style sheets, and a Content-Security-Policy."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from fracid.report.sentences import digits, half_width, joined, letter, number, unit
+from fracid.report.whiskers import whisker
+from fracid.safety.text import printable
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["environment_of_pages", "own_file", "policy", "styles"]
+
+STYLES = ("uPlot.min.css", "page.css")
+
+DARK = "dark.css"
+"""A style sheet of its own: its media say when it holds."""
+
+
+def environment_of_pages() -> Environment:
+    """Jinja, which escapes all that is not marked."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    jinja = Environment(
+        loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, finalize=_seen,
+    )  # fmt: skip
+    jinja.filters |= {"number": number, "digits": digits, "half": half_width, "unit": unit, "letter": letter,
+                      "joined": joined, "whisker": whisker}  # fmt: skip
+    return jinja
+
+
+def styles() -> tuple[list[Markup], Markup]:
+    """The style sheets, and the dark one."""
+    return [Markup(own_file(name)) for name in STYLES], Markup(own_file(DARK))  # fracid's own
+
+
+def _seen(value: Any) -> Any:
+    """A text of a run's without what cannot be seen: it could turn the direction of what stands beside it."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def own_file(name: str) -> str:
+    """A file beside this one, as it stands between a tag and its end."""
+    return "\n" + (Path(__file__).parent / name).read_text(encoding="utf-8").strip() + "\n"
+
+
+def policy(styles: list[Markup], scripts: list[Markup]) -> str:
+    """Content-Security-Policy: these styles and scripts, by their hashes, and nothing from anywhere."""
+
+    def hashes(texts: list[Markup]) -> str:
+        return " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in texts)
+
+    allowed = f"style-src {hashes(styles)}; script-src {hashes(scripts)}"
+    return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"

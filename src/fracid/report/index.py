@@ -1,0 +1,238 @@
+"""``index.html`` over all runs of a folder, side by side, and the links from each run's page to its neighbours.
+
+An index is made by ``fracid report RUNS`` and by the demo, and nobody's folder gets one unasked; where there is one,
+each new report beside it renews it.  Pages are linked by what stands between two comments, the one part of a page that
+is written again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from markupsafe import Markup, escape
+
+from fracid.errors import InputError, unwritable
+from fracid.files import write_text
+from fracid.report.frame import environment_of_pages, policy, styles
+from fracid.report.sentences import joined, letter, number
+from fracid.report.whiskers import order_axis, orders_drawn
+from fracid.safety.schema import read_as
+from fracid.safety.text import file_stems, printable
+from fracid.schemas.result import ResultBlock
+from fracid.schemas.run_record import EnvironmentBlock
+
+__all__ = ["INDEX", "RUNS_BEGIN", "RUNS_END", "Identity", "identity", "refresh_index", "runs_of", "write_index"]
+
+INDEX, PAGE = "index.html", "report.html"
+
+GENERATOR = '<meta name="generator" content="fracid index">'
+"""By which an index of fracid's is known: no other is written over."""
+
+RUNS_BEGIN, RUNS_END = Markup("<!-- other runs -->"), Markup("<!-- end of other runs -->")
+"""Between them a page has its links to other runs."""
+
+HEAD = 200_000
+"""Characters of a page in which they are looked for."""
+
+PRESETS = {"paper": "the paper's recipe"}
+
+MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+"""In English, whatever the machine speaks."""
+
+SHOWN_COSTS = {"itae": "ITAE", "iae": "IAE", "ise": "ISE", "itse": "ITSE", "rmse": "RMSE"}
+
+
+@dataclass(frozen=True)
+class Identity:
+    """By what a reader tells one run from another."""
+
+    name: str
+    """Of its folder."""
+    facts: tuple[str, ...]
+    """Recipe, date, duration, seed."""
+    partial: str
+    """Why the result is not finished, in a sentence; empty where it is."""
+
+
+@dataclass(frozen=True)
+class RunOfIndex:
+    """A run in the index."""
+
+    folder: Path
+    who: Identity
+    started: str
+    result: Mapping[str, Any]
+
+
+def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, Any]) -> Identity:
+    """Name, recipe, date, duration and seed of a run.
+
+    Examples
+    --------
+    >>> result = {"optimiser": "genetic", "method": "gl-paper", "cost": {"name": "itae"}, "preset": "paper", "seed": 1,
+    ...           "recordings": {"swing": {"from": 0.0, "to": 20.0, "use": "fit"}}, "outcome": "all generations done"}
+    >>> identity(Path("runs/first"), result, {"started": "2026-11-22T13:16:05+00:00"}).facts
+    ("the paper's recipe (genetic, gl-paper, ITAE)", '22 Nov 2026 13:16', '20 s', 'seed 1')
+    """
+    cost = result["cost"]["name"]
+    how = ", ".join((result["optimiser"], result["method"], SHOWN_COSTS.get(cost, cost)))
+    preset = result.get("preset")
+    recipe = f"{PRESETS.get(preset, preset)} ({how})" if preset else how
+    lengths = [f"{number(r['to'] - r['from'], '.4g')} s" for r in result["recordings"].values()]
+    duration = joined(lengths) if len(lengths) <= 3 else f"{len(lengths)} recordings"
+    facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
+    outcome = result["outcome"]
+    cut = "interrupted" in outcome or "stopped as asked" in outcome
+    partial = f"the search was {outcome}; fracid resume goes on with it." if cut else ""
+    return Identity(folder.resolve().name, tuple(filter(None, facts)), partial)
+
+
+def _date(started: str) -> str:
+    try:
+        at = datetime.fromisoformat(started)
+    except ValueError:  # a run of an earlier version, or a file that was edited
+        return ""
+    return f"{at.day} {MONTHS[at.month - 1]} {at:%Y %H:%M}"
+
+
+# --- the runs of a folder ------------------------------------------------------------------------
+
+
+def runs_of(folder: Path) -> list[RunOfIndex]:
+    """The runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
+    runs = []
+    for path in sorted(folder.glob("*/result.json")):
+        try:
+            result = read_as(path, ResultBlock, "fracid fit PROJECT")
+        except (OSError, InputError):
+            continue
+        try:
+            environment = read_as(path.parent / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
+        except (OSError, InputError):
+            environment = {}
+        who = identity(path.parent, result, environment)
+        runs.append(RunOfIndex(path.parent, who, environment.get("started", ""), result))
+    return sorted(runs, key=lambda run: (run.started, run.who.name))
+
+
+def refresh_index(folder: Path) -> None:
+    """Write the index again where there is one; a folder that cannot be written stays as it is."""
+    try:
+        ours = GENERATOR in (folder / INDEX).read_text(encoding="utf-8", errors="replace")[:HEAD]
+    except OSError:
+        return
+    if ours:
+        try:
+            write_index(folder)
+        except InputError:  # the run's own page is written, and that was asked for
+            return
+
+
+def write_index(folder: str | Path) -> Path:
+    """Write ``index.html`` over all runs of a folder, and link their pages with each other.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With the runs' folders in it, as ``runs``.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    InputError
+        If there is no run in it, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> write_index(tempfile.mkdtemp())
+    Traceback (most recent call last):
+    fracid.errors.InputError: ... holds no folder of a run. Give a run's folder, or one with runs in it.
+    """
+    folder = Path(folder)
+    runs = runs_of(folder)
+    if not runs:
+        raise InputError(f"{folder} holds no folder of a run. Give a run's folder, or one with runs in it.")
+    path = folder / INDEX
+    if path.exists() and GENERATOR not in path.read_text(encoding="utf-8", errors="replace")[:HEAD]:
+        raise InputError(f"{path} is not an index that fracid wrote; move it away first.")
+    try:
+        write_text(path, _index_page(folder, runs))
+        for k, run in enumerate(runs):
+            _link(run.folder / PAGE, runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
+    except OSError as error:
+        raise unwritable(f"The index {path}", error, "Give another folder.") from None
+    return path
+
+
+def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> None:
+    """Put the links to its neighbours into a page; an old page, or none, stays as it is."""
+    try:
+        text = page.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return
+    begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
+    if begin < 0 or end < begin:
+        return
+    links = [_neighbour("← ", "previous run", before), f'<li><a href="../{INDEX}">all runs</a></li>',
+             _neighbour("→ ", "next run", after)]  # fmt: skip
+    nav = f'<nav class="runs" aria-label="Other runs"><ul>{"".join(links)}</ul></nav>'
+    linked = text[: begin + len(RUNS_BEGIN)] + nav + text[end:]
+    if linked != text:
+        write_text(page, linked)
+
+
+def _neighbour(arrow: str, which: str, run: RunOfIndex | None) -> str:
+    if run is None or not (run.folder / PAGE).exists():
+        return ""
+    name = escape(printable(run.who.name))
+    return f'<li><a href="../{quote(run.folder.name)}/{PAGE}" title="{which}: {name}">{arrow}{name}</a></li>'
+
+
+# --- the page ------------------------------------------------------------------------------------
+
+
+def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
+    own, dark = styles()
+    axis = order_axis([e for run in runs for e in run.result["orders"].values()])
+    cards = [
+        {
+            "name": run.who.name, "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
+            "href": f"{quote(run.folder.name)}/{PAGE}" if (run.folder / PAGE).exists() else "",
+            "orders": orders_drawn(run.result["orders"], axis), "warnings": run.result["warnings"],
+            "model": run.result["model"]["name"], "outcome": run.result["outcome"],
+            "picture": _picture(run), "rows": list(_rows(run.result)), "cost": run.result["cost"],
+        }
+        for run in runs
+    ]  # fmt: skip
+    template = environment_of_pages().get_template("index.html.j2")
+    return template.render(
+        title=f"{len(runs)} runs in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
+        generator=Markup(GENERATOR), policy=policy([*own, dark], []) + "; img-src 'self' file:",
+    )  # fmt: skip
+
+
+def _rows(result: Mapping[str, Any]) -> Any:
+    """Of each recording what it was used for and how near the model comes."""
+    for name, r in result["recordings"].items():
+        fits = [f"{letter(n)} {number(v, '.3g')} %" for n, v in r["fit_percent"].items() if v is not None]
+        yield {"name": name, "use": "fitted" if r["use"] == "fit" else "held out", "fit": ", ".join(fits) or "failed"}
+
+
+def _picture(run: RunOfIndex) -> str:
+    """Of its first recording, measured and simulated, where it was drawn."""
+    stems = file_stems(run.result["recordings"])
+    for stem in stems.values():
+        path = run.folder / "figures" / f"figure2-{stem}.svg"
+        if path.is_file():
+            return "/".join(map(quote, (run.folder.name, "figures", path.name)))
+    return ""
