@@ -63,6 +63,11 @@ class Browser:
         self._call("Page.navigate", url=Path(path).resolve().as_uri())
         self.until("document.readyState === 'complete' && location.protocol === 'file:'")
 
+    def media(self, kind, **features):
+        """Show the open page as on paper, ``print``, or as on a screen, an empty text."""
+        features = [{"name": n.replace("_", "-"), "value": v} for n, v in features.items()]
+        self._call("Emulation.setEmulatedMedia", media=kind, features=features)
+
     def run(self, script):
         """The value of an expression on the page; a promise is waited for."""
         answer = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)

@@ -37,7 +37,7 @@ STORY = (
 def demo(
     open_: Annotated[
         bool | None,
-        typer.Option("--open/--no-open", help="The report in the browser. If not said: on a terminal with a display."),
+        typer.Option("--open/--no-open", help="The reports in the browser. If not said: on a terminal with a display."),
     ] = None,
     out: Out = None,
     seed: Annotated[
@@ -51,6 +51,7 @@ def demo(
     Release from 10°, hanging, 20 s at 1000 Hz, 4096 counts a turn with noise; nothing here was measured.
     Ctrl-C ends it (exit code 1).
     """
+    from fracid.report import write_index
     from fracid.workflows.fit import run
 
     folder = out or Path("runs") / "demo"
@@ -71,8 +72,8 @@ def demo(
             say_undrawn(ran)
         if ran.interrupted:
             raise typer.Exit(1)
-    page = folder / STORY[0][0] / "report.html"
-    console.print(f"\nreport   {page.resolve().as_uri()}", soft_wrap=True)
+    page = write_index(folder)
+    console.print(f"\nreports  {page.resolve().as_uri()}", soft_wrap=True)
     if not json_:
         open_page(page, open_)
         say_next(console, (typed("check", "FILE"), "a recording of your own"))

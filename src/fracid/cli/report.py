@@ -16,6 +16,7 @@ REPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid report runs/rig  [dim](writes runs/rig/report.html)[/dim]",
     "fracid report runs/rig --open  [dim](and opens it in the browser)[/dim]",
+    "fracid report runs  [dim](of a folder of runs: runs/index.html, all of them side by side)[/dim]",
     "fracid report runs/rig --out rig.html  [dim](one file: send it to whom you like)[/dim]",
     "fracid profile runs/rig && fracid report runs/rig  [dim](with the profiles)[/dim]",
 )
@@ -23,7 +24,7 @@ REPORT_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(REPORT_EXAMPLE))
 def report(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, or one with runs in it.")],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Where to; report.html in the folder if left out.")
     ] = None,
@@ -31,17 +32,17 @@ def report(
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:
-    """Write a run as one HTML page: verdict, data, equations, values, curves, residuals, and the rig in motion.
+    """Write a run as one HTML page: verdict, values, curves, residuals, equations, and the rig in motion.
 
     The page is one file and loads nothing from the network.  Profiles and the ladder of structures are on it
     where fracid profile and fracid compare wrote them into the folder.
     """
-    from fracid.report import write_report
+    from fracid.report import INDEX, write_report
 
     path = write_report(run, jobs=jobs, out=out, trust=trust)
     typer.echo(printable(f"report   {path}"))
     if open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
     elif not open_:
-        say_next(new_console(), (typed("report", run, "--open"), "in the browser"),
-                 (typed("export", run), "for MATLAB, C and control design"))  # fmt: skip
+        export = () if path.name == INDEX else ((typed("export", run), "for MATLAB, C and control design"),)
+        say_next(new_console(), (typed("report", run, "--open"), "in the browser"), *export)

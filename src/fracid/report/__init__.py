@@ -3,11 +3,15 @@
 ::
 
     material   the run, its recordings beside their simulations, the files of its folder
-    words      numbers as text; the verdict in six lines
+    verdict    the claim, and what speaks for and against it; sentences: numbers as text
     equations  the model as MathML
-    traces     samples, thinned and packed
-    rig        how large the moving pendulum is drawn
-    page       all of it into page.html.j2, with page.css and the scripts inline
+    samples    a recording thinned and packed; traces: what is drawn of it
+    charts     a chart as data and as SVG; whiskers: a value with its interval
+    rig        how large the moving pendulum is drawn, and its still
+    page       all of it into page.html.j2, with page.css and the scripts inline; frame: what every page is made with
+    index      all runs of a folder side by side, and the links between their pages
+
+Each chart, and the rig, is there as SVG: on paper, in an archive and without a script the page shows all that it says.
 
 What comes from a file, be it a recording's name, is escaped: texts by Jinja's autoescape, data as JSON without ``<``.
 The page's own scripts and styles are allowed by their hashes in a Content-Security-Policy, and nothing else is: a
@@ -16,6 +20,7 @@ script that got in by some way would not run, and nothing can be fetched.
 ``uPlot.iife.min.js`` and ``uPlot.min.css`` are uPlot 1.6.32 by Leon Sorokin (MIT, ``uPlot-LICENSE.txt``), as published.
 """
 
+from fracid.report.index import INDEX, write_index
 from fracid.report.page import REPORT, report_page, write_report
 
-__all__ = ["REPORT", "report_page", "write_report"]
+__all__ = ["INDEX", "REPORT", "report_page", "write_index", "write_report"]

@@ -1,0 +1,121 @@
+"""The index shows all runs of a folder side by side, links their pages, and writes over nothing that is not its own."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from browser import CHROMIUM, Browser
+from fracid.cli.app import main
+from fracid.errors import InputError
+from fracid.report import write_report
+from fracid.report.index import GENERATOR, INDEX, RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
+from fracid.schemas.run_record import EnvironmentBlock
+
+RESULT = {"optimiser": "genetic", "method": "gl-paper", "cost": {"name": "itae"}, "seed": 3, "outcome": "converged",
+          "recordings": {"swing": {"from": 1.0, "to": 21.5, "use": "fit"}}}  # fmt: skip
+
+NAMES = ("first", "second <b>", "third")
+
+
+@pytest.fixture
+def runs(plain, tmp_path):
+    """Three runs in a folder, begun one after the other, with pages that are nothing but their places for links."""
+    for k, name in enumerate(NAMES):
+        shutil.copytree(plain / "run", tmp_path / name)
+        path = tmp_path / name / "environment.json"
+        environment = json.loads(path.read_text(encoding="utf-8")) | {"started": f"2026-11-2{9 - k}T08:00:00+00:00"}
+        path.write_text(json.dumps(environment), encoding="utf-8")
+        (tmp_path / name / "report.html").write_text(f"<p>{RUNS_BEGIN}{RUNS_END}</p>", encoding="utf-8")
+    return tmp_path
+
+
+def links(folder: Path, name: str) -> list[str]:
+    return re.findall(r'href="(.*?)"', (folder / name / "report.html").read_text(encoding="utf-8"))
+
+
+def test_a_run_is_told_from_others_by_recipe_date_duration_and_seed():
+    facts = identity(Path("runs/a"), RESULT | {"preset": "paper"}, {"started": "2026-11-22T13:16:05+00:00"}).facts
+    assert facts == ("the paper's recipe (genetic, gl-paper, ITAE)", "22 Nov 2026 13:16", "20.5 s", "seed 3")
+    assert identity(Path("runs/a"), RESULT, {"started": "yesterday"}).facts == (
+        "genetic, gl-paper, ITAE",
+        "20.5 s",
+        "seed 3",
+    )
+
+
+@pytest.mark.parametrize(
+    "outcome", ["interrupted: the best so far is kept", "stopped as asked: the best so far is kept"]
+)
+def test_a_partial_result_is_marked(outcome):
+    assert "fracid resume" in identity(Path("a"), RESULT | {"outcome": outcome}, {}).partial
+    assert identity(Path("a"), RESULT, {}).partial == ""
+
+
+def test_runs_stand_in_the_order_in_which_they_were_begun_and_damaged_ones_are_left_out(runs):
+    assert [run.who.name for run in runs_of(runs)] == list(reversed(NAMES))
+    (runs / "third" / "result.json").write_text("{", encoding="utf-8")
+    (runs / "first" / "environment.json").write_text("{", encoding="utf-8")
+    assert {run.who.name for run in runs_of(runs)} == {"first", "second <b>"}
+
+
+def test_the_pages_of_a_folder_are_linked_with_their_neighbours_and_with_the_index(runs):
+    text = write_index(runs).read_text(encoding="utf-8")
+    assert [text.index(f">{name}</a>") for name in ("third", "second &lt;b&gt;", "first")] == sorted(
+        text.index(f">{name}</a>") for name in ("third", "second &lt;b&gt;", "first")
+    )
+    assert "<b>" not in text
+    assert links(runs, "third") == ["../index.html", "../second%20%3Cb%3E/report.html"]
+    assert links(runs, "second <b>") == ["../third/report.html", "../index.html", "../first/report.html"]
+    assert links(runs, "first") == ["../second%20%3Cb%3E/report.html", "../index.html"]
+
+
+def test_an_index_is_made_where_it_is_asked_for_and_renewed_where_it_is(runs):
+    refresh_index(runs)
+    assert not (runs / INDEX).exists()
+    write_index(runs)
+    shutil.rmtree(runs / "second <b>")
+    refresh_index(runs)
+    assert "2 runs" in (runs / INDEX).read_text(encoding="utf-8")
+    assert links(runs, "third") == ["../index.html", "../first/report.html"]
+
+
+def test_a_page_of_somebody_else_is_not_written_over(runs):
+    (runs / INDEX).write_text("<h1>My pages</h1>", encoding="utf-8")
+    refresh_index(runs)
+    with pytest.raises(InputError, match="not an index that fracid wrote"):
+        write_index(runs)
+    assert (runs / INDEX).read_text(encoding="utf-8") == "<h1>My pages</h1>"
+
+
+def test_a_folder_without_runs_is_refused_in_one_sentence(tmp_path):
+    with pytest.raises(InputError, match="holds no folder of a run"):
+        write_index(tmp_path)
+
+
+def test_the_command_takes_a_folder_of_runs(runs, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["report", str(runs)])
+    assert ended.value.code == 0
+    assert INDEX in capsys.readouterr().out
+    assert GENERATOR in (runs / INDEX).read_text(encoding="utf-8")
+    with pytest.raises(InputError, match=r"result\.json"):
+        write_report(runs, out=runs / "one.html")
+
+
+def test_when_a_run_began_is_written_into_its_folder_and_an_old_folder_does_without(plain):
+    environment = json.loads((plain / "run" / "environment.json").read_text(encoding="utf-8"))
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", environment["started"])
+    assert EnvironmentBlock(**environment | {"started": ""}).started == ""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
+@pytest.mark.parametrize("width", [400, 1440])
+def test_the_index_opens_without_a_complaint_and_fits_the_screen(runs, width):
+    with Browser() as browser:
+        browser.open(write_index(runs), width=width)
+        assert browser.complaints == []
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        assert browser.run("document.querySelectorAll('.card .whiskers').length") == 3
