@@ -823,8 +823,8 @@ SEEN = """[...document.querySelectorAll('svg.still')].filter(e => e.getClientRec
 
 def test_paper_gets_every_chart_as_a_drawing_and_every_note_in_light_colours(browser, file, page):
     browser.open(file, prefers_color_scheme="dark", **CALM)
-    drawings = page.count('<svg class="still"')
-    assert drawings == 2 + 4 * 2 + 4 * 3 + 1 + 1  # recorded, fit and residual, tests, profile, the rig
+    drawings = page.count('<svg class="still')
+    assert drawings == 2 + 4 * 2 + 4 * 3 + 1 + 2 + 1  # recorded, fit and residual, tests, profile, surfaces, the rig
     assert browser.run(SEEN) == 0  # charts in their place
     browser.run("dispatchEvent(new Event('beforeprint'))")
     assert browser.run("document.querySelectorAll('details:not([open])').length") == 0
@@ -844,7 +844,7 @@ def test_a_page_without_a_script_shows_every_drawing(browser, page, tmp_path):
     text = text.replace("<details", "<details open")
     (tmp_path / "quiet.html").write_text(text, encoding="utf-8")
     browser.open(tmp_path / "quiet.html", width=1440)
-    assert browser.run(SEEN) == page.count('<svg class="still"')
+    assert browser.run(SEEN) == page.count('<svg class="still')
     assert browser.run("document.documentElement.scrollWidth") <= 1440
     assert browser.run("document.getElementById('play').getClientRects().length") == 0  # it would do nothing
 

@@ -17,7 +17,7 @@ from fracid.arrays import FloatArray
 from fracid.report.samples import base64_floats, extremes
 from fracid.report.sentences import number
 
-__all__ = ["RIGHT", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
+__all__ = ["RIGHT", "Axis", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 58.0, 6.0, 40.0
 """Room around the plot for ticks and labels [px]."""
@@ -102,7 +102,7 @@ class Chart:
 
 
 @dataclass(frozen=True)
-class _Axis:
+class Axis:
     """Values to places [px]."""
 
     low: float
@@ -112,6 +112,7 @@ class _Axis:
     log: bool = False
 
     def at(self, values: Any) -> FloatArray:
+        """Places of values."""
         with np.errstate(divide="ignore", invalid="ignore"):
             v, low, high = ((np.log10(u) if self.log else np.asarray(u, dtype=float))
                             for u in (values, self.low, self.high))  # fmt: skip
@@ -119,6 +120,7 @@ class _Axis:
         return placed
 
     def inside(self, value: float) -> bool:
+        """Whether a value is on the axis."""
         return self.low <= value <= self.high
 
     def ticks(self, space: float) -> list[float]:
@@ -178,7 +180,7 @@ def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tupl
     >>> encoder_ticks(0.4, 0.1)
     ((-0.3, '−3'), (-0.1, '−1'), (0.1, '+1'), (0.3, '+3'))
     >>> [text for _, text in encoder_ticks(2.0, 0.1)]
-    ['−10', '', '', '', '', '+10']
+    ['−10', '−3', '', '', '+3', '+10']
     """
     per_step = height / (2 * limit / step)
     counts = [n for n in ENCODER_STEPS if n * step <= limit]
@@ -213,15 +215,15 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     Examples
     --------
     >>> t = np.linspace(0, 1, 5)
-    >>> drawn = still(Chart("swing", t, "time [s]", "α [°]", (Series("<measured>", np.sin(t), "measured"),)))
-    >>> drawn.startswith('<svg class="still"'), "<measured>" in drawn, "&lt;measured&gt;" in drawn
+    >>> drawn = still(Chart("<swing>", t, "time [s]", "α [°]", (Series("measured", np.sin(t), "measured"),)))
+    >>> drawn.startswith('<svg class="still"'), "<swing>" in drawn, "&lt;swing&gt;" in drawn
     (True, False, True)
     """
     right = RIGHT if chart.right else chart.room
     bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
-    x = _Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
+    x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
-    y = _Axis(*ends, bottom, TOP, chart.logy)
+    y = Axis(*ends, bottom, TOP, chart.logy)
     parts = [
         *_grid(x, y), *_labels(chart, x, y, width),
         *(_band(b, x, y) for b in chart.bands if b.kind != "band"),
@@ -234,7 +236,7 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     return Markup(opened + "".join(parts) + "</svg>")  # each part is escaped where it is made
 
 
-def _grid(x: _Axis, y: _Axis) -> Iterator[str]:
+def _grid(x: Axis, y: Axis) -> Iterator[str]:
     across = "".join(f"M{x.start:g} {y.at(v):.1f}H{x.end:g}" for v in y.ticks(30.0))
     upward = "".join(f"M{x.at(v):.1f} {y.start:g}V{y.end:g}" for v in x.ticks(70.0))
     yield f'<path class="grid" d="{across}{upward}"/>'
@@ -244,7 +246,7 @@ def _text(x: float, y: float, words: str, how: str = "", anchor: str = "middle")
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
 
 
-def _labels(chart: Chart, x: _Axis, y: _Axis, width: int) -> Iterator[str]:
+def _labels(chart: Chart, x: Axis, y: Axis, width: int) -> Iterator[str]:
     for v in x.ticks(70.0):
         yield _text(float(x.at(v)), y.start + 15, _tick(v, x.log))
     for v in y.ticks(30.0):
@@ -265,7 +267,7 @@ def _tick(value: float, log: bool) -> str:
     return number(value, ".6g")
 
 
-def _right(chart: Chart, y: _Axis, end: float) -> Iterator[str]:
+def _right(chart: Chart, y: Axis, end: float) -> Iterator[str]:
     shown = [(at, text) for at, text in chart.right if y.inside(at)]
     if shown:
         d = "".join(f"M{LEFT:g} {y.at(at):.1f}H{end + 4:g}" for at, _ in shown)
@@ -275,7 +277,7 @@ def _right(chart: Chart, y: _Axis, end: float) -> Iterator[str]:
             yield _text(end + 6, float(y.at(at)) + 4, text, anchor="start")
 
 
-def _band(band: Band, x: _Axis, y: _Axis) -> str:
+def _band(band: Band, x: Axis, y: Axis) -> str:
     axis = x if band.axis == "x" else y
     low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in (band.low, band.high))
     along, across = (
@@ -286,7 +288,7 @@ def _band(band: Band, x: _Axis, y: _Axis) -> str:
     return f'<rect class="{band.kind}" x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"/>'
 
 
-def _path(at: FloatArray, series: Series, x: _Axis, y: _Axis, points: int) -> str:
+def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
     """A line in tenths of a pixel, each point from the one before."""
     finite = np.isfinite(series.y) & ((series.y > 0) | (not y.log)) & ((at > 0) | (not x.log))
     if not finite.any():
@@ -308,7 +310,7 @@ def _path(at: FloatArray, series: Series, x: _Axis, y: _Axis, points: int) -> st
     return f'<path class="{series.kind}" transform="scale(.1)" d="{"".join(d).replace(" -", "-").strip()}"/>'
 
 
-def _mark(mark: Mark, x: _Axis, y: _Axis) -> str:
+def _mark(mark: Mark, x: Axis, y: Axis) -> str:
     axis = x if mark.axis == "x" else y
     if not axis.inside(mark.at):
         return ""

@@ -40,14 +40,14 @@ const traceOf = (() => {
 function curves(trace) {
   const x = line(trace.t);
   return trace.outputs.flatMap((o, k) => {
-    const last = k === trace.outputs.length - 1, shared = { x, xname: "time", keyed: true, bare: !last, room: trace.outputs.some(o => o.step) ? 56 : 10 };
+    const last = k === trace.outputs.length - 1, alone = trace.outputs.length === 1, shared = { x, xname: "time", keyed: true, bare: !last, room: trace.outputs.some(o => o.step) ? 56 : 10 };
     const residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]), unit = o.unit ? ` [${o.unit}]` : "";
-    const shaded = o.step ? `; shaded: ± 1 encoder step of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
+    const shaded = o.step ? `; shaded: ± 1 ${o.unit === "°" ? "encoder step" : "step"} of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
     return [
-      { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: 146, ...shared, bare: true,
+      { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: alone ? 290 : 146, ...shared, bare: true,
         series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "simulated", y: line(o.fitted), kind: "fitted" }] },
       { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? `time after ${round(trace.said.start, 6)} s [s]` : "",
-        height: last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
+        height: alone ? 250 : last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
         bands: o.step ? [{ axis: "y", from: -o.step, to: o.step, kind: "band" }] : [],
         series: [{ label: "residual", y: line(residual), kind: "residual", digits: 3 }] },
     ];
@@ -275,13 +275,9 @@ for (const id of links.keys()) reading.observe(element(id));
 // Paper has the charts as SVG, in light colours, and all notes open.
 addEventListener("beforeprint", () => {
   player.play(false);
-  element("dark").media = "not all";
-  Plane.all.forEach(p => p.draw());
   for (const d of document.querySelectorAll("details:not([open])")) { d.open = true; d.dataset.opened = ""; }
 });
 addEventListener("afterprint", () => {
-  element("dark").media = THEMES[theme.value];
-  redraw();
   for (const d of document.querySelectorAll("[data-opened]")) { d.open = false; delete d.dataset.opened; }
 });
 

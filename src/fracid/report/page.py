@@ -20,6 +20,7 @@ from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, r
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.sentences import joined, letter, number, unit
+from fracid.report.surface import surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, verdict
 from fracid.report.whiskers import orders_drawn
@@ -269,7 +270,19 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         ]
         for name, r in material.recordings.items()
     }
-    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": _rig_still(material)}
+    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": _rig_still(material),
+            **_surfaces(material)}  # fmt: skip
+
+
+def _surfaces(material: Material) -> dict[str, Markup]:
+    """The cost over the orders, and the joint profile."""
+    plane, joint = _plane_data(material), (_profiles(material) or {}).get("joint")
+    cost = plane and plane | {"names": [f"order {n}" for n in plane["names"]]}
+    rise = joint and joint | {"cost": joint["rise"], "intervals": [None, None]}
+    return {
+        "plane_still": surface_still(cost) if cost else Markup(""),
+        "joint_still": surface_still(rise, "Rise") if rise else Markup(""),
+    }
 
 
 def _rig_still(material: Material) -> Markup:

@@ -114,7 +114,9 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
 
 def residual_title(symbol: str, unit: str, step: float | None) -> str:
     """What the chart shows, and how much an encoder's step is."""
-    shaded = f"; shaded: ± 1 encoder step of {number(step, '.3g')}{unit if unit == '°' else f' {unit}'}" if step else ""
+    words = "encoder step" if unit == "°" else "step"
+    shown = f"{number(step, '.3g')}{unit if unit == '°' else f' {unit}'}" if step else ""
+    shaded = f"; shaded: ± 1 {words} of {shown}" if step else ""
     return f"{symbol}, residual (measured − simulated){shaded}"
 
 

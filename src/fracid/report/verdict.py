@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fracid.report.sentences import digits, half_width, joined, letter, number
+from fracid.report.whiskers import said
 from fracid.signals.left_over import ROUNDING
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     if claim is None:  # of an earlier version
         return
     against = contradictions(material, lines) if claim != "undecided" else []
-    orders = joined([_order(n, e) for n, e in material.result["orders"].items()])
+    orders = joined([f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()])
     doubt = f"; but see {joined(against)} below" if against else ""
     yield Line("Claim", f"{CLAIMS[claim]}: {orders}{doubt}.", claim != "undecided" and not against)
 
@@ -62,6 +63,7 @@ def contradictions(material: Material, lines: tuple[Line, ...]) -> list[str]:
     doubts = {line.about: not line.good for line in lines}
     doubts["Prediction"] &= bool(material.used("validate"))
     doubts["Checks"] &= result["claim"] == "fractional"
+    doubts["Orders"] &= result["claim"] == "fractional" or not result.get("alternative")  # which is why it is integer
     doubts["Values"] = False  # one that is not identifiable does not bend the others
     doubts["Ladder"] = compared is not None and (compared.get("claim") or result["claim"]) != result["claim"]
     doubts["Each recording alone"] = bool((result.get("spread") or {}).get("sentences"))

@@ -38,7 +38,7 @@ def order_axis(orders: list[Mapping[str, Any]]) -> OrderAxis:
     Examples
     --------
     >>> order_axis([{"value": 0.9, "interval95": [0.89, 0.91]}])
-    OrderAxis(low=0.83, high=1.07)
+    OrderAxis(low=0.825, high=1.065)
     """
     centres = [v for e in orders for v in (e["value"], e.get("integer", 1.0)) if v is not None and isfinite(v)]
     if not centres:
