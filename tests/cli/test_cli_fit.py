@@ -430,6 +430,8 @@ def test_the_demo_runs_its_three_parts_and_says_that_nothing_was_measured(capsys
         low, high = content["reference"]["orders"][name]["interval95"]
         assert low <= true <= high
     assert (tmp_path / "reference" / "figures" / "cost-over-orders.svg").exists()
+    assert '<a href="reference/report.html">' in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert (tmp_path / "index.html").as_uri() in err
 
 
 @pytest.mark.broad

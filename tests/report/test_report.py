@@ -774,6 +774,9 @@ def test_slider_cursor_and_rig_are_at_one_time(browser, file):
     assert browser.run(PICTURE) != before
     browser.run("(s => { s.value = 1; s.dispatchEvent(new Event('input')); })(document.getElementById('time'))")
     assert browser.run("player.now") == pytest.approx(1)
+    shown = browser.run("player.charts[0].values.textContent").replace("−", "-")
+    expected = browser.run("player.trace.output('theta').measured[player.trace.t.findIndex(t => t > 0.995)]")
+    assert float(re.search(r"measured (\S+),", shown)[1]) == pytest.approx(expected, rel=1e-3)
 
 
 def test_zooming_one_curve_zooms_all_of_its_recording(browser, file):

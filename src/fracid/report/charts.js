@@ -93,7 +93,7 @@ class Chart {
       },
       axes: [
         axis(spec.xlabel, { size: spec.bare ? 6 : 24, space: 60, grid: grid(spec.logx), ...(spec.bare ? { values: () => [] } : spec.logx ? { values: powers } : {}) }),
-        axis(spec.ylabel, { size: 48, space: 26, grid: grid(spec.logy), ...(spec.logy ? { values: powers } : {}) }),
+        axis(spec.ylabel, { size: 54, space: 26, grid: grid(spec.logy), ...(spec.logy ? { values: powers } : {}) }),
         ...(spec.right && spec.right.length ? [this.right(axis)] : []),
       ],
       series: [
@@ -186,9 +186,11 @@ class Chart {
     if (this.plot) this.plot.setScale("x", { min, max });
   }
 
-  // The cursor at a value of x; its values show in the legend.
+  // The cursor at a value of x, its values beside the title.
   point(x) {
-    if (this.plot) this.plot.setCursor({ left: this.plot.valToPos(x, "x"), top: 1 }, false);
+    if (!this.plot) return;
+    this.plot.setCursor({ left: this.plot.valToPos(x, "x"), top: 1 }, false);
+    this.read(this.plot);
   }
 }
 

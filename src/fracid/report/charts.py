@@ -296,10 +296,9 @@ def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
     keep = extremes([np.where(finite, series.y, np.nan)], points)
     places = np.stack([x.at(at[keep]), y.at(np.clip(np.where(finite, series.y, y.low), y.low, y.high)[keep])])
     px, py = np.rint(10 * places).astype(int)
-    if series.kind == "points":
-        return "".join(
-            f'<circle class="points" cx="{a / 10:g}" cy="{b / 10:g}" r="2"/>' for a, b in zip(px, py, strict=True)
-        )
+    if series.kind == "points":  # a line without length and with round ends is a dot
+        dots = "".join(f"M{a} {b}h0" for a, b in zip(px.tolist(), py.tolist(), strict=True))
+        return f'<path class="points" transform="scale(.1)" d="{dots}"/>'
     d, pen = [], None
     for a, b, drawn in zip(px.tolist(), py.tolist(), finite[keep].tolist(), strict=True):
         if not drawn:

@@ -52,9 +52,18 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     if claim is None:  # of an earlier version
         return
     against = contradictions(material, lines) if claim != "undecided" else []
-    orders = joined([f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()])
-    doubt = f"; but see {joined(against)} below" if against else ""
+    values = [f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()]
+    orders = joined([value.replace(" ", "\N{NO-BREAK SPACE}") for value in values])
+    doubt = ", but a model of integer order does as well" if _stand_in(material.result) else ""
+    doubt += f"; but see {joined(against)} below" if against else ""
     yield Line("Claim", f"{CLAIMS[claim]}: {orders}{doubt}.", claim != "undecided" and not against)
+
+
+def _stand_in(result: Mapping[str, Any]) -> bool:
+    """Whether nothing but the integer-order alternative speaks against orders that are off their integer values."""
+    off = [e for e in result["orders"].values() if e["free"] and e["interval95"] and e.get("integer", 1.0) is not None
+           and not e["interval95"][0] <= e.get("integer", 1.0) <= e["interval95"][1]]  # fmt: skip
+    return result["claim"] == "integer" and bool(off) and bool(result.get("alternative"))
 
 
 def contradictions(material: Material, lines: tuple[Line, ...]) -> list[str]:
