@@ -255,6 +255,14 @@ def test_a_page_says_what_it_lacks_without_profiles_ladder_and_search(material, 
     assert "No run of the model reached the end" in text
 
 
+def test_a_partial_result_is_marked_in_the_title_and_first_on_the_page_and_is_never_green(material):
+    text = report_page(replace(material, result={**material.result, "outcome": "interrupted: the best so far is kept"}))
+    assert re.search(r"<title>PARTIAL .*: .*seed \d+ – fracid</title>", text)
+    assert text.index('<p class="partial">PARTIAL') < text.index("<h1>")
+    assert 'class="claim look"' in text
+    assert "PARTIAL" not in report_page(material)
+
+
 def test_of_many_recordings_the_later_ones_are_folded(material, monkeypatch):
     monkeypatch.setattr("fracid.report.page.OPEN", 1)
     folded = Parsed(report_page(material))

@@ -88,7 +88,7 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
     outcome = result["outcome"]
     cut = "interrupted" in outcome or "stopped as asked" in outcome
-    partial = f"the search was {outcome}; fracid resume goes on with it." if cut else ""
+    partial = f"the search was {outcome}; fracid resume continues it." if cut else ""
     return Identity(folder.resolve().name, tuple(filter(None, facts)), partial)
 
 

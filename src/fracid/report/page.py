@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -308,7 +309,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
     who = identity(material.folder, result, material.beside("environment.json") or {})
     return {
         "run": who.name,
-        "title": f"{who.name}: {', '.join(who.facts)}",
+        "title": f"{'PARTIAL ' if who.partial else ''}{who.name}: {', '.join(who.facts)}",
         "meta": [project.problem.model.name, _names(list(result["recordings"])), *who.facts],
         "partial": who.partial,
         "runs_begin": RUNS_BEGIN,
@@ -347,9 +348,11 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
 
 
 def _headline(lines: tuple[Line, ...]) -> tuple[Line, tuple[Line, ...]]:
-    """What the page says first: the claim; of a result without one, its orders."""
-    first = lines[0] if lines[0].about == "Claim" else next(line for line in lines if line.about == "Orders")
-    return first, tuple(line for line in lines if line.about != "Claim")
+    """What the page says first: the claim; of a result without one its orders, in order where all else is."""
+    named = {line.about: line for line in lines}
+    others = tuple(line for line in lines if line.about != "Claim")
+    orders = replace(named["Orders"], good=all(named[about].good for about in ("Fit", "Orders", "Checks")))
+    return named.get("Claim", orders), others
 
 
 def _names(recordings: list[str]) -> str:
