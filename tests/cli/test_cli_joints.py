@@ -61,7 +61,9 @@ def test_it_is_fitted_and_the_page_has_its_elements_and_none_that_are_off(folder
     assert [warning for warning in result["warnings"] if "z_" in warning] == []
     assert run(capsys, "report", "run")[0] == 0
     page = (folder / "run" / "report.html").read_text(encoding="utf-8")
-    rows = re.findall(r'<th role="rowheader" scope="row">([^<]*)', page)
+    rows = re.findall(
+        r'<th role="rowheader" scope="row"><span class="name">(?:<span class="point \w*"></span>)?([^<]*)', page
+    )
     assert {"presliding_theta", "presliding_alpha", "springpot_order_alpha", "z_α at the start"} <= set(rows)
     assert not {"play_theta", "stiction_alpha", "springpot_order_theta", "saturation"} & set(rows)
     off = re.search(r"values that are off, in no equation</summary><p>(.*?)</p>", page)[1]

@@ -74,11 +74,11 @@ def demo(
             raise typer.Exit(1)
     page = write_index(folder)
     console.print(f"\nreports  {page.resolve().as_uri()}", soft_wrap=True)
-    if not json_:
-        open_page(page, open_)
-        say_next(console, (typed("check", "FILE"), "a recording of your own"))
     if json_:
         echo_json(results)
+    else:
+        open_page(page, open_)
+        say_next(console, (typed("check", "FILE"), "a recording of your own"))
 
 
 def _truth(run: FinishedRun) -> list[str]:
