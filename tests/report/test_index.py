@@ -91,6 +91,16 @@ def test_a_page_of_somebody_else_is_not_written_over(runs):
     assert (runs / INDEX).read_text(encoding="utf-8") == "<h1>My pages</h1>"
 
 
+def test_a_page_that_is_a_link_to_elsewhere_is_left_as_it_is(runs):
+    page, elsewhere = runs / "first" / "report.html", runs / "mine.html"
+    page.rename(elsewhere)
+    page.symlink_to(elsewhere)
+    before = elsewhere.read_text(encoding="utf-8")
+    write_index(runs)
+    assert page.is_symlink()
+    assert elsewhere.read_text(encoding="utf-8") == before
+
+
 def test_a_folder_without_runs_is_refused_in_one_sentence(tmp_path):
     with pytest.raises(InputError, match="holds no folder of a run"):
         write_index(tmp_path)

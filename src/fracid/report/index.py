@@ -175,7 +175,9 @@ def write_index(folder: str | Path) -> Path:
 
 
 def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> None:
-    """Put the links to its neighbours into a page; an old page, or none, stays as it is."""
+    """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
+    if page.is_symlink():
+        return
     try:
         text = page.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
