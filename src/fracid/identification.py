@@ -42,6 +42,7 @@ from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
+from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
@@ -297,6 +298,9 @@ def _examine(
         analysis.seen += [
             f for f in after(problem, x, analysis.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
         ]  # whose polishing says more, below
+        if analysis.restarts < RESTARTS and (lower := _onward(analysis, jobs)) is not None:
+            analysis.restart(lower)
+            return _examine(analysis, validation, whole, jobs, clock)
         clock.lap("honesty")
         for e in validation:
             analysis.validated[e.name], reason = _validate(problem, x, e, jobs)
@@ -332,6 +336,24 @@ def _examine(
             clock.lap("cut")
     except KeyboardInterrupt:
         analysis.interrupted = True
+
+
+def _onward(analysis: _Findings, jobs: int) -> Evaluation | None:
+    """Where a Newton step leads, and least squares from there, from a search that stopped short; None where not lower.
+
+    Gauss and Newton's steps end where the residual bends more than they see: next to a friction that is dry.
+    """
+    problem, best, known = analysis.problem, analysis.result.best, analysis.known
+    if isinstance(known, Failure) or all(f.code != "stopped-short" for f in analysis.seen):
+        return None
+    parabola = curvature(problem, best.point, np.flatnonzero(~known.at_bound), jobs=jobs)
+    if isinstance(parabola, Failure):
+        return None
+    step, _ = newton_step(problem, best.point, parabola)
+    there = problem.evaluate(best.point + step)
+    onward = uninterrupted(refined(problem, there.point, jobs, Watch())).best
+    lower = min(there, onward, key=lambda e: e.cost)
+    return lower if lower.cost < best.cost else None
 
 
 def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
