@@ -7,6 +7,7 @@
 //   f(x, u, out)      fills out with D^q x, and behind it, of states that relax, the rate with which they forget
 //   gain              h^q τ^(1−q) of each state
 //   inputs            Float64Array, `width` numbers a step just before it, or once for all; jumps: just after it, or null
+//   memory            steps that the tables hold at least: runs of several lengths share those of the longest
 //   → { states, samples, completed }, a row of states for every so many steps
 //
 // Methods: pi2, pi2-implicit, gl, gl-sequential, gl-paper.
@@ -384,9 +385,9 @@ const Fracid = (() => {
   // They depend on the orders only: sliders of other values find them made.
   let lastTables = { key: "" };
   function correctionTables(run, sigma) {
-    const key = [run.orders.join(), sigma.join(), run.steps].join(";");
+    const key = [run.orders.join(), sigma.join(), run.memory].join(";");
     if (lastTables.key === key) return lastTables;
-    const knots = knotsUpTo(run.steps + 8), fit = inverse(sigma.map((_, k) => sigma.map(s => pow(k + 1, s))));
+    const knots = knotsUpTo(run.memory + 8), fit = inverse(sigma.map((_, k) => sigma.map(s => pow(k + 1, s))));
     const distinct = new Map([...new Set(run.orders)].map(q => [q, errorsOfPowers(q, sigma, knots)]));
     const weights = new Map([...distinct].map(([q, E]) => [q, startingWeights(q, E, fit)]));
     const of = table => Array.from(run.orders, q => table.get(q));
@@ -651,7 +652,7 @@ const Fracid = (() => {
   function solve(f, run) {
     const states = run.orders.length, every = run.every || 1, width = run.width || 1;
     const inputs = run.inputs || new Float64Array(width), relaxing = run.relaxing || [];
-    const whole = { tolerance: 1e-10, limit: 1e4, jumps: null, method: "pi2", ...run, inputs, every, width, relaxing, memory: max(run.steps, SHORTEST) };
+    const whole = { tolerance: 1e-10, limit: 1e4, jumps: null, method: "pi2", ...run, inputs, every, width, relaxing, memory: max(run.steps, run.memory || 0, SHORTEST) };
     const out = { states: new Float64Array((Math.floor(run.steps / every) + 1) * states), samples: 0, completed: false };
     whole.initial = Float64Array.from(run.initial);
     atJumps(whole);

@@ -16,6 +16,7 @@ from fracid.errors import unwritable
 from fracid.files import json_number, write_text
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
+from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
 from fracid.report.material import Material
@@ -144,6 +145,7 @@ def report_page(material: Material) -> str:
     charts = _charts(material)
     own, dark = styles()
     scripts = [Markup(own_file(name)) for name in SCRIPTS]
+    scripts += [Markup(f"\n{text.strip()}\n") for text in explore_scripts(material)]  # fracid's own
     return (
         environment_of_pages()
         .get_template("page.html.j2")
@@ -165,6 +167,7 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
         "rig": _rig(material),
         "plane": _plane_data(material),
         "profiles": _profiles(material),
+        "explore": explore(material),
     }
     text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
@@ -201,6 +204,7 @@ def _plane_data(material: Material) -> dict[str, Any] | None:
     best = [orders[n]["value"] for n in plane.names]
     return {
         "names": [letter(n) for n in plane.names],
+        "keys": list(plane.names),
         "first": plane.first,
         "second": plane.second,
         "cost": plane.cost,
@@ -338,6 +342,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "shown": material.shown,
         "rig": _rig(material),
         "plane": _plane_data(material),
+        "explore_reason": not_explored(material),
         "profiles": material.beside("profiles.json"),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "environment": material.beside("environment.json") or {},

@@ -36,6 +36,21 @@ class Plane {
     if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
     this.cross();
     this.star();
+    this.picture = ctx.getImageData(0, 0, canvas.width, canvas.height);
+    if (this.now) this.follow(...this.now);
+  }
+
+  // A dot where the reader is, over the picture as it stands.
+  follow(a, b) {
+    this.now = [a, b];
+    const { ctx } = this;
+    ctx.putImageData(this.picture, 0, 0);
+    if (!this.inside(a, b)) return;
+    ctx.beginPath();
+    ctx.arc(this.x(a), this.y(b), 5, 0, 7);
+    Object.assign(ctx, { fillStyle: "#fff", strokeStyle: "#000", lineWidth: 2 });
+    ctx.fill();
+    ctx.stroke();
   }
 
   x(a) { const { first } = this.spec, { left, width } = this.box; return left + (a - first[0]) / (first.at(-1) - first[0]) * width; }
