@@ -133,9 +133,9 @@ def _might_be(material: Material, joint: str) -> float:
 
 
 def _slider(problem: Problem, name: str, e: Mapping[str, Any], reach: tuple[float, float]) -> dict[str, Any]:
-    says = {p.name: p.description for p in problem.model.parameters}
+    says = {p.name: p.description.partition(":")[0] for p in problem.model.parameters}
     return {
-        "name": name, "letter": letter(name), "unit": unit(e["unit"]), "says": says.get(name, "order").partition(":")[0],
+        "name": name, "letter": letter(name), "unit": unit(e["unit"]), "says": says.get(name, "order"),
         "value": e["value"], "interval": e["interval95"], "free": e["free"], "low": reach[0], "high": reach[1],
         "targets": [name, *(n for n, root in problem.ties.items() if root == name)],
     }  # fmt: skip
@@ -152,19 +152,12 @@ def _output(material: Material, name: str) -> dict[str, Any]:
 
 def _recording(material: Material, e: Experiment) -> dict[str, Any]:
     """One recording as ``Fracid.simulate`` takes it, and what it is held against."""
-    problem, r = material.project.problem, material.recordings[e.name]
+    problem = material.project.problem
     values, driven = problem.parametrisation.unpack(material.x, e), problem.simulator.inputs(material.x, e)
     samples = min(len(e.measured), budget(len(material.recordings)))
     rows = (samples - 1) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     sizes = problem.parametrisation.sizes(e)
-    lines = {"measured": {n: np.where(True if e.scored is None else e.scored, y, np.nan) for n, y in r.measured.items()},
-             "fitted": r.fitted}  # fmt: skip
-    drawn = samples == len(e.measured) and e.scored is None  # the page has them all
-    own = {} if drawn else {
-        kind: {n: base64_floats(material.unit(n)[1] * y[n][:samples]) for n in problem.outputs}
-        for kind, y in lines.items()
-    }
     return {
         "name": e.name,
         "step": e.step / problem.substeps,
@@ -178,7 +171,20 @@ def _recording(material: Material, e: Experiment) -> dict[str, Any]:
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
         "inputs": _doubles(inputs),
         "jumps": None if driven.jumps is None else _doubles(driven.jumps[:rows]),
-        "own": own,
+        "own": _lines(material, e, samples),
+    }
+
+
+def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[str, str]]:
+    """The measured and the fitted samples; nothing where the page draws all of them."""
+    if samples == len(e.measured) and e.scored is None:
+        return {}
+    r, outputs = material.recordings[e.name], material.project.problem.outputs
+    scored = np.ones(len(e.measured), bool) if e.scored is None else e.scored
+    shown = {n: material.unit(n)[1] for n in outputs}
+    return {
+        "measured": {n: base64_floats(np.where(scored, shown[n] * r.measured[n], np.nan)[:samples]) for n in outputs},
+        "fitted": {n: base64_floats(shown[n] * r.fitted[n][:samples]) for n in outputs},
     }
 
 
@@ -200,4 +206,3 @@ def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dic
 def _doubles(values: FloatArray) -> str:
     """Numbers as base64 of little-endian float64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
-

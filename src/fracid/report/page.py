@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
     from fracid.fit import Fit
     from fracid.problem.project import Project
+    from fracid.runs.saved import SavedRun
     from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["REPORT", "report_page", "write_report"]
@@ -116,18 +117,19 @@ def _material(
     from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
-        problem, x, cost = fit.problem, fit.x, fit.cost
-        plane = plane or _plane(problem, x, cost, jobs)
+        plane = plane or _plane(fit, fit.cost, jobs)
         return Material.of_fit(folder, fit, project, plane)
     run = load_run(folder, trust=trust)
     cost = run.result["cost"]["value"]
-    return Material.of_run(run, plane or _plane(run.problem, run.x, np.inf if cost is None else cost, jobs))
+    return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))
 
 
-def _plane(problem: Any, x: Any, cost: float, jobs: int) -> CostPlane | None:
-    from fracid.estimation.cost_plane import cost_plane
+def _plane(fit: Fit | SavedRun, cost: float, jobs: int) -> CostPlane | None:
+    from fracid.estimation.cost_plane import cost_plane, reaches
 
-    return cost_plane(problem, x, jobs=jobs) if len(problem.order_indices) >= 2 and isfinite(cost) else None
+    if len(fit.problem.order_indices) < 2 or not isfinite(cost):
+        return None
+    return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.orders), jobs=jobs)
 
 
 def report_page(material: Material) -> str:
