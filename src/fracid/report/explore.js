@@ -6,8 +6,12 @@ const AGREES = 1e-6; // of the swing: the page's solver against fracid's curve
 
 const largest = values => values.reduce((most, v) => (Math.abs(v) > most ? Math.abs(v) : most), 0);
 
+const raised = k => String(k).replace(/./g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
+
 // 10 to a whole power, the next above.
-const power = v => (v > 0 ? `10${String(Math.ceil(Math.log10(v))).replace(/./g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}` : "rounding");
+const power = v => (v > 0 ? `10${raised(Math.ceil(Math.log10(v)))}` : "rounding");
+
+const shown = (v, digits) => round(v, digits).replace(/e(.+)$/, (_, k) => `·10${raised(k.replace("−", "-"))}`);
 
 const doubles = text => new Float64Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 
@@ -17,6 +21,7 @@ class Explore {
     this.byKind("parameters").forEach(s => { s.below = s.low; });
     const choice = element("explore-recording");
     this.recordings.forEach((r, k) => choice.append(new Option(r.name, k)));
+    choice.closest("label").hidden = this.recordings.length === 1;
     this.rows = this.sliders.map(s => this.row(s));
     choice.addEventListener("change", () => this.open(Number(choice.value)));
     element("explore-best").addEventListener("click", () => this.best());
@@ -26,6 +31,8 @@ class Explore {
     element("explore-play").addEventListener("click", () => this.play(!this.playing));
     element("explore-integer").hidden = this.sliders.every(s => s.integer === null);
     element("explore-ghost").hidden = !DATA.rig;
+    this.rig = DATA.rig && new Rig(element("explore-rig"), DATA.rig, new Camera());
+    if (this.rig) player.turnable.call({ show: () => this.draw() }, this.rig);
     this.plane = Plane.all.find(p => p.canvas.id === "plane");
     if (this.plane) this.plane.spec.pick = (a, b) => this.pick(a, b);
     this.open(0);
@@ -150,7 +157,7 @@ class Explore {
       return { title: `${o.letter}, measured and simulated`, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
         series: [{ label: "measured", y: y.measured, kind: "measured" }, { label: "simulated", y: () => this.curves[k], kind: "fitted" }] };
     });
-    const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual; pale: of the best fit`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
+    const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
       series: [{ label: "of the best fit", y: line(r.measured[k].map((v, n) => v - r.fitted[k][n])), kind: "measured", digits: 3 },
         { label: "here", y: () => this.residuals[k], kind: "fitted", digits: 3 }] }));
     this.live = [];
@@ -161,7 +168,8 @@ class Explore {
       spec.built = chart => this.view && chart.zoom(...this.view);
       return new Chart(host.appendChild(Object.assign(document.createElement("div"), { className: "chart" })), spec);
     });
-    this.limits = this.outputs.map((_, k) => Math.max(largest(r.measured[k]), largest(r.fitted[k])));
+    const alpha = this.outputs.findIndex(o => o.name === "alpha");
+    if (this.rig && alpha >= 0) this.rig.frame(Array.from(r.measured[alpha], v => (Number.isFinite(v) ? 1.3 * v : 0)));
     this.look(this.firstSwings());
   }
 
@@ -214,7 +222,7 @@ class Explore {
     this.zooming = false;
     for (const { slider, input, output } of this.rows) {
       input.value = slider.now;
-      output.textContent = `${round(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
+      output.textContent = `${shown(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
       input.setAttribute("aria-valuetext", `${output.textContent}, estimate ${round(slider.value, 5)}`);
     }
     this.score(run);
@@ -358,42 +366,16 @@ class Explore {
     requestAnimationFrame(next => this.frame(next));
   }
 
-  // The arm from above and the pendulum along the arm, at one moment.
+  // The rig at one moment: simulated, and as a ghost where it was measured.
   draw() {
-    if (!DATA.rig) return;
-    const canvas = element("explore-rig"), ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
-    canvas.width = width * ratio;
-    canvas.height = height * ratio;
-    const ctx = canvas.getContext("2d"), { recording: r } = this, n = Math.min(r.samples - 1, Math.round(this.now / (r.step * r.every)));
-    ctx.scale(ratio, ratio);
-    ctx.lineCap = "round";
-    element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
-    const views = [["theta", "arm, from above", 0], ["alpha", "pendulum, along the arm", DATA.rig.alphaRest[r.name] || 0]].filter(([name]) => this.outputs.some(o => o.name === name));
-    views.forEach(([name, text, rest], v) => {
-      const k = this.outputs.findIndex(o => o.name === name), cx = width * (v + 0.5) / views.length, up = name === "alpha" && DATA.rig.zero === "upright";
-      const small = name === "alpha" && !up && Math.max(this.limits[k], 1) < 60; // a small swing has its pivot at the top
-      const long = Math.min(width / views.length / 2 - 12, small ? height - 44 : height / 2 - 16), cy = small ? 18 : (height - 12) / 2 + 2;
-      const bar = (value, colour, thick, alpha) => {
-        if (value === null || !Number.isFinite(value)) return;
-        const a = (value - rest) * Math.PI / 180, x = cx + long * (name === "alpha" ? Math.sin(a) : Math.cos(a));
-        const y = cy + (name === "alpha" ? (up ? -1 : 1) * long * Math.cos(a) : -long * Math.sin(a));
-        Object.assign(ctx, { strokeStyle: css(colour), fillStyle: css(colour), lineWidth: thick, globalAlpha: alpha });
-        ctx.beginPath();
-        ctx.moveTo(cx, cy);
-        ctx.lineTo(x, y);
-        ctx.stroke();
-        ctx.beginPath();
-        ctx.arc(x, y, 1.1 * thick, 0, 7);
-        ctx.fill();
-      };
-      bar(r.measured[k][n], "measured", 9, 0.6);
-      bar(this.curves[k][n], "fitted", 3, 1);
-      Object.assign(ctx, { fillStyle: css("soft"), globalAlpha: 1, font: "12px system-ui, sans-serif", textAlign: "center" });
-      ctx.beginPath();
-      ctx.arc(cx, cy, 3, 0, 7);
-      ctx.fill();
-      ctx.fillText(text, cx, height - 6);
+    if (!this.rig) return;
+    const { recording: r } = this, n = Math.min(r.samples - 1, Math.round(this.now / (r.step * r.every)));
+    const pose = lines => ["theta", "alpha"].map((name, k) => {
+      const at = this.outputs.findIndex(o => o.name === name), v = at < 0 ? 0 : lines[at][n];
+      return (Number.isFinite(v) ? v : 0) - (k ? DATA.rig.alphaRest[r.name] || 0 : 0);
     });
+    this.rig.draw(pose(this.curves), pose(r.measured), []);
+    element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
   }
 }
 
@@ -423,6 +405,8 @@ if (DATA.explore) {
     explore = new Explore(DATA.explore);
   }, { rootMargin: "300px" });
   near.observe(element("explore"));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => explore && explore.draw());
-  addEventListener("resize", () => explore && explore.draw());
+  const draw = () => explore && explore.draw();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  element("theme").addEventListener("change", draw);
+  addEventListener("resize", draw);
 }

@@ -21,6 +21,7 @@ from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
+from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number, unit
 from fracid.report.surface import surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
@@ -202,17 +203,19 @@ def _plane_data(material: Material) -> dict[str, Any] | None:
     plane = material.plane
     if plane is None or not np.isfinite(plane.cost).any():
         return None
-    orders = material.result["orders"]
-    best = [orders[n]["value"] for n in plane.names]
+    orders, tried, fine = material.result["orders"], _thinned(material.tried), plane.refined(61)
+    least = max(0.0, float(np.min(fine.cost[np.isfinite(fine.cost)])))
     return {
         "names": [letter(n) for n in plane.names],
         "keys": list(plane.names),
-        "first": plane.first,
-        "second": plane.second,
-        "cost": plane.cost,
-        "best": best,
+        "first": fine.first,
+        "second": fine.second,
+        "least": least,
+        "height": base64_floats(fine.cost / least - 1 if least else fine.cost),
+        "best": [orders[n]["value"] for n in plane.names],
         "intervals": [orders[n]["interval95"] for n in plane.names],
-        "tried": np.round(_thinned(material.tried), 5),
+        "tried": np.round(tried, 5),
+        "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if len(tried) else None,
         "name": material.result["cost"]["name"],
     }
 
