@@ -176,7 +176,7 @@ const Fracid = (() => {
     return series / 2;
   }
 
-  // w_0 … w_L, of the first sample `start`, and of all older ones the exponentials.
+  // w_0 … w_L, `start` in their place for the first sample, and the exponentials for all older ones.
   function kernel(family, q, steps, tolerance) {
     const one = v => Float64Array.of(v), none = new Float64Array(0), whole = { ramp: 0, shift: 1 / 6 };
     if (q === 1 && family === "pi")
