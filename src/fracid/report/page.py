@@ -287,7 +287,11 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
 def _surfaces(material: Material) -> dict[str, Markup]:
     """The cost over the orders, and the joint profile."""
     plane, joint = _plane_data(material), (_profiles(material) or {}).get("joint")
-    cost = plane and plane | {"names": [f"order {n}" for n in plane["names"]]}
+    cost = None
+    if plane and material.plane:
+        coarse = material.plane.refined(31)
+        cost = plane | {"names": [f"order {n}" for n in plane["names"]], "first": coarse.first,
+                        "second": coarse.second, "cost": coarse.cost}  # fmt: skip
     rise = joint and joint | {"cost": joint["rise"], "intervals": [None, None]}
     return {
         "plane_still": surface_still(cost) if cost else Markup(""),

@@ -27,6 +27,7 @@ class Plane {
   draw() {
     const { canvas, spec } = this, ratio = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
+    if (!width || !height) return; // on paper its drawing stands here
     canvas.width = width * ratio;
     canvas.height = height * ratio;
     const ctx = this.ctx = canvas.getContext("2d");
@@ -49,6 +50,7 @@ class Plane {
   // A dot where the reader is, over the picture as it stands.
   follow(a, b) {
     this.now = [a, b];
+    if (!this.picture) return;
     const { ctx, canvas } = this;
     ctx.clearRect(0, 0, canvas.width, canvas.height);
     ctx.drawImage(this.picture, 0, 0, canvas.clientWidth, canvas.clientHeight);
