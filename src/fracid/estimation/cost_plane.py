@@ -30,6 +30,9 @@ __all__ = ["CostPlane", "cost_plane", "reaches"]
 ERRORS = 8.0
 """Standard errors that the plane reaches to either side."""
 
+FEWEST, TENFOLD = 3.0, 10.0
+"""And at least, where the cost rises by this factor before."""
+
 WIDE = 0.15
 """Its reach in an order without a standard error."""
 
@@ -109,20 +112,39 @@ class CostPlane:
         )  # fmt: skip
 
 
-def reaches(problem: Problem, orders: Mapping[str, Estimate]) -> tuple[float, ...]:
+def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> tuple[float, ...]:
     """How far a plane reaches in each free order: eight standard errors, or 0.15 where there is none.
+
+    Down to three, where the cost rises tenfold to both sides before: where other values make up for an order its
+    interval is wide, and the cut narrow.
 
     Examples
     --------
     >>> import fracid
-    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> swing = fracid.Experiment("twin", 2e-3, np.ones((500, 2)), np.zeros((1, 1)))
     >>> free = fracid.Free(0.9, 0.5, 1.2)
-    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": free, "mu": free})
-    >>> reaches(problem, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": free, "mu": free}, initial_state="held")
+    >>> reaches(problem, problem.start, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
     (0.08, 0.15)
     """
-    free = [orders.get(u.target) for u in problem.unknowns if u.kind == "order"]
-    return tuple(ERRORS * e.standard_error if e and e.standard_error else WIDE for e in free)
+    places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
+    return tuple(_reach(problem, x, i, orders.get(problem.unknowns[i].target)) for i in places)
+
+
+def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:
+    if e is None or not e.standard_error:
+        return WIDE
+    errors, steep = ERRORS, TENFOLD * problem.cost(x)
+    while errors > FEWEST and min(_beside(problem, x, i, sign * errors * e.standard_error) for sign in (-1, 1)) > steep:
+        errors = max(FEWEST, 0.7 * errors)
+    return errors * e.standard_error
+
+
+def _beside(problem: Problem, x: FloatArray, i: int, by: float) -> float:
+    """The cost with one unknown moved, within its bounds."""
+    y, bounds = x.copy(), problem.unknowns[i].range
+    y[i] = min(max(x[i] + by, bounds.lower), bounds.upper)
+    return problem.cost(y)
 
 
 def cost_plane(
@@ -136,7 +158,7 @@ def cost_plane(
         With at least two free orders.
     x : array, shape (n_unknowns,)
         Where the other unknowns stay.
-    reach : float, or one for each order
+    reach : float, or one for each of the two
         How far from x to go (:func:`reaches`).
     points : int
         Along each order.
@@ -154,7 +176,7 @@ def cost_plane(
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=2.0)
     >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
-    ...                   initial_state="measured")
+    ...                   initial_state="held")
     >>> plane = cost_plane(problem, problem.start, points=5)
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
@@ -162,9 +184,9 @@ def cost_plane(
     at = list(problem.order_indices[:2])
     if len(at) < 2:
         raise InputError("The plane of the orders needs two free orders.")
-    far = tuple(np.broadcast_to(reach, len(problem.order_indices)).tolist())
+    far = tuple(np.broadcast_to(reach, 2).tolist())
     ranges = [problem.unknowns[i].range for i in at]
-    axes = [_axis(r.lower, r.upper, x[i], d, points) for r, i, d in zip(ranges, at, far, strict=False)]
+    axes = [_axis(r.lower, r.upper, x[i], d, points) for r, i, d in zip(ranges, at, far, strict=True)]
     grid = [(a, b) for a in axes[0] for b in axes[1]]
 
     def cost(pair: tuple[float, float]) -> float:

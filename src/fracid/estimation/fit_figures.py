@@ -146,7 +146,7 @@ class FitPictures:
         """
         from fracid.estimation.cost_plane import cost_plane, reaches
 
-        reach = reaches(self.problem, self.orders)
+        reach = reaches(self.problem, self.x, self.orders)
         plane = cost_plane(self.problem, self.x, reach=reach, points=points, jobs=jobs)
         orders = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
         best = (orders[plane.names[0]], orders[plane.names[1]])

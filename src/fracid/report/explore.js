@@ -94,7 +94,7 @@ class Explore {
       for (const kind of ["measured", "fitted"]) r[kind] = this.outputs.map(o => floats(of(kind, o.name)));
     }
     Object.assign(this, { curves: [], residuals: [], rmse: [], note: "" });
-    for (const s of this.sliders) s.now = s.value;
+    this.restore();
     const run = this.simulate();
     const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
     element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = false; });
@@ -111,15 +111,31 @@ class Explore {
     said.textContent = `This recording cannot be explored: the page's solver differs from fracid's by ${round(off, 2)} of the swing, more than rounding.`;
   }
 
-  values(changed = {}) {
-    const values = { orders: { ...this.orders }, parameters: { ...this.recording.parameters } };
-    for (const s of this.sliders) for (const name of s.targets) values[s.kind][name] = changed[s.name] ?? s.now;
-    return values;
+  // All as the fit has it.
+  restore() {
+    for (const s of this.sliders) s.now = s.value;
+    for (const u of this.recording.unknowns) u.now = u.value;
   }
 
-  simulate(changed, portion = 1) {
+  // What the run of the recording takes: the unknowns of the fit, and above them the sliders.
+  values() {
+    const r = this.recording, values = { orders: { ...this.orders }, parameters: { ...r.parameters } };
+    for (const u of r.unknowns) for (const name of u.targets) values.parameters[name] = u.now;
+    for (const s of this.sliders) for (const name of s.targets) values[s.kind][name] = s.now;
+    const initial = r.initial.slice(), deflections = r.deflections.map(d => ({ ...d }));
+    for (const u of r.unknowns) {
+      if (u.state === null || u.now === u.value) continue;
+      const share = deflections.find(d => d.state === u.state);
+      if (share) share.share = u.now;
+      else initial[u.state] = u.now;
+    }
+    return { ...values, initial, deflections };
+  }
+
+  simulate(portion = 1) {
     const r = this.recording, samples = Math.max(2, Math.round(portion * (r.samples - 1))), begin = performance.now();
-    const run = Fracid.simulate(this.program, { ...r, steps: Math.min(samples * r.every, r.steps), memory: r.steps }, this.values(changed), model);
+    const { initial, deflections, ...values } = this.values();
+    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps: Math.min(samples * r.every, r.steps), memory: r.steps }, values, model);
     run.took = performance.now() - begin;
     return run;
   }
@@ -205,7 +221,7 @@ class Explore {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.show(this.simulate({}, this.dragging ? this.portion : 1));
+      this.show(this.simulate(this.dragging ? this.portion : 1));
     });
   }
 
@@ -254,8 +270,9 @@ class Explore {
   }
 
   write() {
-    const lines = kind => this.byKind(kind).flatMap(s => s.targets.map(name => `${name} = ${Number(s.now.toPrecision(6))}`));
-    const blocks = [["model.orders", lines("orders")], ["model.parameters", lines("parameters")]].filter(([, rows]) => rows.length);
+    const lines = values => values.flatMap(s => s.targets.map(name => `${name} = ${Number(s.now.toPrecision(6))}`));
+    const sliders = this.byKind("parameters"), others = this.recording.unknowns.filter(u => u.now !== u.value && sliders.every(s => s.name !== u.name));
+    const blocks = [["model.orders", lines(this.byKind("orders"))], ["model.parameters", lines([...sliders, ...others])]].filter(([, rows]) => rows.length);
     element("explore-toml").textContent = blocks.map(([name, rows]) => `[${name}]\n${rows.join("\n")}\n`).join("\n");
   }
 
@@ -277,7 +294,7 @@ class Explore {
   best() {
     this.searching++;
     this.note = "";
-    for (const s of this.sliders) s.now = s.value;
+    this.restore();
     this.touch();
   }
 
@@ -288,52 +305,64 @@ class Explore {
     this.touch();
   }
 
-  // Every order at its integer value, and the frictions found again: Levenberg's and Marquardt's method, a step a picture.
+  // Every order at its integer value, and all else that was free, and the frictions, found again for this recording:
+  // Levenberg's and Marquardt's method, a picture a step.
   async integer() {
-    const mine = ++this.searching, frictions = this.byKind("parameters");
+    const mine = ++this.searching, frictions = this.byKind("parameters"), shown = new Set(frictions.map(s => s.name));
+    const unknowns = [
+      ...frictions.map(s => ({ of: s, lower: s.below, upper: Infinity, width: s.high - s.low })),
+      ...this.recording.unknowns.filter(u => u.state !== null || !shown.has(u.name)).map(u => ({ of: u, lower: u.lower ?? -Infinity, upper: u.upper ?? Infinity, width: u.width })),
+    ];
     for (const s of this.sliders) if (s.integer !== null) s.now = s.integer;
-    this.note = "Integer order, the frictions being found again …";
+    this.note = "Integer order, all else being found again …";
     this.touch();
     const picture = () => new Promise(done => requestAnimationFrame(done));
-    const errors = changed => {
-      const run = this.simulate(changed);
-      if (!run.completed) return null;
-      return this.outputs.map((o, k) => {
-        const width = this.program.states.length, m = this.recording.measured[k], level = this.levels ? this.bestLevels[k] : o.factor;
-        return Float64Array.from(m, (v, n) => (Number.isFinite(v) ? (v - o.factor * run.states[n * width + o.state]) / level : 0));
-      });
-    };
-    const dot = (a, b) => a.reduce((sum, y, k) => sum + y.reduce((part, v, n) => part + v * b[k][n], 0), 0);
-    let r = errors({}), damping = 1e-3;
-    for (let iteration = 0; r && frictions.length && iteration < 40; iteration++) {
+    const put = x => unknowns.forEach((u, k) => { u.of.now = Math.min(Math.max(x[k], u.lower), u.upper); });
+    let x = unknowns.map(u => u.of.now), r = this.errors(), damping = 1e-3;
+    for (let iteration = 0; r && iteration < 60; iteration++) {
       const cost = dot(r, r), J = [];
-      for (const s of frictions) {
+      for (let k = 0; k < unknowns.length; k++) {
         await picture();
         if (mine !== this.searching) return;
-        const d = 1e-3 * (s.high - s.low), moved = errors({ [s.name]: s.now + d });
-        J.push(moved ? moved.map((y, k) => y.map((v, n) => (v - r[k][n]) / d)) : r.map(y => y.map(() => 0)));
+        const d = 1e-4 * unknowns[k].width, u = unknowns[k].of;
+        u.now = x[k] + d;
+        const moved = this.errors();
+        u.now = x[k];
+        J.push(moved ? moved.map((v, n) => (v - r[n]) / d) : r.map(() => 0));
       }
-      const A = J.map(a => J.map(b => dot(a, b))), g = J.map(a => dot(a, r));
-      let lower = false;
+      const A = J.map(a => J.map(b => dot(a, b))), g = J.map(a => -dot(a, r));
+      let lower = false, found = cost;
       for (let trial = 0; trial < 8 && !lower; trial++) {
-        const step = solved(A.map((row, i) => row.map((v, j) => (i === j ? v * (1 + damping) + 1e-30 : v))), g.map(v => -v));
-        const next = frictions.map((s, k) => Math.max(s.below, s.now + step[k]));
-        const tried = errors(Object.fromEntries(frictions.map((s, k) => [s.name, next[k]]))), found = tried ? dot(tried, tried) : Infinity;
-        if (mine !== this.searching) return;
+        put(solved(A.map((row, i) => row.map((v, j) => (i === j ? v * (1 + damping) || 1 : v))), g).map((v, k) => x[k] + v));
+        const tried = this.errors();
+        found = tried ? dot(tried, tried) : Infinity;
         lower = found < cost;
         damping *= lower ? 0.2 : 8;
-        if (!lower) continue;
-        frictions.forEach((s, k) => { s.now = next[k]; });
-        this.widen();
-        r = tried;
-        this.touch();
-        await picture();
-        if (cost - found < 1e-5 * cost) iteration = 40;
+        if (lower) r = tried;
+        else put(x);
       }
-      if (!lower) break;
+      x = unknowns.map(u => u.of.now);
+      this.widen();
+      this.touch();
+      if (!lower || cost - found < 1e-4 * cost) break;
     }
-    this.note = "Integer order, the frictions found again for this recording.";
+    this.note = "Integer order, all else found again for this recording.";
     this.touch();
+  }
+
+  // Measured less simulated, all outputs in a row, as the fit weighs them; null where the run ends early.
+  errors() {
+    const run = this.simulate(), { measured, samples } = this.recording, width = this.program.states.length;
+    if (!run.completed) return null;
+    const errors = new Float64Array(samples * this.outputs.length);
+    this.outputs.forEach(({ state, factor }, k) => {
+      const level = this.levels ? this.bestLevels[k] : factor;
+      for (let n = 0; n < samples; n++) {
+        const e = measured[k][n] - factor * run.states[n * width + state];
+        errors[k * samples + n] = e === e ? e / level : 0;
+      }
+    });
+    return errors;
   }
 
   widen() {
@@ -377,6 +406,12 @@ class Explore {
     this.rig.draw(pose(this.curves), pose(r.measured), []);
     element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
   }
+}
+
+function dot(a, b) {
+  let sum = 0;
+  for (let n = 0; n < a.length; n++) sum += a[n] * b[n];
+  return sum;
 }
 
 // A x = b of a few unknowns, by elimination.

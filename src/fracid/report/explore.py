@@ -168,6 +168,7 @@ def _recording(material: Material, e: Experiment) -> dict[str, Any]:
         "limit": LIMIT * float(np.max(sizes, initial=1.0)),
         "initial": values.initial,
         "deflections": list(_deflections(problem, material.x, e)),
+        "unknowns": list(_unknowns(problem, material.x, e)),
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
         "inputs": _doubles(inputs),
         "jumps": None if driven.jumps is None else _doubles(driven.jumps[:rows]),
@@ -186,6 +187,22 @@ def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[st
         "measured": {n: base64_floats(np.where(scored, shown[n] * r.measured[n], np.nan)[:samples]) for n in outputs},
         "fitted": {n: base64_floats(shown[n] * r.fitted[n][:samples]) for n in outputs},
     }
+
+
+def _unknowns(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
+    """What was free beside the orders, and is found again where these are held at their integer values."""
+    states = problem.model.states
+    for u, value in zip(problem.unknowns, x.tolist(), strict=True):
+        if u.kind not in ("parameter", "initial") or u.experiment not in (None, e.name):
+            continue
+        lower, upper = u.range.lower, u.range.upper
+        width = upper - lower if isfinite(upper - lower) else abs(value) or 1.0
+        at = states.index(u.target) if u.kind == "initial" else None
+        yield {
+            "name": u.target, "state": at, "value": value, "lower": lower, "upper": upper,
+            "width": min(width, 10 * abs(value)) or width,
+            "targets": [n for n in problem.model.parameter_names if at is None and problem.ties.get(n, n) == u.target],
+        }  # fmt: skip
 
 
 def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:

@@ -130,7 +130,7 @@ def _plane(fit: Fit | SavedRun, cost: float, jobs: int) -> CostPlane | None:
 
     if len(fit.problem.order_indices) < 2 or not isfinite(cost):
         return None
-    return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.orders), jobs=jobs)
+    return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=jobs)
 
 
 def report_page(material: Material) -> str:

@@ -105,7 +105,7 @@ def _draw(
     rest = saved(of_search(fit), folder)
     if isfinite(fit.cost):
         two = len(fit.problem.order_indices) >= 2
-        reach = reaches(fit.problem, fit.orders)
+        reach = reaches(fit.problem, fit.x, fit.orders) if two else 0.0
         plane = cost_plane(fit.problem, fit.x, reach=reach, jobs=jobs) if two else None
         rest += saved(of_plane(fit, plane, folder), folder) if plane is not None else ()
         rest += (write_report(folder, fit, project, plane=plane, jobs=jobs),)

@@ -119,7 +119,7 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
 def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
     plane: Figures = iter(())
     if len(run.problem.order_indices) >= 2:
-        reach = reaches(run.problem, run.orders)
+        reach = reaches(run.problem, run.x, run.orders)
         plane = of_plane(run, cost_plane(run.problem, run.x, reach=reach, jobs=jobs), run.folder, style)
     return chain(
         of_rig(run.problem.model, style), of_recordings(run.recordings, run.resolutions, style),
