@@ -47,7 +47,7 @@ class Explore {
     const make = (name, more, parent = host) => Object.assign(parent.appendChild(document.createElement(name)), more);
     host.className = "slide";
     const label = make("label", { htmlFor: id, textContent: slider.letter });
-    make("small", { textContent: slider.free ? slider.says : `${slider.says}; not fitted` }, label);
+    make("small", { textContent: slider.free ? slider.says : `${slider.says}; given` }, label);
     const output = make("output", {}), track = make("div", { className: "track" });
     output.htmlFor.add(id);
     const parts = slider.interval ? [make("span", { className: "interval" }, track)] : [];
