@@ -446,8 +446,8 @@ const Fracid = (() => {
 
   function store(run, x, n, out) {
     if (n % run.every) return;
-    out.states.set(x, out.samples * x.length);
-    out.samples++;
+    const at = out.samples++ * x.length;
+    for (let i = 0; i < x.length; i++) out.states[at + i] = x[i];
   }
 
   function finite(f, S) {
