@@ -17,7 +17,7 @@ from fracid.errors import InputError
 from fracid.export.recursion import TIGHT, Case
 from fracid.models.joints import Complement
 from fracid.problem.simulator import LIMIT
-from fracid.solver.methods import METHODS
+from fracid.solver.methods import METHODS, Method
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
@@ -33,8 +33,8 @@ FUNCTIONS = {"fabs": "Math.abs", "fmin": "Math.min", "fmax": "Math.max", "copysi
 
 COPYSIGN = "const copysign = (size, sign) => (sign < 0 || Object.is(sign, -0) ? -Math.abs(size) : Math.abs(size));\n"
 
-METHODS_THERE = ("pi2", "pi2-implicit", "gl", "gl-sequential", "gl-paper")
-"""What ``recursion.js`` steps with."""
+FAMILIES = ("pi", "gl")
+"""Whose weights and start ``recursion.js`` makes."""
 
 TEMPLATE = """\
 // The identified fractional model as a JavaScript module without dependencies, for browsers and Node.
@@ -114,9 +114,17 @@ def program(problem: Problem) -> dict[str, Any]:
         "orders": [{"complement": q.parameter} if isinstance(q, Complement) else q for q in model.orders],
         "relaxing": list(model.relaxing_states),
         "width": max(1, len(model.inputs)),
-        "method": problem.method,
+        **_scheme(METHODS[problem.method]),
         "tolerance": _tolerance(problem),
     }
+
+
+def _scheme(method: Method) -> dict[str, Any]:
+    """How ``recursion.js`` steps with a method; nothing where it cannot."""
+    if method.exported is None or method.family not in FAMILIES:
+        return {}
+    return {"family": method.family, "newton": method.exported.newton, "raw": method.raw,
+            "lastFirst": method.exported.last_first}  # fmt: skip
 
 
 def _tolerance(problem: Problem) -> float | None:
@@ -140,8 +148,8 @@ def no_javascript(problem: Problem) -> str:
     """
     if problem.model.written is None or "c" not in problem.model.written.code:
         return f"The model {problem.model.name!r} is a Python program of yours, which fracid does not translate."
-    if problem.method not in METHODS_THERE:
-        known = ", ".join(n for n in METHODS_THERE if METHODS[n].exported)
+    if not _scheme(METHODS[problem.method]):
+        known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
         return f"The method {problem.method} is not written in JavaScript; {known} are."
     if _tolerance(problem) is None:
         return f"The memory {problem.memory.name} is not written in JavaScript; compressed and full are."

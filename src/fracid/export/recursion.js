@@ -2,7 +2,8 @@
 // fracid's solver in plain JavaScript: D^q x = f(x, u), q between 0 and 2, by the same schemes, memory and start as
 // fracid.solver, to rounding.  Names and formulas are those of its modules, which derive them.
 //
-//   Fracid.solve(f, { orders, gain, initial, step, steps, every, method, tolerance, limit, inputs, jumps, width, relaxing })
+//   Fracid.solve(f, { orders, gain, initial, step, steps, every, tolerance, limit, inputs, jumps, width, relaxing,
+//                     family, newton, raw, lastFirst })
 //
 //   f(x, u, out)      fills out with D^q x, and behind it, of states that relax, the rate with which they forget
 //   gain              h^q τ^(1−q) of each state
@@ -10,7 +11,8 @@
 //   memory            steps that the tables hold at least: runs of several lengths share those of the longest
 //   → { states, samples, completed }, a row of states for every so many steps
 //
-// Methods: pi2, pi2-implicit, gl, gl-sequential, gl-paper.
+// family "pi" is pi2, with Newton's method at every step if `newton`; "gl" is gl, gl-sequential if `lastFirst`, and
+// gl-paper if `raw`.
 
 const Fracid = (() => {
   const { abs, exp, expm1, log, log1p, max, min, pow, PI, sin, sinh, sqrt, ceil, round } = Math;
@@ -458,15 +460,15 @@ const Fracid = (() => {
   // --- the schemes: fracid.solver.schemes ------------------------------------------------------------
 
   function stepGl(f, run, out) {
-    const S = run.orders.length, raw = run.method === "gl-paper", sequential = run.method === "gl-sequential", { inputs, width, gain } = run;
+    const S = run.orders.length, { raw, lastFirst, inputs, width, gain } = run;
     const x = run.initial.slice(), d = new Float64Array(2 * S), origin = raw ? new Float64Array(S) : run.initial.slice();
     const sums = Array.from(run.orders, (q, i) => new Sum(kernelOf("gl", q, run.memory, run.tolerance), run.steps, x[i] - origin[i]));
     store(run, x, 0, out);
     for (let n = 1; n <= run.steps; n++) {
       const u = inputs.length > width ? inputs.subarray((n - 1) * width, n * width) : inputs;
-      if (!sequential) f(x, u, d);
+      if (!lastFirst) f(x, u, d);
       for (let i = S - 1; i >= 0; i--) {
-        if (sequential) f(x, u, d);
+        if (lastFirst) f(x, u, d);
         const v = gain[i] * d[i] - sums[i].at(n);
         sums[i].v[n] = v;
         x[i] = origin[i] + v;
@@ -480,7 +482,7 @@ const Fracid = (() => {
   const SLOW = 0.25, SETTLED = 1e-9, SMALL = 1e-3, NEWTON = 12, EARLY = 64, UNSETTLED = 0.05;
 
   function stepPi(f, run, out) {
-    const S = run.orders.length, { inputs, jumps, width, gain, relaxing, limit, step: h } = run, corrections = run.method === "pi2-implicit" ? 0 : 1;
+    const S = run.orders.length, { inputs, jumps, width, gain, relaxing, limit, step: h } = run, corrections = run.newton ? 0 : 1;
     const { together, begun, knots, C } = startTogether(f, run), free = together + 1;
     const x = run.initial.slice(), d = new Float64Array(2 * S), before = new Float64Array(S), last = new Float64Array(S);
     const known = new Float64Array(S), scale = new Float64Array(S), newest = new Float64Array(S), trial = new Float64Array(2 * S);
@@ -637,7 +639,7 @@ const Fracid = (() => {
   function atJumps(run) {
     if (!run.jumps) return;
     const { inputs, jumps, width } = run;
-    if (run.method.startsWith("gl")) {
+    if (run.family === "gl") {
       run.inputs = jumps;
       run.jumps = null;
     } else if (run.orders.some(q => q !== 1)) {
@@ -652,16 +654,16 @@ const Fracid = (() => {
   function solve(f, run) {
     const states = run.orders.length, every = run.every || 1, width = run.width || 1;
     const inputs = run.inputs || new Float64Array(width), relaxing = run.relaxing || [];
-    const whole = { tolerance: 1e-10, limit: 1e4, jumps: null, method: "pi2", ...run, inputs, every, width, relaxing, memory: max(run.steps, run.memory || 0, SHORTEST) };
+    const whole = { tolerance: 1e-10, limit: 1e4, jumps: null, ...run, inputs, every, width, relaxing, memory: max(run.steps, run.memory || 0, SHORTEST) };
     const out = { states: new Float64Array((Math.floor(run.steps / every) + 1) * states), samples: 0, completed: false };
     whole.initial = Float64Array.from(run.initial);
     atJumps(whole);
-    (whole.method.startsWith("gl") ? stepGl : stepPi)(f, whole, out);
+    (run.family === "gl" ? stepGl : stepPi)(f, whole, out);
     return out;
   }
 
   // A model's run of one recording with other values.
-  //   program     { states, orders, relaxing, width, method, tolerance }: of each state the name of its order, the order
+  //   program     { states, orders, relaxing, width, tolerance, family, … }: of each state the name of its order, the order
   //               itself, or { complement: parameter }
   //   recording   { step, steps, every, limit, initial, inputs, jumps }; deflections: of each state that relaxes its δ,
   //               and which share of it the joint has given at the start, null for one that slides
