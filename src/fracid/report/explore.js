@@ -8,6 +8,12 @@ const largest = values => values.reduce((most, v) => (Math.abs(v) > most ? Math.
 
 const raised = k => String(k).replace(/./g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
 
+// How far an axis goes for a value: in few steps, for it to stay while a slider moves.
+const roomFor = v => {
+  const power = 10 ** Math.floor(Math.log10(v || 1));
+  return [1.2, 2, 3, 5, 7.5, 12].map(m => m * power).find(room => room >= 1.04 * v);
+};
+
 // 10 to a whole power, the next above.
 const power = v => (v > 0 ? `10${raised(Math.ceil(Math.log10(v)))}` : "rounding");
 
@@ -103,6 +109,7 @@ class Explore {
     if (!(Math.max(...off) <= AGREES)) return this.refuse(Math.max(...off));
     this.agreement = Math.max(...off);
     this.bestLevels = [...this.rmse];
+    this.bestMost = this.residuals.map(largest);
     this.build();
     return this.show(run);
   }
@@ -175,7 +182,14 @@ class Explore {
       return { title: `${o.letter}, measured and simulated`, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
         series: [{ label: "measured", y: y.measured, kind: "measured" }, { label: "simulated", y: () => this.curves[k], kind: "fitted" }] };
     });
+    const reach = this.outputs.map(() => 0);
     const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
+      yrange: () => [-reach[k], reach[k]],
+      grow: () => {
+        const next = roomFor(Math.max(largest(this.residuals[k]), this.bestMost[k])), grown = next !== reach[k];
+        reach[k] = next;
+        return grown;
+      },
       series: [{ label: "of the best fit", y: line(r.measured[k].map((v, n) => v - r.fitted[k][n])), kind: "measured", digits: 3 },
         { label: "here", y: () => this.residuals[k], kind: "fitted", digits: 3 }] }));
     this.live = [];
@@ -183,12 +197,45 @@ class Explore {
       const [, { y }] = spec.series;
       this.live.push(y);
       spec.series[1].y = y();
-      spec.built = chart => this.view && chart.zoom(...this.view);
+      const k = this.live.length - 1;
+      if (spec.grow) spec.grow();
+      spec.built = chart => {
+        chart.plot.series[2].show = false;
+        chart.plot.over.appendChild(document.createElement("canvas")).className = "live";
+        chart.plot.hooks.draw.push(() => this.overlay(k));
+        if (this.view) chart.zoom(...this.view);
+      };
       return new Chart(host.appendChild(Object.assign(document.createElement("div"), { className: "chart" })), spec);
     });
     const alpha = this.outputs.findIndex(o => o.name === "alpha");
     if (this.rig && alpha >= 0) this.rig.frame(Array.from(r.measured[alpha], v => (Number.isFinite(v) ? 1.3 * v : 0)));
     this.look(this.firstSwings());
+  }
+
+  // The curve that moves, on a canvas of its own above what stays: what is drawn anew at each picture is one line.
+  overlay(k) {
+    const { plot, spec } = this.charts[k] || {}, canvas = plot && plot.over.querySelector(".live");
+    if (!canvas || plot.scales.y.min === null) return;
+    const ratio = devicePixelRatio || 1, width = plot.over.clientWidth, height = plot.over.clientHeight, ctx = canvas.getContext("2d");
+    const { min, max } = plot.scales.x, { min: low, max: high } = plot.scales.y, y = spec.series[1].y, step = this.recording.step * this.recording.every;
+    const first = Math.max(0, Math.floor(min / step)), last = Math.min(y.length - 1, Math.ceil(max / step)), bin = Math.max(1, Math.floor((last - first) / width));
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio))
+      Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio), ariaHidden: "true" });
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.clearRect(0, 0, width, height);
+    Object.assign(ctx, { strokeStyle: css("fitted"), lineWidth: 1.5, lineJoin: "bevel" });
+    ctx.beginPath();
+    const at = n => (y[n] === null ? 0 : ctx.lineTo((n * step - min) / (max - min) * width, (high - y[n]) / (high - low) * height));
+    for (let n = first; n <= last; n += bin) {           // of many samples to a pixel the least and the greatest
+      let least = n, most = n;
+      for (let m = n + 1; m < n + bin && m <= last; m++) {
+        if (y[m] < y[least]) least = m;
+        if (y[m] > y[most]) most = m;
+      }
+      at(Math.min(least, most));
+      if (least !== most) at(Math.max(least, most));
+    }
+    ctx.stroke();
   }
 
   // As long as the recording moves by more than a tenth of its most, and half as long again.
@@ -234,8 +281,9 @@ class Explore {
     this.charts.forEach((chart, k) => {
       chart.spec.series[1].y = this.live[k]();
       if (!chart.plot) return;
-      chart.plot.setData([chart.spec.x, ...chart.spec.series.map(s => s.y)], false);
-      chart.plot.redraw(true, true);
+      chart.plot.setData([chart.spec.x, ...chart.spec.series.map(s => s.y)], false); // for the values under the cursor
+      if (chart.spec.grow && chart.spec.grow()) chart.plot.redraw(true, true);
+      else this.overlay(k);
     });
     this.zooming = false;
     for (const { slider, input, output } of this.rows) {
