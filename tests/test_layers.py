@@ -31,7 +31,8 @@ LAYERS = (
     {"fit"},
     {"identification"},
     {"plots", "runs"},
-    {"export", "report"},
+    {"export"},
+    {"report"},
     {"workflows"},
     {"cli"},
 )

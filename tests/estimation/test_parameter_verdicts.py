@@ -47,6 +47,14 @@ def test_the_plane_stays_within_the_bounds_and_grows_steadily(centre):
         assert 0.5 <= axis[0] < axis[-1] <= 1.2
 
 
+def test_each_order_has_its_own_reach_and_the_points_gather_at_the_minimum():
+    plane = cost_plane(problem(), np.array([0.9, 0.95]), points=9, reach=(0.1, 0.02))
+    assert np.ptp(plane.first) == pytest.approx(0.2)
+    assert np.ptp(plane.second) == pytest.approx(0.04)
+    widths = np.diff(plane.first)
+    assert widths[3] == widths.min() < 0.5 * widths[0]
+
+
 def test_other_unknowns_stay_where_they_are_and_jobs_change_nothing():
     p = problem(parameters={"C1": Free(4e-3, 1e-3, 1e-2)})
     x = np.array([0.9, 0.95, 5e-3])

@@ -278,7 +278,25 @@ def test_the_best_point_the_truth_and_the_search_are_shown():
     assert r"best: $\lambda$ = 0.8600, $\mu$ = 0.9100" in said
     assert r"true: $\lambda$ = 0.8623, $\mu$ = 0.9146" in said
     inside = np.count_nonzero((tried[:, 0] >= 0.7) & (tried[:, 0] <= 1.0))
-    assert f"evaluations ({inside} of 21 in this window)" in said
+    assert f"evaluations ({inside} of 21 in this window; the corner: $\\lambda$ 0.60–1.10, $\\mu$ 0.90–0.90)" in said
+    (corner,) = figure.axes[0].child_axes
+    np.testing.assert_allclose(corner.lines[0].get_xydata(), tried)
+
+
+def test_a_search_that_stayed_on_the_plane_needs_no_corner():
+    figure = cost_plane(LAMBDA, MU, VALLEY, evaluations=[[0.8, 0.9], [0.86, 0.91]])
+    assert "evaluations (2)" in words(figure)
+    assert not figure.axes[0].child_axes
+
+
+def test_a_shallow_valley_is_told_apart_by_colour_down_to_a_hundredth_of_its_width():
+    shallow = 1 + 1e-3 * ((LAMBDA[:, None] - 0.85) ** 2 + (MU - 0.95) ** 2)
+    figure = cost_plane(LAMBDA, MU, shallow)
+    bar = figure.axes[1]
+    assert bar.get_ylabel() == "cost above its least [–]"
+    assert {"+0.001 %", "+0.0001 %"} <= {text.get_text() for text in bar.get_yticklabels()}
+    levels = figure.axes[0].collections[0].levels
+    assert levels[-1] - levels[0] > 1.5
 
 
 def test_runs_that_nearly_diverge_do_not_take_the_colours_from_the_valley():
@@ -305,7 +323,7 @@ def test_diverging_runs_are_hatched_and_named():
         (np.full((13, 11), 2.0), "2"),
         (np.zeros((13, 11)), "0"),
         (VALLEY - 1, "lines of equal cost"),
-        (VALLEY * 1e-300, "multiples of the least cost"),
+        (VALLEY * 1e-300, "lines of equal rise"),
         (np.where(LEAST, 1e-200, VALLEY), "lines of equal cost"),
         (np.where(LEAST, 1, np.inf), "diverges"),
     ],

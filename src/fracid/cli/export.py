@@ -1,4 +1,4 @@
-"""``fracid export RUN``: the result for MATLAB, C, spreadsheets and control design."""
+"""``fracid export RUN``: the result for MATLAB, C, JavaScript, spreadsheets and control design."""
 
 from __future__ import annotations
 
@@ -45,6 +45,8 @@ def export(
     matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
 
     c: fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.
+
+    javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
     csv: a table for each recording.
 

@@ -2,25 +2,45 @@
 
 A long narrow valley shows two orders that compensate each other; a minimum at the edge shows a bound.  The plane is a
 cut, not a profile: other parameters are not re-estimated, so its valleys are narrower than the intervals.
+
+Each order has its own reach, eight standard errors where it has one (:func:`reaches`), and the points of its axis lie
+closer together near the minimum.  :meth:`CostPlane.refined` draws a smooth surface through them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
 from fracid.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CostPlane", "cost_plane"]
+__all__ = ["CostPlane", "cost_plane", "reaches"]
+
+ERRORS = 8.0
+"""Standard errors that the plane reaches to either side."""
+
+FEWEST, TENFOLD = 3.0, 10.0
+"""And at least, where the cost rises by this factor before."""
+
+WIDE = 0.15
+"""Its reach in an order without a standard error."""
+
+GATHERED = 1.6
+"""The points of an axis lie at this power of equal parts of it."""
+
+STEEP = 1e3
+"""A cost that rises by this factor over the plane is not refined: a smooth surface through it would ring."""
 
 
 # --- the plane of the orders -------------------------------------------------------------------------
@@ -38,6 +58,28 @@ class CostPlane:
     """Values of the second, shape (m,)."""
     cost: FloatArray
     """Shape (n, m); infinite where the run diverges."""
+
+    def refined(self, points: int = 121) -> CostPlane:
+        """A smooth surface through the plane on an even grid; itself where a run failed, or it is too steep for that.
+
+        The square of the cost is what is smooth at the minimum, by splines.
+
+        Examples
+        --------
+        >>> orders = np.linspace(0.8, 1.0, 9)
+        >>> bowl = CostPlane(("lambda", "mu"), orders, orders, np.sqrt(1 + (orders[:, None] - 0.9) ** 2 + orders**2))
+        >>> fine = bowl.refined(41)
+        >>> fine.cost.shape, bool(abs(fine.cost[3, 7] - np.sqrt(1 + 0.085**2 + 0.835**2)) < 1e-12)
+        ((41, 41), True)
+        """
+        z = self.cost
+        if min(z.shape) < 4 or not np.isfinite(z).all() or not 0 < z.min() <= z.max() < STEEP * z.min():
+            return self
+        from scipy.interpolate import RectBivariateSpline
+
+        first, second = (np.linspace(axis[0], axis[-1], points) for axis in (self.first, self.second))
+        square = RectBivariateSpline(self.first, self.second, (z / z.min()) ** 2)(first, second)
+        return replace(self, first=first, second=second, cost=z.min() * np.sqrt(np.maximum(square, 1.0)))
 
     def plot(
         self, *, best: tuple[float, float] | None = None, evaluations: FloatArray | None = None,
@@ -61,15 +103,53 @@ class CostPlane:
         >>> orders = np.linspace(0.8, 1.0, 5)
         >>> plane = CostPlane(("lambda", "mu"), orders, orders, 1.0 + (orders[:, None] - orders) ** 2)
         >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
-        'RMSE [rad]'
+        'RMSE above its least [–]'
         """
+        fine = self.refined()
         return draw(
-            "cost_plane", self.first, self.second, self.cost, best=best, evaluations=evaluations, cost_name=cost_name,
+            "cost_plane", fine.first, fine.second, fine.cost, best=best, evaluations=evaluations, cost_name=cost_name,
             names=self.names, style=style,
         )  # fmt: skip
 
 
-def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: int = 21, jobs: int = 1) -> CostPlane:
+def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> tuple[float, ...]:
+    """How far a plane reaches in each free order: eight standard errors, or 0.15 where there is none.
+
+    Down to three, where the cost rises tenfold to both sides before: where other values make up for an order its
+    interval is wide, and the cut narrow.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.ones((500, 2)), np.zeros((1, 1)))
+    >>> free = fracid.Free(0.9, 0.5, 1.2)
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": free, "mu": free}, initial_state="held")
+    >>> reaches(problem, problem.start, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
+    (0.08, 0.15)
+    """
+    places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
+    return tuple(_reach(problem, x, i, orders.get(problem.unknowns[i].target)) for i in places)
+
+
+def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:
+    if e is None or not e.standard_error:
+        return WIDE
+    errors, steep = ERRORS, TENFOLD * problem.cost(x)
+    while errors > FEWEST and min(_beside(problem, x, i, sign * errors * e.standard_error) for sign in (-1, 1)) > steep:
+        errors = max(FEWEST, 0.7 * errors)
+    return errors * e.standard_error
+
+
+def _beside(problem: Problem, x: FloatArray, i: int, by: float) -> float:
+    """The cost with one unknown moved, within its bounds."""
+    y, bounds = x.copy(), problem.unknowns[i].range
+    y[i] = min(max(x[i] + by, bounds.lower), bounds.upper)
+    return problem.cost(y)
+
+
+def cost_plane(
+    problem: Problem, x: FloatArray, *, reach: float | Sequence[float] = WIDE, points: int = 21, jobs: int = 1
+) -> CostPlane:
     """Evaluate the cost around x over the problem's first two free orders, within their bounds.
 
     Parameters
@@ -78,8 +158,8 @@ def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: 
         With at least two free orders.
     x : array, shape (n_unknowns,)
         Where the other unknowns stay.
-    reach : float
-        How far from x to go in each order.
+    reach : float, or one for each of the two
+        How far from x to go (:func:`reaches`).
     points : int
         Along each order.
 
@@ -96,7 +176,7 @@ def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: 
     >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=2e-3, end=2.0)
     >>> swing = Experiment("twin", 2e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
-    ...                   initial_state="measured")
+    ...                   initial_state="held")
     >>> plane = cost_plane(problem, problem.start, points=5)
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
@@ -104,7 +184,9 @@ def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: 
     at = list(problem.order_indices[:2])
     if len(at) < 2:
         raise InputError("The plane of the orders needs two free orders.")
-    axes = [_axis(problem.unknowns[i].range.lower, problem.unknowns[i].range.upper, x[i], reach, points) for i in at]
+    far = tuple(np.broadcast_to(reach, 2).tolist())
+    ranges = [problem.unknowns[i].range for i in at]
+    axes = [_axis(r.lower, r.upper, x[i], d, points) for r, i, d in zip(ranges, at, far, strict=True)]
     grid = [(a, b) for a in axes[0] for b in axes[1]]
 
     def cost(pair: tuple[float, float]) -> float:
@@ -119,7 +201,8 @@ def cost_plane(problem: Problem, x: FloatArray, *, reach: float = 0.15, points: 
 
 
 def _axis(lower: float, upper: float, centre: float, reach: float, points: int) -> FloatArray:
-    """Points that hold the centre itself, within the bounds."""
+    """Points that hold the centre itself, closer together near it, within the bounds."""
     low, high = max(lower, centre - reach), min(upper, centre + reach)
     below = round((points - 1) * (centre - low) / (high - low))
-    return np.concatenate([np.linspace(low, centre, below + 1)[:-1], np.linspace(centre, high, points - below)])
+    left, right = np.linspace(1, 0, below + 1)[:-1], np.linspace(0, 1, points - below)
+    return np.concatenate([centre + (low - centre) * left**GATHERED, centre + (high - centre) * right**GATHERED])

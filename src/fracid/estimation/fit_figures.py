@@ -64,6 +64,11 @@ class Fitted(Protocol):
         ...
 
     @property
+    def orders(self) -> Mapping[str, Estimate]:
+        """By name."""
+        ...
+
+    @property
     def parameters(self) -> Mapping[str, Estimate]:
         """By name."""
         ...
@@ -139,9 +144,10 @@ class FitPictures:
         InputError
             If fewer than two orders are free.
         """
-        from fracid.estimation.cost_plane import cost_plane
+        from fracid.estimation.cost_plane import cost_plane, reaches
 
-        plane = cost_plane(self.problem, self.x, points=points, jobs=jobs)
+        reach = reaches(self.problem, self.x, self.orders)
+        plane = cost_plane(self.problem, self.x, reach=reach, points=points, jobs=jobs)
         orders = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
         best = (orders[plane.names[0]], orders[plane.names[1]])
         return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)

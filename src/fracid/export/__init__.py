@@ -1,17 +1,19 @@
-"""A run taken elsewhere: MATLAB and Octave, C, spreadsheets, control design.
+"""A run taken elsewhere: MATLAB and Octave, C, JavaScript, spreadsheets, control design.
 
 ===============  =============================================  =============================
 format           files                                          module
 ===============  =============================================  =============================
 ``matlab``       ``results.mat``, ``model.m``                   :mod:`fracid.export.matlab`
 ``c``            ``fracid_model.c``, ``fracid_model.h``         :mod:`fracid.export.c`
+``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
 ``state-space``  ``state_space.json``, step and Bode figures    :mod:`fracid.export.state_space`
 ``json``         ``export.json``: the result with its curves    :mod:`fracid.export.table`
 ===============  =============================================  =============================
 
 Programs (``model.m``, the C function) step as :mod:`fracid.solver.schemes` does, with tables of numbers that
-:mod:`fracid.export.recursion` takes out of the compiled loops.  Nothing is written outside of the folder that is given.
+:mod:`fracid.export.recursion` takes out of the compiled loops; the JavaScript makes these tables itself, for any order.
+Nothing is written outside of the folder that is given.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'javascript', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -140,6 +142,23 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
         yield f"fracid_model.c starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
+def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.javascript import javascript_model, no_javascript
+    from fracid.files import write_text
+
+    if reason := no_javascript(run.problem):
+        yield f"{reason} There is no fracid_model.mjs."
+        return
+    first = run.problem.experiments[0]
+    text = javascript_model(run.problem, run.x, first, run.folder.name)
+    write_text(folder / "fracid_model.mjs", text)
+    yield folder / "fracid_model.mjs"
+    if run.problem.per_recording or len(run.problem.experiments) > 1:
+        yield f"fracid_model.mjs has the start and the constants of the recording {first.name!r}."
+    if first.past is not None:
+        yield f"fracid_model.mjs starts without a past; {first.name!r} was fitted with the one that was measured."
+
+
 def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import csv_tables
     from fracid.files import write_text
@@ -176,5 +195,5 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
 
 
 FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c,
-           "csv": _csv, "json": _json, "state-space": _state_space}  # fmt: skip
+           "javascript": _javascript, "csv": _csv, "json": _json, "state-space": _state_space}  # fmt: skip
 """(run, folder, longest run) → the files that it wrote, and sentences."""

@@ -209,14 +209,14 @@ static double sliding(double v, double f, double s, double v_st)
 """
 
 C_PRESLIDING = """
-/* The joint gives by delta before it slides: z' = v - rate z; f holds z', and the rate with which z forgets. */
+/* The joint gives by delta before it slides: z' = v - rate z; out holds z', and the rate with which z forgets. */
 static double presliding(double z, double v, double f, double s, double v_st, double delta, double sigma1,
-                         double *derivative, double *rate)
+                         double out[], int derivative, int rate)
 {
     const double rest = f + s, part = rest > 0 ? fmax(stribeck(v, f, s, v_st) / rest, 1e-9) : 1;
-    *rate = delta > 0 ? fabs(v) / (delta * part) : 0;
-    *derivative = delta > 0 ? v - *rate * z : 0;
-    return delta > 0 ? rest / delta * z + sigma1 * *derivative : sliding(v, f, s, v_st);
+    out[rate] = delta > 0 ? fabs(v) / (delta * part) : 0;
+    out[derivative] = delta > 0 ? v - out[rate] * z : 0;
+    return delta > 0 ? rest / delta * z + sigma1 * out[derivative] : sliding(v, f, s, v_st);
 }
 """
 
@@ -228,7 +228,7 @@ C_JOINT = {
     "z": """\
     const double joint_$joint =
         presliding(x[$z], $rate, coulomb_$joint, stiction_$joint, stribeck_speed_$joint, presliding_$joint,
-                   presliding_damping_$joint, &f[$z], &f[$forgets])$springpot;
+                   presliding_damping_$joint, f, $z, $forgets)$springpot;
 """,
 }
 

@@ -77,7 +77,7 @@ BRIEF = {
     "rounding of the encoder alone": "rounding",
     "the swing and its multiples": "swing harmonics",
     "parabola of the sandwich": "parabola",
-    "multiples of the least cost": "× least cost",
+    "lines of equal rise": "equal rise",
     ", left in another's minimum": ", merged",
     "± claimed standard error": "± claimed error",
     "95 % interval of the fit": "95 % interval",

@@ -23,8 +23,19 @@ __all__ = ["cost_plane"]
 ROOM = 0.06
 """A line that is narrower than this part of the plane has no room for its number."""
 
-MULTIPLES = (1.2, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
-"""Of the least cost, where lines are drawn."""
+DECADES = 4.0
+"""Of the rise above the least cost that are told apart by colour: a hundredth of the way to the edge has its own."""
+
+BOTTOMLESS = 1e4
+"""A least cost that is this much below the median is an exact twin's: its multiples mean nothing."""
+
+RISES = {1e-2 * percent: f"+{percent:g} %" for percent in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10)} | {
+    multiple - 1.0: f"×{multiple}" for multiple in (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
+}
+"""Of the cost above its least, where lines are drawn, and what they are called."""
+
+INSET = 0.27
+"""Of the plane's width and height, where the whole search is shown beside it."""
 
 
 def cost_plane(
@@ -39,7 +50,9 @@ def cost_plane(
     names: tuple[str, str] = ("lambda", "mu"),
     style: str | Style = "screen",
 ) -> Figure:
-    """Draw the cost over the plane of two orders: filled by its logarithm, lines at multiples of the least.
+    """Draw the cost over the plane of two orders: filled by the logarithm of its rise above the least, with lines.
+
+    Where the search went beyond the plane, a corner shows the whole of it, and the plane as a frame in it.
 
     Parameters
     ----------
@@ -73,7 +86,7 @@ def cost_plane(
     >>> valley = 1e-3 + (orders[:, None] - 0.86) ** 2 + 9 * (orders - 0.91) ** 2
     >>> figure = cost_plane(orders, orders, valley, best=(0.86, 0.91), cost_name="itae")
     >>> [axes.get_ylabel() for axes in figure.axes]
-    ['order $\\\\mu$ [–]', 'ITAE [rad s²]']
+    ['order $\\\\mu$ [–]', 'ITAE above its least [–]']
     """
     first, second, values = _checked_plane(lambda_values, mu_values, cost)
     figure = appearance.new(7, 5.8, style)
@@ -85,7 +98,7 @@ def cost_plane(
         _filled(figure, axes, (first, second, values), cost_name)
     else:
         appearance.note(axes, "every simulation diverges", 0.93)
-    _search(figure, axes, evaluations, (first[[0, -1]], second[[0, -1]]))
+    _search(figure, axes, evaluations, (first, second, values), names, best)
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
     places = {
         what: f"{what}: " + ", ".join(f"{appearance.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
@@ -115,25 +128,39 @@ def _checked_plane(
 
 
 def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, FloatArray], cost_name: str) -> None:
-    """Colours by log10 of the cost, lines at multiples of its least; by the cost itself where it has no logarithm."""
+    """Colours by log10 of the cost's rise above its least; by the cost itself where that has no meaning."""
     import matplotlib as mpl
 
     first, second, values = plane
-    logarithmic = not (values <= 0).any()
-    depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
-    least, (low, high) = float(depth.min()), _depths(depth.compressed(), logarithmic)
-    shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light enough for black lines
+    finite, name = values[np.isfinite(values)], appearance.cost_label(cost_name)
+    least, shades = float(finite.min()), mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light under black lines
+    rising = 0 < least < finite.max() and np.median(finite) < BOTTOMLESS * least
+    if rising:
+        rise = np.ma.masked_invalid(values).T / least - 1
+        low, high = _between(rise.compressed())
+        depth, places = np.ma.log10(np.maximum(rise, 10**low)), {float(np.log10(r)): t for r, t in RISES.items()}
+        bar_label, legend = f"{name[0]} above its least [–]", "lines of equal rise"
+    else:
+        logarithmic = not (values <= 0).any()
+        depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
+        low, high = _depths(depth.compressed(), logarithmic)
+        places = {v: f"{10**v if logarithmic else v:.3g}" for v in _ticks(low, high, logarithmic)}
+        bar_label, legend = " ".join(name), "lines of equal cost"
     colours = axes.contourf(first, second, depth, levels=np.linspace(low, high, 25), colors=shades, extend="both")
-    beyond = (0.03 * (low > least), 0.03 * (high < depth.max()))  # arrows, where the colours end before the costs do
+    beyond = (0.03 * (low > depth.min()), 0.03 * (high < depth.max()))  # arrows, where the colours end before the costs
     bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
-    ticks = {f"{10**v if logarithmic else v:.3g}": v for v in reversed(_ticks(low, high, logarithmic))}
+    ticks = {text: v for v, text in sorted(places.items(), reverse=True) if low <= v <= high}
     bar.set_ticks(list(ticks.values()), labels=list(ticks))
     bar.ax.tick_params(labelsize=appearance.SMALL)
-    bar.set_label(" ".join(appearance.cost_label(cost_name)), fontsize=appearance.MEDIUM)
-    texts, legend = {v: text for text, v in ticks.items()}, "lines of equal cost"
-    if logarithmic and low == least:
-        texts, legend = {least + float(np.log10(m)): f"×{m:g}" for m in MULTIPLES}, "multiples of the least cost"
-    _lines(axes, (first, second, depth), {v: text for v, text in texts.items() if low < v < high}, legend)
+    bar.set_label(bar_label, fontsize=appearance.MEDIUM)
+    _lines(axes, (first, second, depth), {v: text for v, text in places.items() if low < v < high}, legend)
+
+
+def _between(rise: FloatArray) -> tuple[float, float]:
+    """log10 of the rises where the colours begin and end: runs that nearly diverge take them from nobody."""
+    above = np.log10(rise[rise > 0])
+    high = min(float(above.max()), float(np.median(above)) + 1.0)
+    return max(high - DECADES, float(above.min()) - 0.3), high
 
 
 def _depths(depth: FloatArray, logarithmic: bool) -> tuple[float, float]:
@@ -172,19 +199,51 @@ def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
     return list(map(float, ticks if ticks.size > 2 else even))
 
 
-def _search(figure: Figure, axes: Axes, evaluations: ArrayLike | None, window: tuple[FloatArray, FloatArray]) -> None:
-    """Draw where the search has been; what lies outside the plane is counted only."""
+def _search(
+    figure: Figure, axes: Axes, evaluations: ArrayLike | None, plane: tuple[FloatArray, FloatArray, FloatArray],
+    names: tuple[str, str], best: tuple[float, float] | None,
+) -> None:  # fmt: skip
+    """Draw where the search has been: on the plane, and in a corner all of it where it went beyond."""
     points = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
-    corners = np.transpose(window)
+    corners = np.transpose([axis[[0, -1]] for axis in plane[:2]])
     inside = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
-    if points.size:
-        count = f" ({np.count_nonzero(inside)} of {len(points)} in this window)"
-        brief = appearance.style_of(figure).brief
-        label = "evaluations" if brief else f"evaluations{count}"
-        axes.plot(
-            *points[inside].T,
-            ls="",
-            rasterized=bool(len(points) > appearance.CLOUD),
-            label=label,
-            **appearance.MARKS["tried"],
-        )
+    if not points.size:
+        return
+    count = f" ({len(points)})"
+    if not inside.all():
+        low, high = points.min(axis=0), points.max(axis=0)
+        spans = (f"{appearance.symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(names, low, high, strict=True))
+        count = f" ({np.count_nonzero(inside)} of {len(points)} in this window; the corner: {', '.join(spans)})"
+        _whole_search(axes, points, corners, plane[2], best)
+    label = "evaluations" if appearance.style_of(figure).brief else f"evaluations{count}"
+    axes.plot(
+        *points[inside].T, ls="", rasterized=bool(len(points) > appearance.CLOUD), label=label,
+        **appearance.MARKS["tried"],
+    )  # fmt: skip
+
+
+def _whole_search(
+    axes: Axes, points: FloatArray, corners: FloatArray, values: FloatArray, best: tuple[float, float] | None
+) -> None:
+    """The path of the search in the corner where the cost is highest, and where in it the plane lies."""
+    from matplotlib.transforms import Bbox
+
+    third = [max(1, n // 3) for n in values.shape]
+    costs = np.where(np.isfinite(values), values, np.nanmax(np.where(np.isfinite(values), values, np.nan), initial=0.0))
+    corner = {(i, j): costs[:: 1 - 2 * i, :: 1 - 2 * j][: third[0], : third[1]].mean() for i in (0, 1) for j in (0, 1)}
+    i, j = max(corner, key=lambda place: corner[place])
+    edge = 0.015
+    inset_at = (i * (1 - INSET - 2 * edge) + edge, j * (1 - INSET - 2 * edge) + edge, INSET, INSET)
+    inset = axes.inset_axes(inset_at)
+    inset.set(xticks=[], yticks=[], facecolor="white")
+    below = Bbox.from_bounds(*inset_at).padded(0.04)
+    for text in axes.texts:  # a line's number that would be cut
+        at = axes.transAxes.inverted().transform(axes.transData.transform(text.get_position()))
+        text.set_visible(not below.contains(*at))
+    inset.plot(*points.T, color="0.6", lw=0.5, rasterized=bool(len(points) > appearance.CLOUD))
+    inset.plot(*points.T, ls="", rasterized=bool(len(points) > appearance.CLOUD), **appearance.MARKS["tried"])
+    (left, bottom), (right, top) = corners
+    inset.plot([left, right, right, left, left], [bottom, bottom, top, top, bottom], color=appearance.VERMILLION, lw=1)
+    if best is not None:
+        inset.plot(*best, ls="", **{**appearance.MARKS["best"], "ms": 7})
+    inset.margins(0.08)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["environment_of_pages", "own_file", "policy", "styles"]
 
-STYLES = ("uPlot.min.css", "page.css")
+STYLES = ("uPlot.min.css", "page.css", "explore.css")
 
 DARK = "dark.css"
 """A style sheet of its own: its media say when it holds."""

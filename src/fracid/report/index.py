@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 
 from fracid.errors import InputError, unwritable
 from fracid.files import write_text
+from fracid.problem.costs import COSTS
 from fracid.report.frame import environment_of_pages, policy, styles
 from fracid.report.sentences import joined, letter, number
 from fracid.report.whiskers import order_axis, orders_drawn
@@ -43,8 +44,6 @@ PRESETS = {"paper": "the paper's recipe"}
 
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 """In English, whatever the machine speaks."""
-
-SHOWN_COSTS = {"itae": "ITAE", "iae": "IAE", "ise": "ISE", "itse": "ITSE", "rmse": "RMSE"}
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     ("the paper's recipe (genetic, gl-paper, ITAE)", '22 Nov 2026 13:16', '20 s', 'seed 1')
     """
     cost = result["cost"]["name"]
-    how = ", ".join((result["optimiser"], result["method"], SHOWN_COSTS.get(cost, cost)))
+    how = ", ".join((result["optimiser"], result["method"], cost.upper() if cost in COSTS else cost))
     preset = result.get("preset")
     recipe = f"{PRESETS.get(preset, preset)} ({how})" if preset else how
     lengths = [f"{number(r['to'] - r['from'], '.4g')} s" for r in result["recordings"].values()]

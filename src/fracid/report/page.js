@@ -228,14 +228,7 @@ for (const host of document.querySelectorAll(".chart[data-chart]")) new Chart(ho
 
 // --- surfaces
 
-if (DATA.plane) {
-  const p = DATA.plane, all = p.cost.flat().filter(v => v !== null), low = Math.min(...all), high = Math.max(Math.min(Math.max(...all), 100 * low), 1.2 * low);
-  new Plane(element("plane"), element("plane-said"), {
-    ...p, height: p.cost, low, high, names: p.names.map(n => `order ${n}`),
-    levels: [1.1, 1.5, 2, 5, 10].map(m => ({ at: m * low, label: `×${m}` })),
-    read: h => `cost ${round(h, 3)}, ${round(h / low, 3)} times the lowest`,
-  });
-}
+if (DATA.plane) new Plane(element("plane"), element("plane-said"), costOverOrders(DATA.plane));
 if (DATA.profiles && DATA.profiles.joint) {
   const j = DATA.profiles.joint;
   new Plane(element("joint"), element("joint-said"), {

@@ -16,10 +16,12 @@ from fracid.errors import unwritable
 from fracid.files import json_number, write_text
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
+from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
+from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number, unit
 from fracid.report.surface import surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
     from fracid.fit import Fit
     from fracid.problem.project import Project
+    from fracid.runs.saved import SavedRun
     from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["REPORT", "report_page", "write_report"]
@@ -115,18 +118,19 @@ def _material(
     from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
-        problem, x, cost = fit.problem, fit.x, fit.cost
-        plane = plane or _plane(problem, x, cost, jobs)
+        plane = plane or _plane(fit, fit.cost, jobs)
         return Material.of_fit(folder, fit, project, plane)
     run = load_run(folder, trust=trust)
     cost = run.result["cost"]["value"]
-    return Material.of_run(run, plane or _plane(run.problem, run.x, np.inf if cost is None else cost, jobs))
+    return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))
 
 
-def _plane(problem: Any, x: Any, cost: float, jobs: int) -> CostPlane | None:
-    from fracid.estimation.cost_plane import cost_plane
+def _plane(fit: Fit | SavedRun, cost: float, jobs: int) -> CostPlane | None:
+    from fracid.estimation.cost_plane import cost_plane, reaches
 
-    return cost_plane(problem, x, jobs=jobs) if len(problem.order_indices) >= 2 and isfinite(cost) else None
+    if len(fit.problem.order_indices) < 2 or not isfinite(cost):
+        return None
+    return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=jobs)
 
 
 def report_page(material: Material) -> str:
@@ -144,6 +148,7 @@ def report_page(material: Material) -> str:
     charts = _charts(material)
     own, dark = styles()
     scripts = [Markup(own_file(name)) for name in SCRIPTS]
+    scripts += [Markup(f"\n{text.strip()}\n") for text in explore_scripts(material)]  # fracid's own
     return (
         environment_of_pages()
         .get_template("page.html.j2")
@@ -165,6 +170,7 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
         "rig": _rig(material),
         "plane": _plane_data(material),
         "profiles": _profiles(material),
+        "explore": explore(material),
     }
     text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
@@ -197,16 +203,19 @@ def _plane_data(material: Material) -> dict[str, Any] | None:
     plane = material.plane
     if plane is None or not np.isfinite(plane.cost).any():
         return None
-    orders = material.result["orders"]
-    best = [orders[n]["value"] for n in plane.names]
+    orders, tried, fine = material.result["orders"], _thinned(material.tried), plane.refined(61)
+    least = max(0.0, float(np.min(fine.cost[np.isfinite(fine.cost)])))
     return {
         "names": [letter(n) for n in plane.names],
-        "first": plane.first,
-        "second": plane.second,
-        "cost": plane.cost,
-        "best": best,
+        "keys": list(plane.names),
+        "first": fine.first,
+        "second": fine.second,
+        "least": least,
+        "height": base64_floats(fine.cost / least - 1 if least else fine.cost),
+        "best": [orders[n]["value"] for n in plane.names],
         "intervals": [orders[n]["interval95"] for n in plane.names],
-        "tried": np.round(_thinned(material.tried), 5),
+        "tried": np.round(tried, 5),
+        "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if len(tried) else None,
         "name": material.result["cost"]["name"],
     }
 
@@ -278,7 +287,11 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
 def _surfaces(material: Material) -> dict[str, Markup]:
     """The cost over the orders, and the joint profile."""
     plane, joint = _plane_data(material), (_profiles(material) or {}).get("joint")
-    cost = plane and plane | {"names": [f"order {n}" for n in plane["names"]]}
+    cost = None
+    if plane and material.plane:
+        coarse = material.plane.refined(31)
+        cost = plane | {"names": [f"order {n}" for n in plane["names"]], "first": coarse.first,
+                        "second": coarse.second, "cost": coarse.cost}  # fmt: skip
     rise = joint and joint | {"cost": joint["rise"], "intervals": [None, None]}
     return {
         "plane_still": surface_still(cost) if cost else Markup(""),
@@ -338,6 +351,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "shown": material.shown,
         "rig": _rig(material),
         "plane": _plane_data(material),
+        "explore_reason": not_explored(material),
         "profiles": material.beside("profiles.json"),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "environment": material.beside("environment.json") or {},

@@ -1,5 +1,6 @@
 "use strict";
-// A surface over two values: colours by the logarithm, lines of equal height, marks, and the values under the cursor.
+// A surface over two values: colours by the logarithm and their bar, lines of equal height, marks, the values under the
+// cursor, in a corner the whole search where it went beyond, and a dot that follows a reader who explores.
 
 // cividis, which people who see no red or no green read as well: https://doi.org/10.1371/journal.pone.0199239
 const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"]
@@ -11,12 +12,13 @@ function cividis(share) {
 }
 
 class Plane {
-  // spec: { first, second, height: [[…]], names, levels: [{ at, label }], low, high, best, intervals, tried, read }
+  // spec: { first, second, height: [[…]], names, levels: [{ at, label }], low, high, best, intervals, tried, read, bar, pick }
   constructor(canvas, said, spec) {
     Object.assign(this, { canvas, said, spec });
     this.cell = [Math.floor(spec.first.length / 2), Math.floor(spec.second.length / 2)];
     canvas.addEventListener("pointermove", e => this.hover(e));
     canvas.addEventListener("keydown", e => this.walk(e));
+    canvas.addEventListener("click", e => { const at = this.under(e); if (at && spec.pick) spec.pick(...at); });
     Plane.all.push(this);
     this.draw();
     this.tell(...spec.best);
@@ -25,17 +27,105 @@ class Plane {
   draw() {
     const { canvas, spec } = this, ratio = devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
+    if (!width || !height) return; // on paper its drawing stands here
     canvas.width = width * ratio;
     canvas.height = height * ratio;
     const ctx = this.ctx = canvas.getContext("2d");
     ctx.scale(ratio, ratio);
-    this.box = { left: 58, top: 10, width: width - 68, height: height - 54 };
+    this.box = { left: 70, top: 10, width: width - 80 - (spec.bar ? 86 : 0), height: height - 54 };
+    this.corner = this.cornerOf(spec);
     this.surface();
     this.contours();
     this.axes();
+    if (spec.bar) this.bar();
     if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
     this.cross();
-    this.star();
+    this.star(this.x(spec.best[0]), this.y(spec.best[1]), 9);
+    if (this.corner) this.search();
+    this.picture = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+    this.picture.getContext("2d").drawImage(canvas, 0, 0);
+    if (this.now) this.follow(...this.now);
+  }
+
+  // A dot where the reader is, over the picture as it stands.
+  follow(a, b) {
+    this.now = [a, b];
+    if (!this.picture) return;
+    const { ctx, canvas } = this;
+    ctx.clearRect(0, 0, canvas.width, canvas.height);
+    ctx.drawImage(this.picture, 0, 0, canvas.clientWidth, canvas.clientHeight);
+    Object.assign(ctx, { fillStyle: "#fff", strokeStyle: "#000", lineWidth: 2 });
+    if (this.spec.best.every((v, k) => Math.abs(this.now[k] - v) < 1e-9)) return; // the star is there
+    if (this.inside(a, b)) this.spot(this.x(a), this.y(b), 5);
+    if (this.corner) this.spot(...this.place(a, b), 4);
+  }
+
+  spot(x, y, radius) {
+    this.ctx.beginPath();
+    this.ctx.arc(x, y, radius, 0, 7);
+    this.ctx.fill();
+    this.ctx.stroke();
+  }
+
+  // --- the whole search, in the corner where the surface is highest
+
+  cornerOf({ first, second, height, tried }) {
+    if (!tried || tried.every(([a, b]) => this.inside(a, b))) return null;
+    const mean = (i, j) => {
+      const rows = first.map((_, k) => k).filter(k => (i ? k >= first.length * 2 / 3 : k < first.length / 3));
+      const columns = second.map((_, k) => k).filter(k => (j ? k >= second.length * 2 / 3 : k < second.length / 3));
+      return rows.reduce((sum, k) => sum + columns.reduce((part, l) => part + (height[k][l] ?? Infinity), 0), 0);
+    };
+    const [i, j] = [[0, 1], [1, 1], [0, 0], [1, 0]].reduce((best, at) => (mean(...at) > mean(...best) ? at : best));
+    const { left, top, width, height: tall } = this.box, size = [0.3 * width, 0.3 * tall], edge = 6;
+    const ends = k => [Math.min(...tried.map(t => t[k])), Math.max(...tried.map(t => t[k]))];
+    return { x: i ? left + width - size[0] - edge : left + edge, y: j ? top + edge : top + tall - size[1] - edge, width: size[0], height: size[1], ends: [ends(0), ends(1)] };
+  }
+
+  covered(x, y) {
+    const c = this.corner;
+    return x > c.x - 40 && x < c.x + c.width + 4 && y > c.y - 16 && y < c.y + c.height + 4;
+  }
+
+  // A point in the corner; one beyond it on its edge.
+  place(a, b) {
+    const { x, y, width, height, ends } = this.corner, room = 8;
+    const share = (v, [low, high]) => Math.min(Math.max((v - low) / (high - low || 1), 0), 1);
+    return [x + room + share(a, ends[0]) * (width - 2 * room), y + height - room - share(b, ends[1]) * (height - 2 * room)];
+  }
+
+  search() {
+    const { ctx, spec } = this, { x, y, width, height } = this.corner;
+    Object.assign(ctx, { fillStyle: css("paper"), strokeStyle: css("soft"), lineWidth: 1 });
+    ctx.fillRect(x, y, width, height);
+    ctx.strokeRect(x, y, width, height);
+    ctx.beginPath();
+    for (const point of spec.tried) ctx.lineTo(...this.place(...point));
+    ctx.stroke();
+    ctx.fillStyle = css("ink");
+    for (const point of spec.tried) { ctx.beginPath(); ctx.arc(...this.place(...point), 1.6, 0, 7); ctx.fill(); }
+    const [left, top] = this.place(spec.first[0], spec.second.at(-1)), [right, bottom] = this.place(spec.first.at(-1), spec.second[0]);
+    ctx.strokeStyle = css("mark");
+    ctx.strokeRect(left, top, right - left, bottom - top);
+    this.star(...this.place(...spec.best), 5);
+  }
+
+  bar() {
+    const { box, ctx, spec } = this, x = box.left + box.width + 10, n = 60, log = Math.log;
+    for (let k = 0; k < n; k++) {
+      ctx.fillStyle = `rgb(${cividis((k + 0.5) / n)})`;
+      ctx.fillRect(x, box.top + box.height * (1 - (k + 1) / n), 12, box.height / n + 0.6);
+    }
+    Object.assign(ctx, { fillStyle: css("soft"), strokeStyle: css("line"), font: "12px system-ui, sans-serif", textAlign: "left", lineWidth: 1 });
+    ctx.strokeRect(x, box.top, 12, box.height);
+    let last = Infinity;
+    for (const { at, label } of spec.levels) {
+      const y = box.top + box.height * (1 - log(at / spec.low) / log(spec.high / spec.low));
+      if (y < box.top || y > box.top + box.height || last - y < 16) continue;
+      ctx.fillRect(x + 12, y, 3, 1);
+      ctx.fillText(label, x + 17, y + 4);
+      last = y;
+    }
   }
 
   x(a) { const { first } = this.spec, { left, width } = this.box; return left + (a - first[0]) / (first.at(-1) - first[0]) * width; }
@@ -79,7 +169,7 @@ class Plane {
     for (const { at, label } of spec.levels) {
       ctx.strokeStyle = "rgba(255, 255, 255, 0.85)";
       ctx.beginPath();
-      let last = null;
+      let last = null, from = Infinity, to = -Infinity;
       for (let i = 0; i + 1 < first.length; i++) for (let j = 0; j + 1 < second.length; j++) {
         const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
         if (corners.some(([k, l]) => height[k][l] === null)) continue;
@@ -90,9 +180,10 @@ class Plane {
           const s = (at - h) / (g - h);
           cuts.push([this.x(first[k] + s * (first[m] - first[k])), this.y(second[l] + s * (second[o] - second[l]))]);
         });
-        for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); last = cuts[c + 1]; }
+        for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); last = cuts[c + 1]; from = Math.min(from, last[0]); to = Math.max(to, last[0]); }
       }
       ctx.stroke();
+      if (last && (to - from < 50 || this.corner && this.covered(...last))) last = null; // no room for its number
       if (last && !labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) {
         labels.push(last);
         ctx.textAlign = last[0] > this.box.left + this.box.width - 30 ? "right" : "left";
@@ -118,7 +209,7 @@ class Plane {
     ctx.textAlign = "right";
     for (const v of ticks(spec.second, 6)) ctx.fillText(round(v, 5), box.left - 6, this.y(v) + 4);
     ctx.save();
-    ctx.translate(14, box.top + box.height / 2);
+    ctx.translate(12, box.top + box.height / 2);
     ctx.rotate(-Math.PI / 2);
     ctx.textAlign = "center";
     ctx.fillText(spec.names[1], 0, 0);
@@ -149,11 +240,11 @@ class Plane {
     });
   }
 
-  star() {
-    const { ctx, spec } = this, x = this.x(spec.best[0]), y = this.y(spec.best[1]);
+  star(x, y, size) {
+    const { ctx } = this;
     ctx.beginPath();
     for (let k = 0; k < 10; k++) {
-      const r = k % 2 ? 3.6 : 9, angle = -Math.PI / 2 + k * Math.PI / 5;
+      const r = k % 2 ? 0.4 * size : size, angle = -Math.PI / 2 + k * Math.PI / 5;
       ctx.lineTo(x + r * Math.cos(angle), y + r * Math.sin(angle));
     }
     ctx.closePath();
@@ -164,11 +255,14 @@ class Plane {
     ctx.stroke();
   }
 
-  hover(event) {
+  hover(event) { this.tell(...(this.under(event) || this.spec.best)); }
+
+  // The two values under a pointer; null beside the surface.
+  under({ offsetX, offsetY }) {
     const { first, second } = this.spec, { left, top, width, height } = this.box;
-    const u = (event.offsetX - left) / width, v = 1 - (event.offsetY - top) / height;
-    if (u < 0 || u > 1 || v < 0 || v > 1) return this.tell(...this.spec.best);
-    return this.tell(first[0] + u * (first.at(-1) - first[0]), second[0] + v * (second.at(-1) - second[0]));
+    const u = (offsetX - left) / width, v = 1 - (offsetY - top) / height;
+    if (u < 0 || u > 1 || v < 0 || v > 1) return null;
+    return [first[0] + u * (first.at(-1) - first[0]), second[0] + v * (second.at(-1) - second[0])];
   }
 
   walk(event) {
@@ -198,4 +292,19 @@ function ticks(axis, count) {
   const low = axis[0], high = axis.at(-1), raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= raw);
   return Array.from({ length: count + 2 }, (_, k) => (Math.ceil(low / step) + k) * step).filter(v => v <= high + 1e-9 * step);
+}
+
+// --- the cost over two orders
+
+const RISES = [...[1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10].map(percent => ({ at: percent / 100, label: `+${round(percent, 3)} %` })),
+  ...[2, 5, 10, 20, 50, 100, 1000].map(times => ({ at: times - 1, label: `×${times}` }))];
+
+// The rise of the cost above its least, four decades of it; the cost itself where the least is 0.
+function costOverOrders(p) {
+  const flat = floats(p.height), n = p.second.length, height = p.first.map((_, i) => line(flat.subarray(i * n, (i + 1) * n)));
+  const above = Array.from(flat).filter(v => v > 0).sort((a, b) => a - b), high = above.length ? Math.min(above.at(-1), 10 * above[above.length >> 1]) : 1;
+  const low = Math.max(high * 1e-4, (above[0] || 0) / 2);
+  const levels = p.least > 0 ? RISES : [1, 2, 3].map(k => high * 10 ** -k).reverse().map(at => ({ at, label: round(at, 2) }));
+  const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `cost ${round(h, 3)}`);
+  return { ...p, height, low, high, bar: true, levels: levels.filter(({ at }) => at > low && at < high), names: p.names.map(name => `order ${name}`), read };
 }

@@ -28,6 +28,9 @@ SHADES = 12
 FLOOR = {"Cost": 0.01, "Rise": 0.5}
 """A rise that looks like none: of a cost as a share of the least, of a profile as it is."""
 
+DEPTH = 1e-3
+"""Nor more than this part of the greatest."""
+
 
 def surface_still(plane: Mapping[str, Any], what: str = "Cost") -> Markup:
     """A surface over two values, with the best, its intervals and a scale.
@@ -51,7 +54,8 @@ def surface_still(plane: Mapping[str, Any], what: str = "Cost") -> Markup:
     first, second, cost = (np.asarray(plane[n], dtype=float) for n in ("first", "second", "cost"))
     x, y = Axis(first[0], first[-1], LEFT, SIZE - RIGHT), Axis(second[0], second[-1], SIZE - BOTTOM, TOP)
     rise = cost / np.nanmin(np.where(np.isfinite(cost), cost, np.nan)) - 1 if what == "Cost" else cost
-    shades, top = _shades(rise, FLOOR[what])
+    floor = min(FLOOR[what], DEPTH * (float(rise[np.isfinite(rise)].max(initial=0.0)) or 1.0))
+    shades, top = _shades(rise, floor)
     columns, rows = (np.concatenate([a[:1], (a[1:] + a[:-1]) / 2, a[-1:]]) for a in (x.at(first), y.at(second)))
     parts = []
     for i in range(first.size):
@@ -68,7 +72,7 @@ def surface_still(plane: Mapping[str, Any], what: str = "Cost") -> Markup:
     parts.append(f'<text x="{(LEFT + SIZE - RIGHT) / 2}" y="{SIZE - 8}" text-anchor="middle">{names[0]}</text>')
     turned = f'transform="rotate(-90 14 {middle})"'
     parts.append(f'<text x="14" y="{middle}" text-anchor="middle" {turned}>{names[1]}</text>')
-    parts += _scale(top, FLOOR[what], what == "Cost")
+    parts += _scale(top, floor, what == "Cost")
     a, b = float(x.at(plane["best"][0])), float(y.at(plane["best"][1]))
     for ends, axis, upright in zip(plane["intervals"], (x, y), (False, True), strict=True):
         if ends and None not in ends:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["fit_charts", "recorded_charts", "residual_charts", "traces"]
 
-POINTS = 20_000
-"""Of one recording: 35 s at 500 Hz whole."""
+POINTS = 20_001
+"""Of one recording: 35 s at 500 Hz, or 20 s at 1 kHz, whole."""
 
 ALL_POINTS = 60_000
 """Of all recordings together."""

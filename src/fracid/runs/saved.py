@@ -83,6 +83,11 @@ class SavedRun(CardDisplay, FitPictures):
         return _vector(self.problem, self.values)
 
     @property
+    def orders(self) -> dict[str, Estimate]:
+        """The orders with what is known of them, as in :attr:`fracid.Fit.orders`."""
+        return {n: _estimate(entry) for n, entry in self.result["orders"].items()}
+
+    @property
     def parameters(self) -> dict[str, Estimate]:
         """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
         return {n: _estimate(entry) for n, entry in self.result.get("parameters", {}).items()}
@@ -121,7 +126,7 @@ class SavedRun(CardDisplay, FitPictures):
         result, project = self.result, self.project
         units = {e.name: e.units for e in (*project.problem.experiments, *project.validation)}
         scores = {n: (r["use"], r["rmse"], units.get(n, {})) for n, r in result["recordings"].items()}
-        orders = {n: _estimate(entry) for n, entry in result["orders"].items()}
+        orders = self.orders
         search = f"{result['optimiser']}, {result['evaluations']} evaluations, {result['outcome']}"
         title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
         return fit_card(f"{title}: {result.get('claim') or 'undecided'}", (orders, self.parameters), search,

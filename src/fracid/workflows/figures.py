@@ -97,7 +97,7 @@ def _draw(
     rig: Future[tuple[Path, ...]] | None,
 ) -> tuple[Path, ...]:
     """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
-    from fracid.estimation.cost_plane import cost_plane
+    from fracid.estimation.cost_plane import cost_plane, reaches
     from fracid.report import write_report
 
     recordings = fit.recordings, project.resolutions, folder
@@ -105,7 +105,8 @@ def _draw(
     rest = saved(of_search(fit), folder)
     if isfinite(fit.cost):
         two = len(fit.problem.order_indices) >= 2
-        plane = cost_plane(fit.problem, fit.x, jobs=jobs) if two else None
+        reach = reaches(fit.problem, fit.x, fit.orders) if two else 0.0
+        plane = cost_plane(fit.problem, fit.x, reach=reach, jobs=jobs) if two else None
         rest += saved(of_plane(fit, plane, folder), folder) if plane is not None else ()
         rest += (write_report(folder, fit, project, plane=plane, jobs=jobs),)
     first = _awaited(rig, _draw_rig, fit.problem.model, folder)

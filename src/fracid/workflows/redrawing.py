@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.estimation.cost_plane import cost_plane
+from fracid.estimation.cost_plane import cost_plane, reaches
 from fracid.estimation.cost_profile import Profiles
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
@@ -119,7 +119,8 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
 def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
     plane: Figures = iter(())
     if len(run.problem.order_indices) >= 2:
-        plane = of_plane(run, cost_plane(run.problem, run.x, jobs=jobs), run.folder, style)
+        reach = reaches(run.problem, run.x, run.orders)
+        plane = of_plane(run, cost_plane(run.problem, run.x, reach=reach, jobs=jobs), run.folder, style)
     return chain(
         of_rig(run.problem.model, style), of_recordings(run.recordings, run.resolutions, style),
         _of_tests(run, style), plane, of_search(run, style), _of_profiles(run, style), _of_linear(run, style),

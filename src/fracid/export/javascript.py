@@ -1,0 +1,213 @@
+"""``fracid_model.mjs``: the identified model as one JavaScript module, for browsers and Node; the page's solver.
+
+``recursion.js`` is fracid's solver in JavaScript, memory and start included, so that orders may be changed while it
+runs.  The right-hand side is the C function's: that is so plain that only types and names of functions differ.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from fracid._version import __version__
+from fracid.errors import InputError
+from fracid.export.recursion import TIGHT, Case
+from fracid.models.joints import Complement
+from fracid.problem.simulator import LIMIT
+from fracid.solver.methods import METHODS, Method
+
+if TYPE_CHECKING:
+    from fracid.arrays import FloatArray
+    from fracid.models import Model
+    from fracid.problem import Experiment, Problem
+
+__all__ = ["javascript_model", "no_javascript", "program", "right_hand_side", "solver"]
+
+FUNCTIONS = {"fabs": "Math.abs", "fmin": "Math.min", "fmax": "Math.max", "copysign": "copysign"} | {
+    name: f"Math.{name}" for name in ("sin", "cos", "tan", "exp", "tanh", "sqrt", "pow", "log")
+}
+"""Of C's ``math.h`` → what JavaScript calls them."""
+
+COPYSIGN = "const copysign = (size, sign) => (sign < 0 || Object.is(sign, -0) ? -Math.abs(size) : Math.abs(size));\n"
+
+FAMILIES = ("pi", "gl")
+"""Whose weights and start ``recursion.js`` makes."""
+
+TEMPLATE = """\
+// The identified fractional model as a JavaScript module without dependencies, for browsers and Node.
+//
+// Written by fracid {version} from {run}; the start and the constants are those of the recording {case}.
+//
+//     import {{ simulate }} from "./fracid_model.mjs";
+//     const {{ time, states }} = simulate();                               what was identified
+//     simulate({{ orders: {{ mu: 1 }}, parameters: {{ b_alpha: 2e-4 }} }});      other values, the rest as identified
+//     simulate({{ initial: [{initial}], step: {step}, steps: {steps}, inputs: [] }});
+//
+// states   {states}: a row of them for each time
+// inputs   {inputs}: a row of them for each time, one after the other, or one row for all
+// orders   {orders}
+
+{solver}
+{rhs}
+const PROGRAM = {program};
+const RECORDING = {recording};
+
+export const ORDERS = {order_values};
+export const PARAMETERS = RECORDING.parameters;
+
+export function simulate({{ orders = {{}}, parameters = {{}}, ...recording }} = {{}}) {{
+  const inputs = Float64Array.from(recording.inputs || RECORDING.inputs);
+  const values = {{ orders: {{ ...ORDERS, ...orders }}, parameters: {{ ...PARAMETERS, ...parameters }} }};
+  const whole = {{ ...RECORDING, ...recording, inputs }};
+  const run = Fracid.simulate(PROGRAM, whole, values, model), width = PROGRAM.states.length;
+  return {{
+    time: Float64Array.from({{ length: run.samples }}, (_, n) => n * whole.step),
+    states: Array.from({{ length: run.samples }}, (_, n) => run.states.subarray(n * width, (n + 1) * width)),
+    completed: run.completed,
+  }};
+}}
+"""
+
+
+def solver() -> str:
+    """The solver, a script that defines ``Fracid``."""
+    return (files("fracid.export") / "recursion.js").read_text(encoding="utf-8")
+
+
+def right_hand_side(model: Model) -> str:
+    """Write ``model``, a function from the constants to the right-hand side.
+
+    Parameters
+    ----------
+    model : Model
+        With C code (:class:`fracid.models.Written`).
+
+    Examples
+    --------
+    >>> import fracid
+    >>> print(right_hand_side(fracid.rotary_pendulum())[:19])
+    const model = ({ C1
+    """
+    assert model.written is not None
+    code = re.sub(r"static \w+ (\w+)\(([^)]*)\)", _signature, model.written.code["c"])
+    code = re.sub(r"\bconst double\b", "const", code)
+    code = re.sub(r"\bdouble\b", "let", code)
+    code = re.sub(r"\b(\w+)\(", lambda call: f"{FUNCTIONS.get(call[1], call[1])}(", code)
+    names = ", ".join(n for n in model.parameter_names if re.search(rf"\b{n}\b", code))
+    copysign = COPYSIGN if "copysign(" in code else ""
+    return f"const model = ({{ {names} }}) => {{\n{copysign}{code}return right_hand_side;\n}};\n"
+
+
+def _signature(head: re.Match[str]) -> str:
+    names = (re.sub(r"\W", "", part.split()[-1]) for part in head[2].split(","))
+    return f"function {head[1]}({', '.join(names)})"
+
+
+def program(problem: Problem) -> dict[str, Any]:
+    """What ``Fracid.simulate`` must know of a problem beside its right-hand side and its values."""
+    model = problem.model
+    return {
+        "states": list(model.states),
+        "orders": [{"complement": q.parameter} if isinstance(q, Complement) else q for q in model.orders],
+        "relaxing": list(model.relaxing_states),
+        "width": max(1, len(model.inputs)),
+        **_scheme(METHODS[problem.method]),
+        "tolerance": _tolerance(problem),
+    }
+
+
+def _scheme(method: Method) -> dict[str, Any]:
+    """How ``recursion.js`` steps with a method; nothing where it cannot."""
+    if method.exported is None or method.family not in FAMILIES:
+        return {}
+    return {"family": method.family, "newton": method.exported.newton, "raw": method.raw,
+            "lastFirst": method.exported.last_first}  # fmt: skip
+
+
+def _tolerance(problem: Problem) -> float | None:
+    """Of the exponentials; None where the memory is not of exponentials."""
+    if problem.memory.name == "full":
+        return TIGHT
+    named = re.match(r"compressed\(([^,)]+)", problem.memory.name)
+    return float(named[1]) if named else None
+
+
+def no_javascript(problem: Problem) -> str:
+    """Why a problem cannot be simulated in JavaScript; empty if it can.
+
+    Examples
+    --------
+    >>> import numpy as np, fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
+    >>> no_javascript(problem)
+    ''
+    """
+    if problem.model.written is None or "c" not in problem.model.written.code:
+        return f"The model {problem.model.name!r} is a Python program of yours, which fracid does not translate."
+    if not _scheme(METHODS[problem.method]):
+        known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
+        return f"The method {problem.method} is not written in JavaScript; {known} are."
+    if _tolerance(problem) is None:
+        return f"The memory {problem.memory.name} is not written in JavaScript; compressed and full are."
+    return ""
+
+
+def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: str) -> str:
+    """Write ``fracid_model.mjs`` for one recording's step, constants and start.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : ndarray, shape (n_unknowns,)
+    e : Experiment
+    run_name : str
+        For the head of the file.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        Where :func:`no_javascript` says why not.
+
+    Examples
+    --------
+    >>> import numpy as np, fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
+    >>> javascript_model(problem, problem.start, swing, "runs/twin").splitlines()[-1]
+    '}'
+    """
+    if reason := no_javascript(problem):
+        raise InputError(reason)
+    model, case = problem.model, Case.of(problem, x, e)
+    orders = named_orders(problem, x, e)
+    recording = {
+        "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
+        "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
+        "inputs": case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :].ravel().tolist(), "jumps": None,
+    }  # fmt: skip
+    return TEMPLATE.format(
+        version=__version__, run=_comment(run_name), case=_comment(repr(case.name)), solver=solver(),
+        rhs=right_hand_side(model), initial=", ".join(f"{v:g}" for v in recording["initial"]), step=f"{case.step:g}",
+        steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"), states=", ".join(model.states),
+        orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
+        recording=json.dumps(recording), order_values=json.dumps(orders),
+    )  # fmt: skip
+
+
+def named_orders(problem: Problem, x: FloatArray, e: Experiment) -> Mapping[str, float]:
+    """Each order of the model that has a name, at x."""
+    values = problem.unpack(x, e)[0].tolist()
+    return {q: v for q, v in zip(problem.model.orders, values, strict=True) if isinstance(q, str)}
+
+
+def _comment(text: str) -> str:
+    """On one line."""
+    return " ".join(str(text).split())

@@ -1,0 +1,497 @@
+"use strict";
+// Explore: orders and frictions under sliders, and behind them the model, simulated anew by fracid's solver (Fracid).
+
+const FRAME = 33; // ms: as long as a picture may take
+const AGREES = 1e-6; // of the swing: the page's solver against fracid's curve
+
+const largest = values => values.reduce((most, v) => (Math.abs(v) > most ? Math.abs(v) : most), 0);
+
+const raised = k => String(k).replace(/./g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
+
+// How far an axis goes for a value: in few steps, for it to stay while a slider moves.
+const roomFor = v => {
+  const power = 10 ** Math.floor(Math.log10(v || 1));
+  return [1.2, 2, 3, 5, 7.5, 12].map(m => m * power).find(room => room >= 1.04 * v);
+};
+
+// 10 to a whole power, the next above.
+const power = v => (v > 0 ? `10${raised(Math.ceil(Math.log10(v)))}` : "rounding");
+
+const shown = (v, digits) => round(v, digits).replace(/e(.+)$/, (_, k) => `·10${raised(k.replace("−", "-"))}`);
+
+const doubles = text => new Float64Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
+
+class Explore {
+  constructor(said) {
+    Object.assign(this, said, { charts: [], portion: 1, searching: 0, now: 0, playing: false });
+    this.byKind("parameters").forEach(s => { s.below = s.low; });
+    const choice = element("explore-recording");
+    this.intro = element("explore").querySelector("p").innerHTML;
+    this.recordings.forEach((r, k) => choice.append(new Option(r.name, k)));
+    choice.closest("label").hidden = this.recordings.length === 1;
+    this.rows = this.sliders.map(s => this.row(s));
+    choice.addEventListener("change", () => this.open(Number(choice.value)));
+    element("explore-best").addEventListener("click", () => this.best());
+    element("explore-integer").addEventListener("click", () => this.integer());
+    element("explore-copy").addEventListener("click", () => this.copy());
+    element("explore-view").addEventListener("click", () => this.look(this.view[1] < this.recording.t.at(-1) ? [0, this.recording.t.at(-1)] : this.firstSwings()));
+    element("explore-play").addEventListener("click", () => this.play(!this.playing));
+    element("explore-integer").hidden = this.sliders.every(s => s.integer === null);
+    element("explore-ghost").hidden = !DATA.rig;
+    this.rig = DATA.rig && new Rig(element("explore-rig"), DATA.rig, new Camera());
+    if (this.rig) player.turnable.call({ show: () => this.draw() }, this.rig);
+    this.plane = Plane.all.find(p => p.canvas.id === "plane");
+    if (this.plane) this.plane.spec.pick = (a, b) => this.pick(a, b);
+    this.open(0);
+  }
+
+  byKind(kind) { return this.sliders.filter(s => s.kind === kind); }
+
+  // --- sliders
+
+  row(slider) {
+    const id = `explore-${slider.name}`, host = element("explore-sliders").appendChild(document.createElement("div"));
+    const make = (name, more, parent = host) => Object.assign(parent.appendChild(document.createElement(name)), more);
+    host.className = "slide";
+    const label = make("label", { htmlFor: id, textContent: slider.letter });
+    make("small", { textContent: slider.free ? slider.says : `${slider.says}; given` }, label);
+    const output = make("output", {}), track = make("div", { className: "track" });
+    output.htmlFor.add(id);
+    const parts = slider.interval ? [make("span", { className: "interval" }, track)] : [];
+    const input = make("input", { type: "range", id }, track);
+    const ticks = [make("span", { className: "tick" }, track)];
+    if (slider.integer !== null) ticks.push(make("span", { className: "one", textContent: String(slider.integer) }, track));
+    const row = { slider, input, output, parts, ticks };
+    this.scale(row);
+    input.addEventListener("input", () => {
+      this.searching++;
+      this.note = "";
+      if (!this.moved && DATA.rig && !CALM.matches) this.play(true);
+      this.moved = true;
+      slider.now = Number(input.value);
+      this.dragging = true;
+      this.touch();
+    });
+    input.addEventListener("change", () => { this.dragging = false; this.touch(); });
+    return row;
+  }
+
+  // Where a slider begins and ends, and where on it the estimate lies.
+  scale({ slider, input, parts, ticks }) {
+    Object.assign(input, { min: slider.low, max: slider.high, step: (slider.high - slider.low) / 2000 });
+    const place = v => {
+      const share = Math.min(Math.max((v - slider.low) / (slider.high - slider.low), 0), 1);
+      return `calc(8px + ${share} * (100% - 16px))`;
+    };
+    for (const part of parts) {
+      part.style.left = place(slider.interval[0]);
+      part.style.right = `calc(100% - (${place(slider.interval[1]).slice(5, -1)}))`;
+    }
+    ticks.forEach((tick, k) => { tick.style.left = place(k ? slider.integer : slider.value); });
+  }
+
+  // --- what is simulated
+
+  open(k) {
+    this.searching++;
+    const r = this.recording = this.recordings[k];
+    if (!r.t) {
+      Object.assign(r, { inputs: doubles(r.inputs), jumps: r.jumps && doubles(r.jumps), t: Float64Array.from({ length: r.samples }, (_, n) => n * r.step * r.every) });
+      const drawn = DATA.recordings.find(one => one.name === r.name), of = (kind, name) => (r.own[kind] ? r.own[kind][name] : drawn.outputs.find(o => o.name === name)[kind]);
+      for (const kind of ["measured", "fitted"]) r[kind] = this.outputs.map(o => floats(of(kind, o.name)));
+    }
+    Object.assign(this, { curves: [], residuals: [], rmse: [], note: "" });
+    this.restore();
+    const run = this.simulate();
+    const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
+    element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = false; });
+    element("explore").querySelector("p").innerHTML = this.intro;
+    if (!(Math.max(...off) <= AGREES)) return this.refuse(Math.max(...off));
+    this.agreement = Math.max(...off);
+    this.bestLevels = [...this.rmse];
+    this.bestMost = this.residuals.map(largest);
+    this.build();
+    return this.show(run);
+  }
+
+  refuse(off) {
+    element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = true; });
+    const said = element("explore").querySelector("p");
+    said.textContent = `This recording cannot be explored: the page's solver differs from fracid's by ${round(off, 2)} of the swing, more than rounding.`;
+  }
+
+  // All as the fit has it.
+  restore() {
+    for (const s of this.sliders) s.now = s.value;
+    for (const u of this.recording.unknowns) u.now = u.value;
+  }
+
+  // What the run of the recording takes: the unknowns of the fit, and above them the sliders.
+  values() {
+    const r = this.recording, values = { orders: { ...this.orders }, parameters: { ...r.parameters } };
+    for (const u of r.unknowns) for (const name of u.targets) values.parameters[name] = u.now;
+    for (const s of this.sliders) for (const name of s.targets) values[s.kind][name] = s.now;
+    const initial = r.initial.slice(), deflections = r.deflections.map(d => ({ ...d }));
+    for (const u of r.unknowns) {
+      if (u.state === null || u.now === u.value) continue;
+      const share = deflections.find(d => d.state === u.state);
+      if (share) share.share = u.now;
+      else initial[u.state] = u.now;
+    }
+    return { ...values, initial, deflections };
+  }
+
+  simulate(portion = 1) {
+    const r = this.recording, samples = Math.max(2, Math.round(portion * (r.samples - 1))), begin = performance.now();
+    const { initial, deflections, ...values } = this.values();
+    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps: Math.min(samples * r.every, r.steps), memory: r.steps }, values, model);
+    run.took = performance.now() - begin;
+    return run;
+  }
+
+  // The curve and the residual of an output, in shown units; shorter than the recording where the run is.
+  fill(run, k) {
+    const { state, factor } = this.outputs[k], r = this.recording, m = r.measured[k], fitted = r.fitted[k], width = this.program.states.length;
+    const curve = new Float64Array(run.samples), residual = new Float64Array(run.samples);
+    let off = run.samples < r.samples ? Infinity : 0, sum = 0, count = 0;
+    for (let n = 0; n < run.samples; n++) {
+      const y = factor * run.states[n * width + state], e = m[n] - y, d = Math.abs(y - fitted[n]);
+      curve[n] = y;
+      residual[n] = e;
+      if (d > off) off = d;
+      if (e === e) { sum += e * e; count++; }
+    }
+    this.curves[k] = curve;
+    this.residuals[k] = count === run.samples ? residual : line(residual);
+    this.rmse[k] = count ? Math.sqrt(sum / count) : null;
+    return off;
+  }
+
+  // --- what is shown
+
+  // The curves in a row, the residuals below them.
+  build() {
+    const { recording: r } = this, old = new Set(this.charts), host = element("explore-charts");
+    Chart.all = Chart.all.filter(c => !old.has(c));
+    host.replaceChildren();
+    const shared = { x: r.t, xlabel: "time [s]", xname: "time", scaled: chart => this.follow(chart) };
+    const unit = o => (o.unit ? ` [${o.unit}]` : "");
+    const angles = this.outputs.map((o, k) => {
+      const most = 1.15 * Math.max(largest(r.measured[k]), largest(r.fitted[k])), y = { measured: line(r.measured[k]) };
+      const low = y.measured.reduce((least, v) => Math.min(least, v ?? least), most), high = y.measured.reduce((top, v) => Math.max(top, v ?? top), -most);
+      return { title: `${o.letter}, measured and simulated`, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
+        series: [{ label: "measured", y: y.measured, kind: "measured" }, { label: "simulated", y: () => this.curves[k], kind: "fitted" }] };
+    });
+    const reach = this.outputs.map(() => 0);
+    const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
+      yrange: () => [-reach[k], reach[k]],
+      grow: () => {
+        const next = roomFor(Math.max(largest(this.residuals[k]), this.bestMost[k])), grown = next !== reach[k];
+        reach[k] = next;
+        return grown;
+      },
+      series: [{ label: "of the best fit", y: line(r.measured[k].map((v, n) => v - r.fitted[k][n])), kind: "measured", digits: 3 },
+        { label: "here", y: () => this.residuals[k], kind: "fitted", digits: 3 }] }));
+    this.live = [];
+    this.charts = [...angles, ...residuals].map(spec => {
+      const [, { y }] = spec.series;
+      this.live.push(y);
+      spec.series[1].y = y();
+      const k = this.live.length - 1;
+      if (spec.grow) spec.grow();
+      spec.built = chart => {
+        chart.plot.series[2].show = false;
+        chart.plot.over.appendChild(document.createElement("canvas")).className = "live";
+        chart.plot.hooks.draw.push(() => this.overlay(k));
+        if (this.view) chart.zoom(...this.view);
+      };
+      return new Chart(host.appendChild(Object.assign(document.createElement("div"), { className: "chart" })), spec);
+    });
+    const alpha = this.outputs.findIndex(o => o.name === "alpha");
+    if (this.rig && alpha >= 0) this.rig.frame(Array.from(r.measured[alpha], v => (Number.isFinite(v) ? 1.3 * v : 0)));
+    this.look(this.firstSwings());
+  }
+
+  // The curve that moves, on a canvas of its own above what stays: what is drawn anew at each picture is one line.
+  overlay(k) {
+    const { plot, spec } = this.charts[k] || {}, canvas = plot && plot.over.querySelector(".live");
+    if (!canvas || plot.scales.y.min === null) return;
+    const ratio = devicePixelRatio || 1, width = plot.over.clientWidth, height = plot.over.clientHeight, ctx = canvas.getContext("2d");
+    const { min, max } = plot.scales.x, { min: low, max: high } = plot.scales.y, y = spec.series[1].y, step = this.recording.step * this.recording.every;
+    const first = Math.max(0, Math.floor(min / step)), last = Math.min(y.length - 1, Math.ceil(max / step)), bin = Math.max(1, Math.floor((last - first) / width));
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio))
+      Object.assign(canvas, { width: Math.round(width * ratio), height: Math.round(height * ratio), ariaHidden: "true" });
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.clearRect(0, 0, width, height);
+    Object.assign(ctx, { strokeStyle: css("fitted"), lineWidth: 1.5, lineJoin: "bevel" });
+    ctx.beginPath();
+    const at = n => (y[n] === null ? 0 : ctx.lineTo((n * step - min) / (max - min) * width, (high - y[n]) / (high - low) * height));
+    for (let n = first; n <= last; n += bin) {           // of many samples to a pixel the least and the greatest
+      let least = n, most = n;
+      for (let m = n + 1; m < n + bin && m <= last; m++) {
+        if (y[m] < y[least]) least = m;
+        if (y[m] > y[most]) most = m;
+      }
+      at(Math.min(least, most));
+      if (least !== most) at(Math.max(least, most));
+    }
+    ctx.stroke();
+  }
+
+  // As long as the recording moves by more than a tenth of its most, and half as long again.
+  firstSwings() {
+    const r = this.recording, rest = r.fitted.map(y => y.at(-1));
+    let last = 0;
+    r.fitted.forEach((y, k) => {
+      const most = y.reduce((top, v) => Math.max(top, Math.abs(v - rest[k])), 0);
+      for (let n = 0; n < r.samples; n++) if (Math.abs(y[n] - rest[k]) > 0.15 * most) last = Math.max(last, n);
+    });
+    return [0, r.t[Math.min(r.samples - 1, Math.round(1.5 * last))]];
+  }
+
+  look(view) {
+    const end = this.recording.t.at(-1);
+    this.view = view;
+    this.zooming = true;
+    for (const chart of this.charts) chart.zoom(...view);
+    this.zooming = false;
+    element("explore-view").textContent = view[1] < end ? "Whole recording" : "First swings";
+  }
+
+  // One chart was zoomed: the others follow.
+  follow(chart) {
+    if (this.zooming || !chart.plot || !this.charts.includes(chart)) return;
+    const { min, max } = chart.plot.scales.x;
+    if (min !== null && (min !== this.view[0] || max !== this.view[1])) queueMicrotask(() => this.look([min, max]));
+  }
+
+  touch() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.show(this.simulate(this.dragging ? this.portion : 1));
+    });
+  }
+
+  show(run) {
+    const begin = performance.now();
+    this.outputs.forEach((_, k) => this.fill(run, k));
+    this.zooming = true;
+    this.charts.forEach((chart, k) => {
+      chart.spec.series[1].y = this.live[k]();
+      if (!chart.plot) return;
+      chart.plot.setData([chart.spec.x, ...chart.spec.series.map(s => s.y)], false); // for the values under the cursor
+      if (chart.spec.grow && chart.spec.grow()) chart.plot.redraw(true, true);
+      else this.overlay(k);
+    });
+    this.zooming = false;
+    for (const { slider, input, output } of this.rows) {
+      input.value = slider.now;
+      output.textContent = `${shown(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
+      input.setAttribute("aria-valuetext", `${output.textContent}, estimate ${round(slider.value, 5)}`);
+    }
+    this.score(run);
+    this.write();
+    const [a, b] = DATA.plane ? DATA.plane.keys.map(name => this.values().orders[name]) : [];
+    if (this.plane) this.plane.follow(a, b);
+    this.draw();
+    this.took = run.took;
+    this.drawn = performance.now() - begin;
+    const whole = run.took * (this.recording.samples / Math.max(2, run.samples));
+    this.portion = Math.min(1, Math.max(0.05, (FRAME - Math.min(FRAME / 2, performance.now() - begin)) / whole));
+  }
+
+  score(run) {
+    const r = this.recording, body = element("explore-scores");
+    body.replaceChildren(...this.outputs.map((o, k) => {
+      const row = document.createElement("tr"), now = this.rmse[k], unit = o.unit === "°" ? "°" : o.unit ? ` ${o.unit}` : "";
+      const cells = [[o.letter, "th"], [run.completed ? round(now, 3) + unit : "diverges", "td"], [round(this.bestLevels[k], 3) + unit, "td"]];
+      for (const [text, tag] of cells) Object.assign(row.appendChild(document.createElement(tag)), { textContent: text, className: tag === "td" ? "n" : "" });
+      row.firstChild.scope = "row";
+      return row;
+    }));
+    const whole = run.samples >= r.samples, seconds = round(r.t[Math.min(run.samples, r.samples) - 1], 3);
+    const part = r.samples < r.whole ? ` The first ${round(r.t.at(-1), 4)} s of the recording.` : "";
+    const how = !run.completed ? `The run leaves its limits after ${seconds} s.`
+      : whole ? `${r.steps.toLocaleString("en")} steps of ${round(1000 * r.step, 3)} ms, simulated in ${Math.ceil(run.took)} ms. At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`
+        : `While you drag: the first ${seconds} s; all of it when you let go.`;
+    element("explore-said").textContent = (this.note ? `${this.note} ` : "") + how + part;
+  }
+
+  write() {
+    const lines = values => values.flatMap(s => s.targets.map(name => `${name} = ${Number(s.now.toPrecision(6))}`));
+    const sliders = this.byKind("parameters"), others = this.recording.unknowns.filter(u => u.now !== u.value && sliders.every(s => s.name !== u.name));
+    const blocks = [["model.orders", lines(this.byKind("orders"))], ["model.parameters", lines([...sliders, ...others])]].filter(([, rows]) => rows.length);
+    element("explore-toml").textContent = blocks.map(([name, rows]) => `[${name}]\n${rows.join("\n")}\n`).join("\n");
+  }
+
+  async copy() {
+    const text = element("explore-toml"), button = element("explore-copy");
+    try {
+      await navigator.clipboard.writeText(text.textContent);
+      button.textContent = "Copied";
+    } catch { // a browser that does not let a page of a file do so
+      element("explore-text").open = true;
+      getSelection().selectAllChildren(text);
+      button.textContent = "Selected: copy it";
+    }
+    setTimeout(() => { button.textContent = "Copy as TOML"; }, 2000);
+  }
+
+  // --- two models, and a point of the map
+
+  best() {
+    this.searching++;
+    this.note = "";
+    this.restore();
+    this.touch();
+  }
+
+  pick(a, b) {
+    this.searching++;
+    this.note = "";
+    DATA.plane.keys.forEach((name, k) => { const s = this.sliders.find(one => one.name === name); if (s) s.now = [a, b][k]; });
+    this.touch();
+  }
+
+  // Every order at its integer value, and all else that was free, and the frictions, found again for this recording:
+  // Levenberg's and Marquardt's method, a picture a step.
+  async integer() {
+    const mine = ++this.searching, frictions = this.byKind("parameters"), shown = new Set(frictions.map(s => s.name));
+    const unknowns = [
+      ...frictions.map(s => ({ of: s, lower: s.below, upper: Infinity, width: s.high - s.low })),
+      ...this.recording.unknowns.filter(u => u.state !== null || !shown.has(u.name)).map(u => ({ of: u, lower: u.lower ?? -Infinity, upper: u.upper ?? Infinity, width: u.width })),
+    ];
+    for (const s of this.sliders) if (s.integer !== null) s.now = s.integer;
+    this.note = "Integer order, all else being found again …";
+    this.touch();
+    const picture = () => new Promise(done => requestAnimationFrame(done));
+    const put = x => unknowns.forEach((u, k) => { u.of.now = Math.min(Math.max(x[k], u.lower), u.upper); });
+    let x = unknowns.map(u => u.of.now), r = this.errors(), damping = 1e-3;
+    for (let iteration = 0; r && iteration < 60; iteration++) {
+      const cost = dot(r, r), J = [];
+      for (let k = 0; k < unknowns.length; k++) {
+        await picture();
+        if (mine !== this.searching) return;
+        const d = 1e-4 * unknowns[k].width, u = unknowns[k].of;
+        u.now = x[k] + d;
+        const moved = this.errors();
+        u.now = x[k];
+        J.push(moved ? moved.map((v, n) => (v - r[n]) / d) : r.map(() => 0));
+      }
+      const A = J.map(a => J.map(b => dot(a, b))), g = J.map(a => -dot(a, r));
+      let lower = false, found = cost;
+      for (let trial = 0; trial < 8 && !lower; trial++) {
+        put(solved(A.map((row, i) => row.map((v, j) => (i === j ? v * (1 + damping) || 1 : v))), g).map((v, k) => x[k] + v));
+        const tried = this.errors();
+        found = tried ? dot(tried, tried) : Infinity;
+        lower = found < cost;
+        damping *= lower ? 0.2 : 8;
+        if (lower) r = tried;
+        else put(x);
+      }
+      x = unknowns.map(u => u.of.now);
+      this.widen();
+      this.touch();
+      if (!lower || cost - found < 1e-4 * cost) break;
+    }
+    this.note = "Integer order, all else found again for this recording.";
+    this.touch();
+  }
+
+  // Measured less simulated, all outputs in a row, as the fit weighs them; null where the run ends early.
+  errors() {
+    const run = this.simulate(), { measured, samples } = this.recording, width = this.program.states.length;
+    if (!run.completed) return null;
+    const errors = new Float64Array(samples * this.outputs.length);
+    this.outputs.forEach(({ state, factor }, k) => {
+      const level = this.levels ? this.bestLevels[k] : factor;
+      for (let n = 0; n < samples; n++) {
+        const e = measured[k][n] - factor * run.states[n * width + state];
+        errors[k * samples + n] = e === e ? e / level : 0;
+      }
+    });
+    return errors;
+  }
+
+  widen() {
+    for (const row of this.rows) {
+      const s = row.slider;
+      if (s.now <= s.high) continue;
+      s.high = 1.3 * s.now;
+      this.scale(row);
+    }
+  }
+
+  // --- the ghost
+
+  play(on) {
+    this.playing = on;
+    const button = element("explore-play");
+    button.textContent = on ? "Pause" : "Play";
+    button.setAttribute("aria-pressed", String(on));
+    this.last = null;
+    if (on) requestAnimationFrame(at => this.frame(at));
+  }
+
+  frame(at) {
+    if (!this.playing) return;
+    const [begin, end] = this.view;
+    this.now += this.last === null ? 0 : Math.min(at - this.last, 100) / 1000;
+    if (this.now > end || this.now < begin) this.now = begin;
+    this.last = at;
+    this.draw();
+    requestAnimationFrame(next => this.frame(next));
+  }
+
+  // The rig at one moment: simulated, and as a ghost where it was measured.
+  draw() {
+    if (!this.rig) return;
+    const { recording: r } = this, n = Math.min(r.samples - 1, Math.round(this.now / (r.step * r.every)));
+    const pose = lines => ["theta", "alpha"].map((name, k) => {
+      const at = this.outputs.findIndex(o => o.name === name), v = at < 0 ? 0 : lines[at][n];
+      return (Number.isFinite(v) ? v : 0) - (k ? DATA.rig.alphaRest[r.name] || 0 : 0);
+    });
+    this.rig.draw(pose(this.curves), pose(r.measured), []);
+    element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
+  }
+}
+
+function dot(a, b) {
+  let sum = 0;
+  for (let n = 0; n < a.length; n++) sum += a[n] * b[n];
+  return sum;
+}
+
+// A x = b of a few unknowns, by elimination.
+function solved(A, b) {
+  const n = b.length, M = A.map((row, i) => [...row, b[i]]);
+  for (let k = 0; k < n; k++) {
+    const p = M.slice(k).reduce((best, row, i) => (Math.abs(row[k]) > Math.abs(M[best][k]) ? k + i : best), k);
+    [M[k], M[p]] = [M[p], M[k]];
+    for (let i = k + 1; i < n; i++) {
+      const share = M[i][k] / M[k][k];
+      for (let c = k; c <= n; c++) M[i][c] -= share * M[k][c];
+    }
+  }
+  const x = new Array(n).fill(0);
+  for (let i = n - 1; i >= 0; i--) x[i] = (M[i][n] - x.reduce((sum, v, c) => sum + (c > i ? v * M[i][c] : 0), 0)) / M[i][i];
+  return x;
+}
+
+// It begins when it is nearly seen: a page that is only read simulates nothing.
+let explore = null;
+if (DATA.explore) {
+  element("explore").hidden = false;
+  const near = new IntersectionObserver(entries => {
+    if (!entries.some(e => e.isIntersecting)) return;
+    near.disconnect();
+    explore = new Explore(DATA.explore);
+  }, { rootMargin: "300px" });
+  near.observe(element("explore"));
+  const draw = () => explore && explore.draw();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  element("theme").addEventListener("change", draw);
+  addEventListener("resize", draw);
+}

@@ -1,0 +1,225 @@
+"""What the page needs to simulate the model anew while its reader moves an order or a friction.
+
+The solver is :mod:`fracid.export.javascript`'s.  The page holds it against the fitted curve before it shows anything,
+so what a model has that the solver lacks is said in one sentence in the section's place.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from math import inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.export.javascript import no_javascript, program, right_hand_side, solver
+from fracid.problem.simulator import LIMIT
+from fracid.report.samples import base64_floats
+from fracid.report.sentences import letter, unit
+from fracid.report.traces import budget
+
+if TYPE_CHECKING:
+    from fracid.problem import Experiment, Problem
+    from fracid.report.material import Material
+
+__all__ = ["explore", "explore_scripts", "not_explored"]
+
+MOST = 6
+"""Recordings to choose from."""
+
+WIDE = 0.15
+"""How far an order's slider goes beyond the estimate and its integer value at least."""
+
+
+def not_explored(material: Material) -> str:
+    """Why the model cannot be simulated on the page; empty if it can."""
+    problem = material.project.problem
+    if reason := no_javascript(problem):
+        return reason
+    if functions := [n for n in problem.outputs if n not in problem.model.output_states]:
+        return f"{functions[0]} is a function of the states, which is not written in JavaScript."
+    if not isfinite(material.result["cost"]["value"] or inf):
+        return "No run of the model reached the end of a recording."
+    if not any(True for _ in _explorable(problem)):
+        return next(iter({reason for e in problem.experiments if (reason := _beyond(e))}))
+    return ""
+
+
+def _beyond(e: Experiment) -> str:
+    """What a recording has that the page's solver lacks; empty for nothing."""
+    if e.past is not None:
+        return f"{e.name} begins with a measured past, which the page's solver does not take."
+    if e.sensors:
+        return f"The sensors of {e.name} have a delay, gain, bias or lowpass, which the page's solver lacks."
+    if e.release_time != 0.0 or e.times is not None:
+        return f"{e.name} is read between its samples, which the page's solver does not do."
+    return ""
+
+
+def _explorable(problem: Problem) -> Iterator[Experiment]:
+    return (e for e in problem.experiments if not _beyond(e))
+
+
+def explore_scripts(material: Material) -> list[str]:
+    """The solver, the model and the section's script; nothing where there is nothing to explore."""
+    if not_explored(material):
+        return []
+    own = (Path(__file__).parent / "explore.js").read_text(encoding="utf-8")
+    return [solver(), right_hand_side(material.project.problem.model), own]
+
+
+def explore(material: Material) -> dict[str, Any] | None:
+    """The data of the section, for JSON; None where there is nothing to explore."""
+    if not_explored(material):
+        return None
+    problem, result = material.project.problem, material.result
+    orders = {n: e["value"] for n, e in result["orders"].items()}
+    recordings = [_recording(material, e) for e in list(_explorable(problem))[:MOST]]
+    return {
+        "program": program(problem),
+        "orders": orders,
+        "outputs": [_output(material, n) for n in problem.outputs],
+        "levels": problem.weights != "equal",
+        "sliders": [*_orders(material), *_frictions(material)],
+        "recordings": recordings,
+    }
+
+
+# --- sliders -----------------------------------------------------------------------------------------
+
+
+def _orders(material: Material) -> Iterator[dict[str, Any]]:
+    """A slider for each order that is not tied to another."""
+    problem = material.project.problem
+    for name, e in material.result["orders"].items():
+        if name in problem.ties or e["value"] is None:
+            continue
+        integer = e.get("integer")
+        ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
+        yield _slider(problem, name, e, (max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE))) | {
+            "kind": "orders", "integer": integer,
+        }  # fmt: skip
+
+
+def _frictions(material: Material) -> Iterator[dict[str, Any]]:
+    """A slider for each friction that is there, and for the Coulomb friction that might be."""
+    problem, values = material.project.problem, material.result["parameters"]
+    own = {*problem.parametrisation.own_parameters, *problem.ties}
+    for name, kind in problem.model.friction.items():
+        e = values.get(name)
+        if e is None or name in own or e["value"] is None:
+            continue
+        high = max(3 * abs(e["value"]), 1.3 * max(map(abs, e["interval95"] or (0.0,))))
+        if high == 0.0 and kind.dry and kind.joint:
+            high = _might_be(material, kind.joint)
+        if high > 0.0 and (e["value"] != kind.off or kind.dry or e["free"]):
+            low = -high if e["value"] < 0.0 or kind.signed else 0.0
+            yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None}
+
+
+def _might_be(material: Material, joint: str) -> float:
+    """The viscous torque at the joint's highest speed: what dry friction could stand in for [N m]."""
+    model, values = material.project.problem.model, material.result["parameters"]
+    viscous = sum(
+        abs(values[n]["value"] or 0.0)
+        for n, kind in model.friction.items() if kind.power == 1 and kind.joint == joint and n in values
+    )  # fmt: skip
+    speeds = [np.nanmax(np.abs(np.diff(r.fitted[joint]) / np.diff(r.time)), initial=0.0)
+              for r in material.recordings.values() if joint in r.fitted]  # fmt: skip
+    return float(viscous * max(speeds, default=0.0))
+
+
+def _slider(problem: Problem, name: str, e: Mapping[str, Any], reach: tuple[float, float]) -> dict[str, Any]:
+    says = {p.name: p.description.partition(":")[0] for p in problem.model.parameters}
+    return {
+        "name": name, "letter": letter(name), "unit": unit(e["unit"]), "says": says.get(name, "order"),
+        "value": e["value"], "interval": e["interval95"], "free": e["free"], "low": reach[0], "high": reach[1],
+        "targets": [name, *(n for n, root in problem.ties.items() if root == name)],
+    }  # fmt: skip
+
+
+# --- recordings ----------------------------------------------------------------------------------------
+
+
+def _output(material: Material, name: str) -> dict[str, Any]:
+    shown, factor = material.unit(name)
+    state = material.project.problem.model.output_states[name]
+    return {"name": name, "letter": letter(name), "unit": shown, "factor": factor, "state": state}
+
+
+def _recording(material: Material, e: Experiment) -> dict[str, Any]:
+    """One recording as ``Fracid.simulate`` takes it, and what it is held against."""
+    problem = material.project.problem
+    values, driven = problem.parametrisation.unpack(material.x, e), problem.simulator.inputs(material.x, e)
+    samples = min(len(e.measured), budget(len(material.recordings)))
+    rows = (samples - 1) * problem.substeps + 1
+    inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
+    sizes = problem.parametrisation.sizes(e)
+    return {
+        "name": e.name,
+        "step": e.step / problem.substeps,
+        "steps": rows - 1,
+        "every": problem.substeps,
+        "samples": samples,
+        "whole": len(e.measured),
+        "limit": LIMIT * float(np.max(sizes, initial=1.0)),
+        "initial": values.initial,
+        "deflections": list(_deflections(problem, material.x, e)),
+        "unknowns": list(_unknowns(problem, material.x, e)),
+        "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
+        "inputs": _doubles(inputs),
+        "jumps": None if driven.jumps is None else _doubles(driven.jumps[:rows]),
+        "own": _lines(material, e, samples),
+    }
+
+
+def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[str, str]]:
+    """The measured and the fitted samples; nothing where the page draws all of them."""
+    if samples == len(e.measured) and e.scored is None:
+        return {}
+    r, outputs = material.recordings[e.name], material.project.problem.outputs
+    scored = np.ones(len(e.measured), bool) if e.scored is None else e.scored
+    shown = {n: material.unit(n)[1] for n in outputs}
+    return {
+        "measured": {n: base64_floats(np.where(scored, shown[n] * r.measured[n], np.nan)[:samples]) for n in outputs},
+        "fitted": {n: base64_floats(shown[n] * r.fitted[n][:samples]) for n in outputs},
+    }
+
+
+def _unknowns(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
+    """What was free beside the orders, and is found again where these are held at their integer values."""
+    states = problem.model.states
+    for u, value in zip(problem.unknowns, x.tolist(), strict=True):
+        if u.kind not in ("parameter", "initial") or u.experiment not in (None, e.name):
+            continue
+        lower, upper = u.range.lower, u.range.upper
+        width = upper - lower if isfinite(upper - lower) else abs(value) or 1.0
+        at = states.index(u.target) if u.kind == "initial" else None
+        yield {
+            "name": u.target, "state": at, "value": value, "lower": lower, "upper": upper,
+            "width": min(width, 10 * abs(value)) or width,
+            "targets": [n for n in problem.model.parameter_names if at is None and problem.ties.get(n, n) == u.target],
+        }  # fmt: skip
+
+
+def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
+    """Of each presliding joint its state, its δ, and which share of it is given at the start; None where it slides."""
+    model, values = problem.model, problem.parametrisation.unpack(x, e)
+    if problem.initial_state != "estimate":
+        return
+    for state, delta in model.relaxing.items():
+        i = model.states.index(state)
+        if state in e.initial:
+            continue
+        free = any(u.kind == "initial" and u.target == state and u.experiment == e.name for u in problem.unknowns)
+        size = values.parameters[model.parameter_names.index(delta)]
+        slides = not free and values.initial[i] != 0.0
+        yield {"state": i, "delta": delta, "share": None if slides else values.initial[i] / size if size else 0.0}
+
+
+def _doubles(values: FloatArray) -> str:
+    """Numbers as base64 of little-endian float64."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()
