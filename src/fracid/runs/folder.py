@@ -78,7 +78,7 @@ MEMO = ".memo"
 FIGURES = "figures"
 
 FIGURE = re.compile(
-    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise)"
+    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise|posterior(-predictive)?)"
     r"\.(svg|png|pdf)"
 )
 """Names of the figures that runs and studies draw."""
