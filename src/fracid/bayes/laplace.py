@@ -172,7 +172,7 @@ def importance_sample(
     ...         return -0.5 * float(x @ x)
     >>> box = BoxPrior(np.full(2, -10.0), np.full(2, 10.0), {})
     >>> sample = importance_sample(Normal(), box, GaussianApproximation(np.zeros(2), np.eye(2)), draws=1000, seed=1)
-    >>> sample.trusted, abs(sample.log_evidence - np.log(2 * np.pi / 400)) < 0.05
+    >>> sample.trusted, bool(abs(sample.log_evidence - np.log(2 * np.pi / 400)) < 0.05)
     (True, True)
     """
     execution = execution or Execution()

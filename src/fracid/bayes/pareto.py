@@ -61,11 +61,11 @@ def smoothed(log_ratios: FloatArray) -> tuple[FloatArray, float]:
     """
     weights = log_ratios - np.max(log_ratios)
     finite = int(np.count_nonzero(np.isfinite(weights)))
-    tail = math.ceil(min(0.2 * finite, 3 * math.sqrt(finite)))
+    tail = int(min(0.2 * finite, 3 * math.sqrt(finite)))
     if tail < LEAST_TAIL:
         return weights, math.inf
-    order = np.argsort(weights, kind="stable")[-tail:]
-    cutoff = max(float(weights[np.argsort(weights, kind="stable")[-tail - 1]]), math.log(np.finfo(float).tiny))
+    order = np.argsort(weights, kind="stable")[-tail - 1 :]
+    cutoff, order = max(float(weights[order[0]]), math.log(np.finfo(float).tiny)), order[1:]
     excess = np.exp(weights[order]) - math.exp(cutoff)
     if excess[0] <= 0 or excess[-1] - excess[0] <= 1e-10:  # all alike: nothing to smooth
         return weights, -math.inf

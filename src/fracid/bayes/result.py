@@ -12,13 +12,12 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.pareto import khat_limit
 from fracid.bayes.target import BoxPrior
-from fracid.cards import Card, CardDisplay, estimate_text
+from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least
 from fracid.figures import Style, draw
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.draws import PosteriorBlock
-from fracid.units import GREEK
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,13 +231,13 @@ class Posterior(CardDisplay):
         texts = (estimate_text(n, self.quantile(n, 0.5), self.interval(n), u.unit)
                  for n, u in zip(self.names, self.problem.unknowns, strict=True))  # fmt: skip
         evidence = "none: a parameter has no bounds" if math.isnan(self.log_evidence) else (
-            f"{self.log_evidence:.2f} ± {self.evidence_error:.2g} nats below the greatest likelihood"
+            f"{self.log_evidence:.2f} ± {self.evidence_error:.2g} nats, relative to the greatest likelihood"
         )  # fmt: skip
         return Card(f"Posterior of {self.problem.model.name}, {len(self.names)} free parameters", (
             ("method", METHODS[self.method]),
             ("verdict", self.sentence),
             ("log evidence", evidence),
-            *((GREEK.get(n, n), text) for n, text in zip(self.names, texts, strict=True)),
+            ("parameters", listed(texts)),
             *(("note", note) for note in self.notes),
         ))  # fmt: skip
 

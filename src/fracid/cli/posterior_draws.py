@@ -88,11 +88,10 @@ def posterior(
 def _show(finished: FinishedPosterior, console: Console) -> None:
     from rich.markup import escape
 
-    table = new_table("", "fitted", "median", "standard deviation", "95 % interval", "unit", "prior")
+    table = new_table("", "median", "95 % interval", "unit", "prior", fold=("",))
     for name, row in finished.result["unknowns"].items():
         low, high = row["interval95"]
-        cells = (f"{row['fitted']:.6g}", f"{row['median']:.6g}", f"{row['standard_deviation']:.2g}",
-                 f"{low:.5g} … {high:.5g}", row["unit"], _prior(row["prior"]))  # fmt: skip
+        cells = (f"{row['median']:.6g}", f"{low:.5g} … {high:.5g}", row["unit"], _prior(row["prior"]))
         table.add_row(*map(escape, (name, *cells)))
     console.print(table)
     drawn = finished.posterior

@@ -77,8 +77,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
             else:
                 _alone(grid[i, i], posterior, name, columns[i], factors[i])
             if j <= i:
-                grid[i, j].locator_params(nbins=3)
-                grid[i, j].ticklabel_format(useOffset=False)
+                _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
                 appearance.label(grid[i, j], "", labels[j] if i == n - 1 else "",
                                  ("density" if i == 0 else "") if j == i else labels[i] if j == 0 else "")  # fmt: skip
     trust = "" if posterior.trusted else "; the draws cannot be trusted"
@@ -126,12 +125,24 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
         appearance.line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
         if len(curves):
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))
-            axes.fill_between(time, low, high, color=appearance.BLUE, alpha=0.35, lw=0,
+            axes.fill_between(time, low, high, color=appearance.BLUE, alpha=0.7, lw=0, zorder=3,
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         appearance.label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
                          f"{appearance.symbol(output)} [{appearance.plain(unit)}]")  # fmt: skip
     appearance.finish(figure, f"What the posterior leaves undetermined: {appearance.plain(e.name)}")
     return figure
+
+
+def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:
+    """Two or three numbers, slanting, at the figure's edge alone: those of narrow posteriors are long."""
+    axes.locator_params(axis="x", nbins=3)
+    if beside:
+        axes.locator_params(axis="y", nbins=3)
+    axes.ticklabel_format(axis="x", useOffset=False)
+    if axes.get_yticks().size:
+        axes.ticklabel_format(axis="y", useOffset=False)
+    axes.tick_params(axis="x", labelrotation=30, labelbottom=below)
+    axes.tick_params(axis="y", labelleft=beside)
 
 
 def _most_important(posterior: Posterior) -> tuple[str, ...]:
@@ -156,7 +167,10 @@ def _alone(axes: Axes, posterior: Posterior, name: str, values: FloatArray, fact
 
 def _pair(axes: Axes, x: FloatArray, y: FloatArray, weights: FloatArray) -> None:
     reach: Any = [_reach(x, weights), _reach(y, weights)]
-    density, across, up = np.histogram2d(x, y, bins=BINS // 2, range=reach, weights=weights)
+    from scipy.ndimage import gaussian_filter
+
+    counts, across, up = np.histogram2d(x, y, bins=BINS // 2, range=reach, weights=weights)
+    density = gaussian_filter(counts, 1.0)
     ordered = np.sort(density.ravel())[::-1]
     mass = np.cumsum(ordered) / max(float(np.sum(ordered)), 1e-300)
     levels = sorted({float(ordered[np.searchsorted(mass, part)]) for part in (0.95, 0.5)})
