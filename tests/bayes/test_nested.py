@@ -19,7 +19,7 @@ def mean_of(sample, values):
 @pytest.mark.broad
 def test_two_peaks_out_of_reach_of_each_other_are_both_found_with_their_evidence():
     pytest.importorskip("nautilus")
-    sample = nested_sample(TwoPeaks(4.0), box(3, 10.0), draws=4000, seed=1)
+    sample = nested_sample(TwoPeaks(4.0), box(3, 10.0), draws=2000, seed=1)
     exact = np.log(4 / 3) + 1.5 * np.log(2 * np.pi) - 3 * np.log(20)
     assert sample.log_evidence == pytest.approx(exact, abs=0.05)
     assert mean_of(sample, sample.points[:, 0] > 0) == pytest.approx(0.75, abs=0.03)
@@ -28,7 +28,7 @@ def test_two_peaks_out_of_reach_of_each_other_are_both_found_with_their_evidence
 @pytest.mark.broad
 def test_a_bent_valley_is_followed_to_both_ends():
     pytest.importorskip("nautilus")
-    sample = nested_sample(Banana(), box(2, 5.0), draws=4000, seed=1)
+    sample = nested_sample(Banana(), box(2, 5.0), draws=2000, seed=1)
     # x₁ is N(1, 1), x₂ | x₁ is N(x₁², 1/400); little of both lies beyond the box
     assert mean_of(sample, sample.points[:, 0]) == pytest.approx(1.0, abs=0.1)
     assert sample.log_evidence == pytest.approx(np.log(2 * np.pi / 20 / 100), abs=0.06)

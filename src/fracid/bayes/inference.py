@@ -30,6 +30,9 @@ __all__ = ["DRAWS", "WithPosterior", "posterior"]
 DRAWS = 2000
 """Of an importance sample, if no number is given."""
 
+SAME = 0.05
+"""A fit whose log likelihood is less by no more than this is the minimum."""
+
 APART = 3.0
 """Another minimum that is further, in standard deviations, than this is one of its own."""
 
@@ -105,6 +108,7 @@ def posterior(
         raise unknown_name("method", method, METHODS)
     at_least("jobs", jobs, 1)
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
+    notes += () if x is None else _not_minimum(problem, likelihood, vector("x", x))
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
     execution = Execution(executor, jobs, journal, progress)
     draw = _laplace if method == "laplace" else _nested
@@ -148,6 +152,17 @@ def _nested(
         sample.evidence_error, likelihood.samples, likelihood.degrees, sample.simulations, seed, prior=prior,
         notes=notes,
     )  # fmt: skip
+
+
+def _not_minimum(problem: Problem, likelihood: RecordedLikelihood, x: FloatArray) -> tuple[str, ...]:
+    """That a fit stopped short; with priors its point is not the data's minimum."""
+    rise = 0.0 if problem.parametrisation.priors else -likelihood.log_likelihood(x)
+    if rise <= SAME:
+        return ()
+    return (
+        f"The fit had not reached its minimum, where the log likelihood is {rise:.2g} greater: the posterior is that "
+        "about the minimum.",
+    )
 
 
 def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[FloatArray]) -> tuple[str, ...]:

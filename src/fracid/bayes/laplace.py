@@ -36,7 +36,7 @@ from fracid.tasks.tasks import Execution
 __all__ = ["ImportanceSample", "StudentProposal", "importance_sample", "log_likelihoods"]
 
 DEGREES = 7.0
-"""Degrees of freedom of the proposal: in 15 dimensions 70 % of the draws of a normal posterior count."""
+"""Degrees of freedom of the proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
 
 BATCH = 25
 """Draws of one task."""
@@ -68,6 +68,8 @@ class StudentProposal:
     """Shape (n,)."""
     root: FloatArray
     """L of the scale matrix L L', shape (n, n)."""
+    degrees: float
+    """Of freedom."""
     mirrors: tuple[tuple[int, float, int], ...]
     """Parameter, its bound, and +1 if it lies above, −1 if below."""
 
@@ -80,12 +82,14 @@ class StudentProposal:
         middle = 0.5 * (prior.lower + prior.upper)
         sides = [(i, *((prior.lower[i], 1) if shape.mean[i] <= middle[i] else (prior.upper[i], -1)))
                  for i in shape.folded]  # fmt: skip
-        return cls(shape.mean, root, tuple((i, float(bound), side) for i, bound, side in sides))
+        return cls(
+            shape.mean, root, min(shape.degrees, DEGREES), tuple((i, float(bound), side) for i, bound, side in sides)
+        )
 
     def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Points, shape (count, n)."""
         normal = rng.standard_normal((count, len(self.centre)))
-        x = self.centre + (normal @ self.root.T) / np.sqrt(rng.chisquare(DEGREES, (count, 1)) / DEGREES)
+        x = self.centre + (normal @ self.root.T) / np.sqrt(rng.chisquare(self.degrees, (count, 1)) / self.degrees)
         for i, bound, side in self.mirrors:
             x[:, i] = bound + side * np.abs(x[:, i] - bound)
         return np.asarray(x)
@@ -104,11 +108,11 @@ class StudentProposal:
         return np.asarray(logsumexp(images, axis=0))
 
     def _unfolded(self, x: FloatArray) -> FloatArray:
-        n = len(self.centre)
+        n, nu = len(self.centre), self.degrees
         z = np.linalg.solve(self.root, (x - self.centre).T)
-        constant = math.lgamma((DEGREES + n) / 2) - math.lgamma(DEGREES / 2) - n / 2 * math.log(DEGREES * math.pi)
+        constant = math.lgamma((nu + n) / 2) - math.lgamma(nu / 2) - n / 2 * math.log(nu * math.pi)
         volume = float(np.linalg.slogdet(self.root)[1])
-        return np.asarray(constant - volume - (DEGREES + n) / 2 * np.log1p(np.sum(z**2, axis=0) / DEGREES))
+        return np.asarray(constant - volume - (nu + n) / 2 * np.log1p(np.sum(z**2, axis=0) / nu))
 
 
 @dataclass(frozen=True)

@@ -29,15 +29,15 @@ from fracid.arrays import FloatArray
 from fracid.bayes.laplace import log_likelihoods
 from fracid.bayes.target import BoxPrior, Likelihood
 from fracid.errors import InputError, at_least
-from fracid.tasks.job import Progress, Task
+from fracid.tasks.job import Progress, Task, one_blas_thread
 from fracid.tasks.tasks import Execution
 
 __all__ = ["NestedSample", "nested_sample"]
 
-LIVE = 1000
+LIVE = 500
 """Live points of nautilus."""
 
-LIVE_DYNESTY = 500
+LIVE_DYNESTY = 250
 """Of dynesty."""
 
 BATCH = 100
@@ -97,7 +97,8 @@ def nested_sample(
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
     batches = _Batches(likelihood, execution)
     run = _by_nautilus if sampler == "nested" else _by_dynesty
-    return run(batches, prior, draws, seed)
+    with one_blas_thread():  # sums split over threads round differently
+        return run(batches, prior, draws, seed)
 
 
 class _Batches:
@@ -154,7 +155,7 @@ def _by_dynesty(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> Ne
         raise _missing("dynesty") from None
     n = len(prior.lower)
     sampler: Any = NestedSampler(lambda x: float(batches(x[None])[0]), prior.from_unit, n,
-                                 nlive=max(LIVE_DYNESTY, draws // 4), rstate=np.random.default_rng(seed))  # fmt: skip
+                                 nlive=max(LIVE_DYNESTY, draws // 8), rstate=np.random.default_rng(seed))  # fmt: skip
     sampler.run_nested(dlogz=REMAINDER, print_progress=False)
     result = sampler.results
     log_weights = result.logwt - np.logaddexp.reduce(result.logwt)

@@ -76,9 +76,6 @@ __all__ = [
     "likelihood_problem",
 ]
 
-SAME = 0.05
-"""A fit whose log likelihood is less by no more than this is the minimum."""
-
 FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
 """Of Student's t: one has no mean, the other is the normal distribution."""
 
@@ -208,6 +205,8 @@ class GaussianApproximation:
     """Shape (n, n)."""
     folded: tuple[int, ...] = ()
     """Free parameters at a bound, about which the approximation is folded."""
+    degrees: float = math.inf
+    """Degrees of freedom of Student's t that the tails follow."""
 
 
 def joint_prior(problem: Problem) -> BoxPrior:
@@ -259,7 +258,7 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     -------
     likelihood : RecordedLikelihood
     notes : tuple of str
-        That x was no minimum; parameters of which the data tell nothing.
+        Parameters that the data do not identify.
 
     Raises
     ------
@@ -279,12 +278,7 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
         _refuse_improper(problem, unseen)
         names = " and ".join(problem.names[i] for i in unseen)
         notes += (f"The data do not identify {names}: there the posterior is the prior.",)
-    likelihood = _tempered(bare, best, estimator, jobs)
-    rise = -likelihood.log_likelihood(x)
-    if rise > SAME and not problem.parametrisation.priors:
-        notes += (f"The fit had not reached its minimum, where the log likelihood is {rise:.2g} greater: the posterior "
-                  "is that about the minimum.",)  # fmt: skip
-    return likelihood, notes
+    return _tempered(bare, best, estimator, jobs), notes
 
 
 def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int) -> RecordedLikelihood:
@@ -345,7 +339,7 @@ def approximation(
     centre = covariance @ (likelihood.precision @ likelihood.centre + precision * mean)
     centre[at_bound] = likelihood.centre[at_bound]
     folded = tuple(np.flatnonzero(at_bound).tolist()[:MOST_FOLDS])
-    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, folded)
+    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, folded, likelihood.degrees)
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
