@@ -6,8 +6,8 @@ those of any posterior that it can stand for, and each is weighted by posterior 
 smoothed (:mod:`fracid.bayes.pareto`), and their :math:`\hat k` says whether the correction can be trusted.  The mean
 weight is the evidence.
 
-A parameter at a bound, such as a friction that is zero, has half of its approximation beyond it.  That half is folded
-back, so that no draw is lost and the density stays exact.
+A parameter at a bound, such as a friction that is zero, has half of its approximation beyond it.  What is drawn there
+is drawn again, which costs no simulation and keeps the correlations with the other parameters.
 
 Where the first draws leave many of the weights to a few, the proposal takes their weighted mean and covariance and
 draws again, :data:`ROUNDS` times at most: adaptive importance sampling [PP]_.  The last proposal's draws alone count,
@@ -20,7 +20,6 @@ References
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -38,13 +37,16 @@ __all__ = ["ImportanceSample", "StudentProposal", "importance_sample", "log_like
 DEGREES = 7.0
 """Degrees of freedom of the proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
 
+MOST = 1000
+"""Draws for each that lies within the bounds, at most."""
+
 BATCH = 25
 """Draws of one task."""
 
 PILOT = 400
-"""Draws of a round that only improves the proposal."""
+"""Draws of the first round; each following has so many more."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Proposals at most."""
 
 GOOD = 0.2
@@ -53,7 +55,7 @@ GOOD = 0.2
 WORTHWHILE = 1.1
 """A proposal of which a part so many times as large counts is better."""
 
-ENOUGH = 5
+ENOUGH = 10
 """Draws for each parameter that tell a mean and a covariance."""
 
 LEAST_DRAWS = 100
@@ -62,7 +64,7 @@ LEAST_DRAWS = 100
 
 @dataclass(frozen=True)
 class StudentProposal:
-    """A multivariate Student's t, folded about bounds that parameters lie at."""
+    """A multivariate Student's t, of which what lies within the bounds is drawn."""
 
     centre: FloatArray
     """Shape (n,)."""
@@ -70,8 +72,7 @@ class StudentProposal:
     """L of the scale matrix L L', shape (n, n)."""
     degrees: float
     """Of freedom."""
-    mirrors: tuple[tuple[int, float, int], ...]
-    """Parameter, its bound, and +1 if it lies above, −1 if below."""
+    prior: BoxPrior
 
     @classmethod
     def about(cls, shape: GaussianApproximation, prior: BoxPrior) -> StudentProposal:
@@ -79,35 +80,21 @@ class StudentProposal:
         size = np.sqrt(np.diag(shape.covariance))
         values, vectors = np.linalg.eigh(shape.covariance / np.outer(size, size))
         root = size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1]))
-        middle = 0.5 * (prior.lower + prior.upper)
-        sides = [(i, *((prior.lower[i], 1) if shape.mean[i] <= middle[i] else (prior.upper[i], -1)))
-                 for i in shape.folded]  # fmt: skip
-        return cls(
-            shape.mean, root, min(shape.degrees, DEGREES), tuple((i, float(bound), side) for i, bound, side in sides)
-        )
+        return cls(shape.mean, root, min(shape.degrees, DEGREES), prior)
 
-    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Points, shape (count, n)."""
-        normal = rng.standard_normal((count, len(self.centre)))
-        x = self.centre + (normal @ self.root.T) / np.sqrt(rng.chisquare(self.degrees, (count, 1)) / self.degrees)
-        for i, bound, side in self.mirrors:
-            x[:, i] = bound + side * np.abs(x[:, i] - bound)
-        return np.asarray(x)
+    def draw(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, int]:
+        """Points within the bounds, shape (count, n), and how many were drawn for them."""
+        kept, drawn = [np.empty((0, len(self.centre)))], 0
+        while (lacking := count - sum(map(len, kept))) > 0 and drawn < MOST * count:
+            normal = rng.standard_normal((count, len(self.centre)))
+            x = self.centre + (normal @ self.root.T) / np.sqrt(rng.chisquare(self.degrees, (count, 1)) / self.degrees)
+            inside = np.flatnonzero(self.prior.inside(x))[:lacking]
+            kept.append(x[inside])
+            drawn += int(inside[-1]) + 1 if len(inside) == lacking else count
+        return np.concatenate(kept), drawn
 
     def log_density(self, x: FloatArray) -> FloatArray:
-        """Of points on the inner side of all mirrors, shape (n_points,)."""
-        from scipy.special import logsumexp
-
-        images = []
-        for flips in itertools.product((False, True), repeat=len(self.mirrors)):
-            image = x.copy()
-            for (i, bound, _), flipped in zip(self.mirrors, flips, strict=True):
-                if flipped:
-                    image[:, i] = 2 * bound - image[:, i]
-            images.append(self._unfolded(image))
-        return np.asarray(logsumexp(images, axis=0))
-
-    def _unfolded(self, x: FloatArray) -> FloatArray:
+        """Of points within the bounds, shape (n_points,): of all draws, those beyond counted too."""
         n, nu = len(self.centre), self.degrees
         z = np.linalg.solve(self.root, (x - self.centre).T)
         constant = math.lgamma((nu + n) / 2) - math.lgamma(nu / 2) - n / 2 * math.log(nu * math.pi)
@@ -120,7 +107,7 @@ class ImportanceSample:
     """Weighted draws of a posterior."""
 
     points: FloatArray
-    """Shape (n_draws, n); without those of no weight."""
+    """Shape (n_draws, n); without those whose runs fail."""
     log_weights: FloatArray
     """Of a sum of 1, shape (n_draws,)."""
     log_likelihood: FloatArray
@@ -131,7 +118,7 @@ class ImportanceSample:
     """Its standard error [nats]."""
     khat: float
     draws: int
-    """Of the proposal, those of no weight too."""
+    """Within the bounds, those whose runs fail too."""
     simulations: int
     """With those that only improved the proposal."""
 
@@ -184,7 +171,7 @@ def importance_sample(
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
         pilot = _Round(likelihood, prior, StudentProposal.about(shape, prior), f"round {number}", rng)
-        pilot.extend(min(PILOT, draws), draws, execution)
+        pilot.extend(min(number * PILOT, draws), draws, execution)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share
         best = pilot if best is None or pilot.share > best.share else best
@@ -192,8 +179,9 @@ def importance_sample(
             break
         shape = pilot.moved(shape)
     assert best is not None
+    simulations += draws - len(best.values)
     best.extend(draws - len(best.values), draws, execution)
-    return best.sample(simulations + draws - min(PILOT, draws))
+    return best.sample(simulations)
 
 
 class _Round:
@@ -203,36 +191,31 @@ class _Round:
         self, likelihood: Likelihood, prior: BoxPrior, proposal: StudentProposal, name: str, rng: np.random.Generator
     ) -> None:
         self.likelihood, self.prior, self.proposal, self.name, self.rng = likelihood, prior, proposal, name, rng
-        self.points = np.empty((0, len(proposal.centre)))
-        self.values = np.empty(0)
+        self.points, self.values, self.drawn = np.empty((0, len(proposal.centre))), np.empty(0), 0
 
     def extend(self, count: int, total: int, execution: Execution) -> None:
-        """Draw so many more, and simulate those within the bounds."""
+        """Draw and simulate so many more."""
         before = len(self.values)
-        points = self.proposal.draw(self.rng, count)
-        values, inside = np.full(count, -np.inf), np.flatnonzero(self.prior.inside(points))
-        batches = [inside[i : i + BATCH] for i in range(0, len(inside), BATCH)]
-        tasks = [Task(f"{self.name}, draw {before + b[0]}", (self.likelihood, points[b])) for b in batches]
+        points, drawn = self.proposal.draw(self.rng, count)
+        tasks = [
+            Task(f"{self.name}, draw {before + i}", (self.likelihood, points[i : i + BATCH]))
+            for i in range(0, len(points), BATCH)
+        ]
         tell = execution.progress
         told = None if tell is None else lambda p: tell(_in_draws(p, before, total))
         results = replace(execution, progress=told).run(log_likelihoods, tasks)
-        for batch, values_of_batch in zip(batches, results.values(), strict=True):
-            values[batch] = [-np.inf if v is None else v for v in values_of_batch]
-        self.points = np.concatenate([self.points, points])
-        self.values = np.concatenate([self.values, values])
+        values = [-np.inf if v is None else v for batch in results.values() for v in batch]
+        self.points, self.values = np.concatenate([self.points, points]), np.append(self.values, values)
+        self.drawn += drawn
 
     @property
     def log_ratios(self) -> FloatArray:
-        """Posterior over proposal, −inf where there is no posterior, shape (n_draws,)."""
-        ratios = np.full(len(self.values), -np.inf)
-        some = np.isfinite(self.values)
-        points = self.points[some]
-        ratios[some] = self.values[some] + self.prior.log_density(points) - self.proposal.log_density(points)
-        return ratios
+        """Posterior over proposal, −inf where a run fails, shape (n_draws,)."""
+        return np.asarray(self.values + self.prior.log_density(self.points) - self.proposal.log_density(self.points))
 
     @property
     def share(self) -> float:
-        """The part of the draws that counts, 0 where none has a posterior density."""
+        """The part of the draws that counts, 0 where every run fails."""
         ratios = self.log_ratios
         if not np.any(np.isfinite(ratios)):
             return 0.0
@@ -242,20 +225,18 @@ class _Round:
     def moved(self, shape: GaussianApproximation) -> GaussianApproximation:
         """The weighted mean and covariance; the weights are flattened until enough draws take part."""
         ratios = self.log_ratios
-        some = np.isfinite(ratios)
-        if np.count_nonzero(some) < ENOUGH * len(shape.mean):
+        some, enough = np.isfinite(ratios), ENOUGH * len(shape.mean)
+        if np.count_nonzero(some) < enough:
             return replace(shape, covariance=shape.covariance / 4)  # nearly all runs fail: closer to the minimum
         points, ratios = self.points[some], ratios[some] - np.max(ratios[some])
         power = 1.0
         while True:
             weights = np.exp(power * ratios)
             weights /= np.sum(weights)
-            if 1 / np.sum(weights**2) >= min(ENOUGH * len(shape.mean), 0.5 * len(points)):
+            if 1 / np.sum(weights**2) >= min(enough, 0.5 * len(points)):
                 break
             power *= 0.7
-        mean = weights @ points
-        for i in shape.folded:  # folded draws scatter about the bound
-            mean[i] = shape.mean[i]
+        mean = np.asarray(weights @ points)
         deviation = points - mean
         return replace(shape, mean=mean, covariance=deviation.T @ (weights[:, None] * deviation))
 
@@ -267,16 +248,16 @@ class _Round:
         some = np.isfinite(ratios)
         if np.count_nonzero(some) < LEAST_DRAWS // 10:
             raise InputError(
-                f"Of {len(ratios)} draws about the minimum {np.count_nonzero(some)} lie within the bounds and reach "
+                f"Of {self.drawn} draws about the minimum {np.count_nonzero(some)} lie within the bounds and reach "
                 "the end of the recording: the posterior cannot be drawn from there. Type --method nested."
             )
         weights, khat = smoothed(ratios[some])
         weights += np.max(ratios)
         total = float(logsumexp(weights))
         log_weights = weights - total
-        spread = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / len(ratios), 0.0))
-        return ImportanceSample(self.points[some], log_weights, self.values[some], total - math.log(len(ratios)),
-                                spread, khat, len(ratios), simulations)  # fmt: skip
+        error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
+        return ImportanceSample(self.points[some], log_weights, self.values[some], total - math.log(self.drawn),
+                                error, khat, len(ratios), simulations)  # fmt: skip
 
 
 def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | None]:

@@ -65,7 +65,7 @@ class Posterior(CardDisplay):
     khat: float = math.nan
     """The shape of the tail of the importance weights; NaN for nested sampling."""
     draws: int = 0
-    """Of the importance sample, those of no weight too."""
+    """Of the importance sample, those whose runs fail too."""
     prior: BoxPrior | None = None
     notes: tuple[str, ...] = ()
     """What should be known of it, in sentences."""

@@ -82,9 +82,6 @@ FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
 FLAT = 1e-12
 """Relative curvature below which a direction counts as flat."""
 
-MOST_FOLDS = 8
-"""The approximation is folded about so many bounds at most: its density has a term for each combination."""
-
 
 class Likelihood(Protocol):
     """What the data say of a point."""
@@ -203,8 +200,6 @@ class GaussianApproximation:
     """Shape (n,)."""
     covariance: FloatArray
     """Shape (n, n)."""
-    folded: tuple[int, ...] = ()
-    """Free parameters at a bound, about which the approximation is folded."""
     degrees: float = math.inf
     """Degrees of freedom of Student's t that the tails follow."""
 
@@ -338,8 +333,7 @@ def approximation(
     covariance = inverse(likelihood.precision + np.diag(precision))
     centre = covariance @ (likelihood.precision @ likelihood.centre + precision * mean)
     centre[at_bound] = likelihood.centre[at_bound]
-    folded = tuple(np.flatnonzero(at_bound).tolist()[:MOST_FOLDS])
-    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, folded, likelihood.degrees)
+    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, likelihood.degrees)
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
