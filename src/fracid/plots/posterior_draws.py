@@ -79,7 +79,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
             if j <= i:
                 _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
                 appearance.label(grid[i, j], "", labels[j] if i == n - 1 else "",
-                                 ("density" if i == 0 else "") if j == i else labels[i] if j == 0 else "")  # fmt: skip
+                                 ("density [–]" if i == 0 else "") if j == i else labels[i] if j == 0 else "")  # fmt: skip
     trust = "" if posterior.trusted else "; the draws cannot be trusted"
     appearance.finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
     return figure
@@ -128,7 +128,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
             axes.fill_between(time, low, high, color=appearance.BLUE, alpha=0.7, lw=0, zorder=3,
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         appearance.label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
-                         f"{appearance.symbol(output)} [{appearance.plain(unit)}]")  # fmt: skip
+                         f"residual of {appearance.symbol(output)} [{appearance.plain(unit)}]")  # fmt: skip
     appearance.finish(figure, f"What the posterior leaves undetermined: {appearance.plain(e.name)}")
     return figure
 
