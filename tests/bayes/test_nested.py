@@ -12,13 +12,20 @@ from fracid.tasks.tasks import Execution
 from test_importance import Banana, Normal, TwoPeaks, box
 
 
+@pytest.fixture
+def fast(monkeypatch):
+    """Few live points and one network: enough for densities of two or three parameters."""
+    pytest.importorskip("nautilus")
+    monkeypatch.setattr(nested, "LIVE", 300)
+    monkeypatch.setattr(nested, "NETWORKS", 1)
+
+
 def mean_of(sample, values):
     return float(np.exp(sample.log_weights) @ values)
 
 
 @pytest.mark.broad
-def test_two_peaks_out_of_reach_of_each_other_are_both_found_with_their_evidence():
-    pytest.importorskip("nautilus")
+def test_two_peaks_out_of_reach_of_each_other_are_both_found_with_their_evidence(fast):
     sample = nested_sample(TwoPeaks(4.0), box(3, 10.0), draws=2000, seed=1)
     exact = np.log(4 / 3) + 1.5 * np.log(2 * np.pi) - 3 * np.log(20)
     assert sample.log_evidence == pytest.approx(exact, abs=0.05)
@@ -26,8 +33,7 @@ def test_two_peaks_out_of_reach_of_each_other_are_both_found_with_their_evidence
 
 
 @pytest.mark.broad
-def test_a_bent_valley_is_followed_to_both_ends():
-    pytest.importorskip("nautilus")
+def test_a_bent_valley_is_followed_to_both_ends(fast):
     sample = nested_sample(Banana(), box(2, 5.0), draws=2000, seed=1)
     # x₁ is N(1, 1), x₂ | x₁ is N(x₁², 1/400); little of both lies beyond the box
     assert mean_of(sample, sample.points[:, 0]) == pytest.approx(1.0, abs=0.1)
@@ -42,11 +48,9 @@ def test_dynesty_agrees_with_the_closed_form():
 
 
 @pytest.mark.broad
-def test_nested_draws_are_the_same_to_the_bit_for_any_number_of_threads(monkeypatch):
-    pytest.importorskip("nautilus")
-    monkeypatch.setattr(nested, "LIVE", 200)
+def test_nested_draws_are_the_same_to_the_bit_for_any_number_of_threads(fast):
     samples = [
-        nested_sample(Normal(np.eye(2)), box(2, 5.0), draws=500, seed=1, execution=Execution(jobs=jobs))
+        nested_sample(Normal(np.eye(2)), box(2, 5.0), draws=300, seed=1, execution=Execution(jobs=jobs))
         for jobs in (1, 2)
     ]
     np.testing.assert_array_equal(samples[0].points, samples[1].points)

@@ -37,6 +37,9 @@ __all__ = ["NestedSample", "nested_sample"]
 LIVE = 500
 """Live points of nautilus."""
 
+NETWORKS = 4
+"""Of nautilus, for each region."""
+
 LIVE_DYNESTY = 250
 """Of dynesty."""
 
@@ -113,13 +116,26 @@ class _Batches:
     def __call__(self, points: FloatArray) -> FloatArray:
         """Of points of shape (n_points, n), shape (n_points,)."""
         self.count += 1
-        parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
-        tasks = [Task(f"batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
-        values = [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
+        values = self._one(points) if len(points) == 1 else self._several(points)
         self.simulations += len(points)
         if self.progress is not None:
             self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))
         return np.array([NOTHING if v is None else v for v in values])
+
+    def _several(self, points: FloatArray) -> list[float | None]:
+        parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
+        tasks = [Task(f"batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
+        return [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
+
+    def _one(self, points: FloatArray) -> list[float | None]:
+        """The same of a single point, on this thread: a pool of threads would take longer than the simulation."""
+        key, journal = f"batch {self.count}, 0", self.execution.journal
+        if journal is not None and key in journal.done:
+            return list(journal.done[key])
+        values = log_likelihoods(self.likelihood, points)
+        if journal is not None:
+            journal.append(key, values)
+        return values
 
 
 def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> NestedSample:
@@ -129,8 +145,8 @@ def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> N
         raise _missing("nautilus") from None
     n = len(prior.lower)
     inflated, one = _at_least_two(prior.from_unit, batches, n)
-    sampler: Any = Sampler(inflated, one, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH, vectorized=True,
-                           pass_dict=False, seed=seed)  # fmt: skip
+    sampler: Any = Sampler(inflated, one, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
+                           n_networks=NETWORKS, vectorized=True, pass_dict=False, seed=seed)  # fmt: skip
     sampler.run(f_live=REMAINDER, n_eff=draws, verbose=False)
     points, log_weights, _ = sampler.posterior()
     log_weights = log_weights - np.logaddexp.reduce(log_weights)

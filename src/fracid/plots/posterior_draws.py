@@ -78,8 +78,8 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
                 _alone(grid[i, i], posterior, name, columns[i], factors[i])
             if j <= i:
                 _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
-                appearance.label(grid[i, j], "", labels[j] if i == n - 1 else "",
-                                 ("density [–]" if i == 0 else "") if j == i else labels[i] if j == 0 else "")  # fmt: skip
+                beside = labels[i] if j < i else "density [–]"
+                appearance.label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")
     trust = "" if posterior.trusted else "; the draws cannot be trusted"
     appearance.finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
     return figure
