@@ -31,7 +31,7 @@ __all__ = ["FinishedPosterior", "run_posterior"]
 
 RESULT, DRAWN = "posterior.json", "draws.npz"
 
-INTERRUPTED = "interrupted"
+PARTIAL = ("interrupted", "stopped as asked")
 """In the outcome of a search that did not reach its end."""
 
 
@@ -110,7 +110,7 @@ def run_posterior(
         raise unknown_name("method", method, METHODS)
     with one_blas_thread():
         saved = load_run(run, trust=trust)
-        if INTERRUPTED in str(saved.result.get("outcome", "")):
+        if any(word in str(saved.result.get("outcome", "")) for word in PARTIAL):
             raise InputError(
                 f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
                 f"fracid fit {saved.project.path}."
