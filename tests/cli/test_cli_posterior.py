@@ -45,6 +45,13 @@ def test_the_same_command_reads_the_journal_and_simulates_nothing(capsys, drawn,
     assert json.loads(out) == json.loads(finished.path.read_text(encoding="utf-8"))
 
 
+def test_more_draws_and_another_seed_go_into_the_same_folder(capsys, drawn, tmp_path):
+    shutil.copytree(drawn[0].parent, tmp_path / "rig")
+    code, out, _ = run(capsys, "posterior", tmp_path / "rig" / "run", "--draws", 500, "--seed", 2, "--json")
+    assert code == 0
+    assert json.loads(out)["draws"] == 500
+
+
 def test_the_terminal_shows_interval_prior_verdict_and_evidence(capsys, drawn):
     folder, _ = drawn
     code, out, err = run(capsys, "posterior", folder, "--draws", 400)

@@ -170,7 +170,13 @@ def importance_sample(
     at_least("draws", draws, LEAST_DRAWS)
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
-        pilot = _Round(likelihood, prior, StudentProposal.about(shape, prior), f"round {number}", rng)
+        pilot = _Round(
+            likelihood,
+            prior,
+            StudentProposal.about(shape, prior),
+            f"laplace, {draws} draws, seed {seed}, round {number}",
+            rng,
+        )
         pilot.extend(min(number * PILOT, draws), draws, execution)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share

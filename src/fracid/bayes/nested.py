@@ -98,7 +98,7 @@ def nested_sample(
     at_least("draws", draws, 1)
     if execution.executor != "threads":
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
-    batches = _Batches(likelihood, execution)
+    batches = _Batches(likelihood, f"{sampler}, {draws} draws, seed {seed}", execution)
     run = _by_nautilus if sampler == "nested" else _by_dynesty
     with one_blas_thread():  # sums split over threads round differently
         return run(batches, prior, draws, seed)
@@ -107,8 +107,8 @@ def nested_sample(
 class _Batches:
     """The log likelihoods of one batch of points after the other."""
 
-    def __init__(self, likelihood: Likelihood, execution: Execution) -> None:
-        self.likelihood, self.progress = likelihood, execution.progress
+    def __init__(self, likelihood: Likelihood, name: str, execution: Execution) -> None:
+        self.likelihood, self.name, self.progress = likelihood, name, execution.progress
         self.execution = replace(execution, progress=None)
         self.count = self.simulations = 0
         self.began = time.perf_counter()
@@ -124,12 +124,12 @@ class _Batches:
 
     def _several(self, points: FloatArray) -> list[float | None]:
         parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
-        tasks = [Task(f"batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
+        tasks = [Task(f"{self.name}, batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
         return [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
 
     def _one(self, points: FloatArray) -> list[float | None]:
         """The same of a single point, on this thread: a pool of threads would take longer than the simulation."""
-        key, journal = f"batch {self.count}, 0", self.execution.journal
+        key, journal = f"{self.name}, batch {self.count}, 0", self.execution.journal
         if journal is not None and key in journal.done:
             return list(journal.done[key])
         values = log_likelihoods(self.likelihood, points)

@@ -91,7 +91,9 @@ NEAR = 3
 LARGEST_PROJECT = 2**24
 """Of such a project [bytes]."""
 
-LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
+POSTERIOR = ("posterior/posterior.json", "posterior/draws.npz", f"posterior/{JOURNAL}")
+
+LATER = ("residuals.json", "profiles.json", "report.html", STARTS, *POSTERIOR)
 """What else lies in a run folder and is no longer true of a new run."""
 
 

@@ -122,7 +122,7 @@ def run_posterior(
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
         journal_file = open_folder(folder, words) / JOURNAL
         with (
-            Journal(journal_file, _header(saved, method, draws, seed), _fault) as journal,
+            Journal(journal_file, _header(saved), _fault) as journal,
             observer.progress("simulations") as tell,
         ):
             for note in journal.notes:
@@ -133,8 +133,8 @@ def run_posterior(
     return FinishedPosterior(drawn, folder, _written(drawn, record, folder), record)
 
 
-def _header(saved: SavedRun, method: str, draws: int, seed: int) -> dict[str, Any]:
-    """All that a batch depends on beside its key."""
+def _header(saved: SavedRun) -> dict[str, Any]:
+    """All that a batch depends on beside its key, which has the method, the draws and the seed."""
     project = saved.project
     parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
     return {
@@ -142,7 +142,7 @@ def _header(saved: SavedRun, method: str, draws: int, seed: int) -> dict[str, An
         "project": sha256(b"".join(parts)).hexdigest()[:16],
         "fit": dict(zip(saved.problem.names, saved.x.tolist(), strict=True)),
         "data": {r.name: r.sha256 for r in project.recordings},
-        "method": method, "draws": draws, "seed": seed, "versions": versions(),
+        "versions": versions(),
     }  # fmt: skip
 
 
