@@ -40,7 +40,7 @@ def uninterrupted(result: Result) -> Result:
 HOPELESS = 5.0
 """A start that costs this many times the best of its horizon is left."""
 
-MANY = 20
+MANY = 200
 """Swings that tell a frequency so well that of long records a horizon may be four times as long at once."""
 
 PATIENCE = 2

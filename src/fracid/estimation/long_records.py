@@ -41,6 +41,8 @@ __all__ = [
     "corrected",
     "is_coarse",
     "like",
+    "nearby",
+    "on_all_samples",
     "own_substeps",
     "part_of",
     "sampled_problem",
@@ -74,7 +76,7 @@ SHRINKS = 0.5
 DIFFERENCE = 1e-6
 """Of an unknown's size, by which it is differentiated."""
 
-PART = 16_000
+PART = 8_000
 """Coarse samples of a recording on which other models are compared with the fit."""
 
 TELLING = 30
@@ -224,6 +226,31 @@ def part_of(problem: Problem) -> Problem:
     if not is_coarse(problem) or rows <= 1.5 * PART or swings * PART / rows < TELLING:
         return problem
     return problem.until(PART * problem.experiments[0].step)
+
+
+def nearby(problem: Problem, x: FloatArray) -> Problem:
+    """What has nearly the shape of a problem's cost about x, and is cheap: of long records a part; else the problem."""
+    coarse = coarse_problem(problem)
+    if not is_coarse(coarse):
+        return problem
+    exact = with_defect(coarse, x, own_substeps(coarse, problem.substeps))
+    return part_of(coarse if isinstance(exact, Failure) else exact)
+
+
+def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: float) -> FloatArray:
+    """Costs of means, or of a part, with what that leaves out: what is `here` is `there` on all samples.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> on_all_samples(problem, np.array([3.0, 6.0]), 3.0, 5.0).round(3).tolist()  # rmse: its squares add up
+    [5.0, 7.211]
+    """
+    if problem.cost_function.root and there > here:
+        return np.hypot(costs, math.sqrt(there**2 - here**2))
+    return costs * (there / max(here, SMALLEST))
 
 
 def _every(problem: Problem) -> int:
