@@ -50,9 +50,9 @@ from fracid.estimation.long_records import (
     corrected,
     is_coarse,
     like,
+    on_every_sample,
     own_substeps,
     part_of,
-    sampled_problem,
 )
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
@@ -269,9 +269,7 @@ class _Findings:
 
     def at_every_sample(self, problem: Problem) -> Problem:
         """A problem on the recordings at their own rate."""
-        if self.sampled is None or not is_coarse(problem):
-            return problem
-        return replace(sampled_problem(problem, self.sampled.substeps), memo=self.sampled.memo)
+        return problem if self.sampled is None else on_every_sample(problem, self.sampled)
 
     def correct(self, jobs: int) -> None:
         """Give long records, searched with coarse steps, the residuals of their own."""
@@ -550,7 +548,8 @@ def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Esti
 
 def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
     """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
-    alone = coarse_problem(problem.with_shared(x, (e,)))
+    sampled = problem.with_shared(x, (e,))
+    alone = coarse_problem(sampled)
     quiet = Watch()
     if not alone.names:
         best = alone.evaluate(alone.start)
@@ -564,7 +563,7 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
             alone, best = exact
     precision = uncertainty(alone, best.point, jobs=jobs)
     estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
-    return _recording(sampled_problem(alone, problem.substeps), best.point, estimates, e, "validate"), best.reason
+    return _recording(on_every_sample(alone, sampled), best.point, estimates, e, "validate"), best.reason
 
 
 def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, precision: Uncertainty | Failure) -> str:

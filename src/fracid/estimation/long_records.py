@@ -43,9 +43,9 @@ __all__ = [
     "like",
     "nearby",
     "on_all_samples",
+    "on_every_sample",
     "own_substeps",
     "part_of",
-    "sampled_problem",
     "with_defect",
 ]
 
@@ -96,8 +96,8 @@ def coarse_problem(problem: Problem) -> Problem:
     >>> swing = Experiment("long", 1e-3, np.sin(6 * t)[:, None] * [0.1, 1.0], np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
     >>> coarse = coarse_problem(problem)
-    >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, sampled_problem(coarse).substeps
-    (75000, 0.004, 1)
+    >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, coarse.substeps
+    (75000, 0.004, 2)
     """
     every = _every(problem)
     if every < 2 * STEPS:
@@ -120,14 +120,24 @@ def is_coarse(problem: Problem) -> bool:
     return any(e.means > 1 for e in problem.experiments)
 
 
-def sampled_problem(problem: Problem, substeps: int = 1) -> Problem:
-    """The problem on its recordings at their own rate."""
+def on_every_sample(problem: Problem, sampled: Problem) -> Problem:
+    """A problem, found on coarser recordings, on those of another one, from which they were made.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 1e-3, np.zeros((300_000, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
+    >>> [len(p.experiments[0].measured) for c in [coarse_problem(problem)] for p in (c, on_every_sample(c, problem))]
+    [75000, 300000]
+    """
     if not is_coarse(problem):
         return problem
     fine = tuple(
-        replace(e.sampled, sensors=e.sensors, actuators=e.actuators, between=e.between) for e in problem.experiments
+        replace(whole, initial=e.initial, sensors=e.sensors, actuators=e.actuators, between=e.between)
+        for e, whole in zip(problem.experiments, sampled.experiments, strict=True)
     )
-    return replace(problem, experiments=fine, substeps=substeps)
+    return replace(problem, experiments=fine, substeps=sampled.substeps, memo=sampled.memo)
 
 
 def own_substeps(problem: Problem, substeps: int = 1) -> int:
