@@ -2,7 +2,7 @@ r"""Long records: searched as coarsely as the model allows, corrected by what ev
 
 An hour at 1 kHz takes a model a second, and a fit asks for thousands of runs.  So a fit of long records works on
 coarser ones (:mod:`fracid.problem.coarse`): means of so many samples that :data:`PER_PERIOD` are left of a period, the
-model stepped twice for each.  What such steps get wrong moves the minimum.  At a point x the *defect*
+model stepped once for each.  What such steps get wrong moves the minimum.  At a point x the *defect*
 
 .. math::  d(x) = y_h(x) - y_H(x)
 
@@ -41,6 +41,7 @@ __all__ = [
     "corrected",
     "is_coarse",
     "like",
+    "memory_needed",
     "nearby",
     "on_all_samples",
     "on_every_sample",
@@ -52,13 +53,13 @@ __all__ = [
 LONG = 200_000
 """Samples, of all recordings that are fitted: from here on a search works on coarser ones."""
 
-PER_PERIOD = 32
+PER_PERIOD = 64
 """Coarse samples in a period."""
 
 FEWEST = 50_000
 """Coarse samples of all recordings."""
 
-STEPS = 2
+STEPS = 1
 """Of the model for each coarse sample, where that is enough."""
 
 DIFFERENT = 0.02
@@ -76,11 +77,14 @@ SHRINKS = 0.5
 DIFFERENCE = 1e-6
 """Of an unknown's size, by which it is differentiated."""
 
-PART = 8_000
+PART = 16_000
 """Coarse samples of a recording on which other models are compared with the fit."""
 
 TELLING = 30
 """Swings that such a part has at least."""
+
+COPIES = 5
+"""Of the derivatives, in what is made of them."""
 
 MEMORY = 256 << 20
 """Bytes of simulated outputs that are kept where no folder keeps them."""
@@ -97,10 +101,10 @@ def coarse_problem(problem: Problem) -> Problem:
     >>> problem = Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
     >>> coarse = coarse_problem(problem)
     >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, coarse.substeps
-    (75000, 0.004, 2)
+    (75000, 0.004, 1)
     """
     every = _every(problem)
-    if every < 2 * STEPS:
+    if every == 1:
         return problem
     coarse = like(problem, problem.experiments, every)
     coarse = replace(coarse, memo=problem.memo or Recent(MEMORY), substeps=STEPS)
@@ -261,6 +265,23 @@ def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: floa
     if problem.cost_function.root and there > here:
         return np.hypot(costs, math.sqrt(there**2 - here**2))
     return costs * (there / max(here, SMALLEST))
+
+
+def memory_needed(problem: Problem) -> int:
+    """Bytes that a fit takes, as measured on long and on many recordings.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 1e-3, np.zeros((10_000, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> memory_needed(problem) / 10**6
+    5.44
+    """
+    samples = sum(len(e.measured) for e in problem.experiments)
+    unknowns = len(problem.names) if problem.blocks is None else len(problem.blocks.groups)
+    run = 8 * (4 * len(problem.model.states) + 4 * len(problem.outputs) + 20)
+    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // _every(problem)
 
 
 def _every(problem: Problem) -> int:
