@@ -93,7 +93,7 @@ def make_hour(folder: Path) -> None:
 
 
 def make_draft(folder: Path) -> None:
-    """An hour at 1 kHz with the project that ``init`` writes, untouched: fourteen values, a start and rests are free."""
+    """An hour at 1 kHz with the project that ``init`` writes, untouched: 20 values are free."""
     import fracid
     from fracid.workflows.draft import write_draft
 
@@ -101,8 +101,9 @@ def make_draft(folder: Path) -> None:
             "C1": 4.1e-3, "J_theta": 1.1e-2}  # fmt: skip
     t, rng, count = 1e-3 * np.arange(HOUR), np.random.default_rng(1), 2 * np.pi / 4096
     volts = np.where((t % 10.0 < 0.2) & (t > 5), 3.0 * (-1.0) ** np.floor(t / 10.0), 0.0)
-    run = fracid.simulate(fracid.rotary_pendulum("srv02-rotpen"), orders={"lambda": 0.98, "mu": 0.97}, parameters=true,
-                          initial={"alpha": 0.6}, step=1e-3, end=t[-1], inputs=volts[:, None], between="hold")  # fmt: skip
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.98, "mu": 0.97}, parameters=true, initial={"alpha": 0.6},
+                          step=1e-3, end=t[-1], inputs=volts[:, None], between="hold")  # fmt: skip
     theta, alpha = (count * np.rint((run.states[:, i] + 1e-3 * rng.standard_normal(HOUR)) / count) for i in (0, 2))
     np.savez(folder / "draft.npz", time=t, theta=theta, alpha=alpha, voltage=volts)
     write_draft(folder / "draft.npz", folder / "draft.toml", None)
