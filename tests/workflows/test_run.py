@@ -3,6 +3,7 @@
 import json
 import shutil
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import fracid
 import program
 import twins
 from fracid.errors import InputError
+from fracid.workflows.fit import _short_of_room
 from program import RELEASE
 
 
@@ -107,3 +109,20 @@ def test_a_loaded_project_has_the_preset_that_it_was_loaded_with(here):
     with pytest.raises(InputError, match=r"loaded with preset = None, not 'paper'\. Type fracid\.load_project"):
         fracid.run(project, preset="paper")
     assert not (here / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("short", "sentence"),
+    [
+        ({"disk_usage": lambda _: SimpleNamespace(free=7_000_000)},
+         "has 7 MB left, and a result with its figures may take 50 MB"),
+        ({"free_memory": lambda: 1000}, "GB of memory, and 0.0 GB are free: end other programs"),
+        ({}, ""),
+    ],
+)  # fmt: skip
+def test_a_fit_says_before_its_search_where_disk_or_memory_may_not_suffice(here, monkeypatch, short, sentence):
+    for name, value in short.items():
+        monkeypatch.setattr(f"fracid.workflows.fit.{name}", value)
+    notes = [*_short_of_room(fracid.load_project("rig.toml"), here)]
+    assert len(notes) == len(short)
+    assert all(sentence in note for note in notes)
