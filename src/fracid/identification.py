@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, FailureReason, InputError
+from fracid.errors import SMALLEST, Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
@@ -433,7 +433,9 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     element = None if all(e.explained for e in left.values()) else fractional_element(
         part, beside, goal=nearest.cost if nearest else None, jobs=jobs
     )  # fmt: skip
-    analysis.alternative = None if nearest is None else in_proportion(nearest, best.cost / beside.cost)
+    if nearest is not None and part is not problem:
+        nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
+    analysis.alternative = nearest
     analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
     if nearest is not None and part is not problem:
@@ -475,7 +477,9 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     if problem is not searched and math.isfinite(best.cost):
         cost = problem.cost(best.point)
         noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
-        alternative = alternative and in_proportion(alternative, 1.0 if noise else cost / best.cost, noise)
+        alternative = alternative and in_proportion(
+            alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
+        )
     if analysis.alternative is not None and analysis.alternative.warning:
         for n in analysis.alternative.orders:
             verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
