@@ -299,10 +299,6 @@ def test_a_studys_exit_code_is_that_of_its_command(tmp_path, capsys):
 # --- the program itself ------------------------------------------------------------------------------
 
 
-SIGNALS = [getattr(signal, name) for name in ("SIGKILL", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-"""What ends a program: the machine, who shuts it down, the terminal that was closed."""
-
-
 @pytest.mark.slow
 def test_killed_at_twenty_random_moments_and_resumed_each_time_the_results_are_identical(project, tmp_path):
     rng = np.random.default_rng(20)
@@ -323,7 +319,7 @@ def test_killed_at_twenty_random_moments_and_resumed_each_time_the_results_are_i
         while True:
             time.sleep(rng.uniform(0.1, 0.9) * duration)
             kills += process.poll() is None
-            process.send_signal(SIGNALS[kills % len(SIGNALS)])
+            process.kill()
             process.wait()
             if not (folder / RUN).exists():  # before it began
                 process = fracid_program("fit", *words, "--out", str(folder))
