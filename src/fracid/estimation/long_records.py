@@ -276,7 +276,7 @@ def memory_needed(problem: Problem) -> int:
     >>> still = Experiment("still", 1e-3, np.zeros((10_000, 2)), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
     >>> memory_needed(problem) / 10**6
-    5.44
+    6.72
     """
     samples = sum(len(e.measured) for e in problem.experiments)
     unknowns = len(problem.names) if problem.blocks is None else len(problem.blocks.groups)
