@@ -21,6 +21,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,9 @@ PAGE = Path(__file__).parent.parent / "docs" / "scale.md"
 
 HOUR = 3_600_001
 """Samples of an hour at 1 kHz."""
+
+LONG_DAY = 4_320_001
+"""Samples of twelve hours at 100 Hz."""
 
 LONG = 10_000_000
 """Samples of the recordings that are only read."""
@@ -88,6 +92,81 @@ def make_hour(folder: Path) -> None:
     (folder / "hour.toml").write_text(text)
 
 
+def make_draft(folder: Path) -> None:
+    """An hour at 1 kHz with the project that ``init`` writes, untouched: 20 values are free."""
+    import fracid
+    from fracid.workflows.draft import write_draft
+
+    true = {"cable_stiffness": 0.02, "coulomb_theta": 2e-3, "coulomb_alpha": 1e-4, "b_theta": 4e-3, "b_alpha": 4e-4,
+            "C1": 4.1e-3, "J_theta": 1.1e-2}  # fmt: skip
+    t, rng, count = 1e-3 * np.arange(HOUR), np.random.default_rng(1), 2 * np.pi / 4096
+    volts = np.where((t % 10.0 < 0.2) & (t > 5), 3.0 * (-1.0) ** np.floor(t / 10.0), 0.0)
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.98, "mu": 0.97}, parameters=true, initial={"alpha": 0.6},
+                          step=1e-3, end=t[-1], inputs=volts[:, None], between="hold")  # fmt: skip
+    theta, alpha = (count * np.rint((run.states[:, i] + 1e-3 * rng.standard_normal(HOUR)) / count) for i in (0, 2))
+    np.savez(folder / "draft.npz", time=t, theta=theta, alpha=alpha, voltage=volts)
+    write_draft(folder / "draft.npz", folder / "draft.toml", None)
+
+
+CELL = """\
+from fracid import Model, Parameter
+
+
+def rhs(t, x, u, p, out):
+    out[0] = (u[0] - x[0] / p[2]) / p[1]
+
+
+def voltage(t, x, u, p):
+    return p[3] - p[0] * u[0] - x[0]
+
+
+model = Model(
+    name="cell", rhs=rhs, states=("v",), orders=("mu",), outputs={"voltage": voltage}, inputs=("current",),
+    parameters=(
+        Parameter("R0", "Ohm", 0.02, "in series"), Parameter("Q", "F s^(mu-1)", 800.0, "constant-phase element"),
+        Parameter("R1", "Ohm", 0.1, "beside it"), Parameter("E", "V", 3.7, "at rest"),
+    ),
+    zero="", source="",
+)
+"""
+"""A battery cell: a resistance, and a constant-phase element that leaks."""
+
+DAY = """\
+[model]
+name = "cell.py:model"
+[model.parameters]
+R0 = { start = 0.02, lower = 1e-3, upper = 1.0 }
+Q = { start = 800.0, lower = 10.0, upper = 1e5 }
+R1 = { start = 0.1, lower = 1e-2, upper = 10.0 }
+E = { start = 3.7, lower = 3.0, upper = 4.2 }
+[model.orders]
+mu = { start = 1.0, lower = 0.3, upper = 1.2 }
+[[recording]]
+file = "day.npz"
+voltage = { column = "voltage", unit = "V" }
+current = { column = "current", unit = "A" }
+[fit]
+initial_state = "held"
+"""
+
+
+def make_day(folder: Path) -> None:
+    """Twelve hours of a cell at 100 Hz: ten minutes at 1 A, twenty at rest, again and again; 104 MB."""
+    import fracid
+
+    (folder / "cell.py").write_text(CELL)
+    (folder / "day.toml").write_text(DAY)
+    t = 1e-2 * np.arange(LONG_DAY)
+    current = np.where((t % 1800.0 < 600.0) & (t > 60.0), 1.0, 0.0)
+    np.savez(folder / "day.npz", time=t, voltage=np.linspace(3.7, 3.6, LONG_DAY), current=current)
+    model = fracid.load_project(folder / "day.toml", trust=True).problem.model
+    run = fracid.simulate(model, orders={"mu": 0.8}, parameters={"R0": 0.03, "Q": 500.0, "R1": 0.2}, initial={},
+                          step=1e-2, end=t[-1], inputs=current[:, None])  # fmt: skip
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(LONG_DAY)
+    np.savez(folder / "day.npz", time=t, voltage=3.7 - 0.03 * current - run.states[:, 0] + noise, current=current)
+
+
 def make_many(folder: Path) -> None:
     """200 recordings of 5 s at 200 Hz."""
     for k in range(MANY):
@@ -141,15 +220,20 @@ def fit_project(name: str) -> Callable[[Path], str]:
 
     def run(folder: Path) -> str:
         import fracid
-        from fracid.runs.folder import inputs_of, open_run, write_result
+        from fracid.runs.folder import MEMO, inputs_of, open_run, write_result
+        from fracid.tasks.simulation_cache import Memo
 
-        project = fracid.load_project(folder / f"{name}.toml")
+        project = fracid.load_project(folder / f"{name}.toml", trust=True)
         with open_run(folder / name, "fit", {"project": str(project.path)}, inputs=inputs_of(project)) as run:
-            found = fracid.identify(project, jobs=2)
-            write_result(run.folder, found, project, {})
+            with Memo(run.folder / MEMO) as memo:
+                remembering = replace(project, problem=replace(project.problem, memo=memo))
+                found = fracid.identify(remembering, jobs=2)
+                write_result(run.folder, found, project, {})
+                disk = sum(path.stat().st_size for path in run.folder.rglob("*") if path.is_file())
             run.finish()
         mu = found.orders["mu"]
-        return f"{found.evaluations} evaluations, mu = {mu.value:.5f} ± {1.96 * (mu.standard_error or np.nan):.0e}"
+        half = 1.96 * (mu.standard_error or np.nan)
+        return f"{found.evaluations} evaluations, mu = {mu.value:.6f} ± {half:.0e}, {disk / 1e6:.0f} MB of disk"
 
     return run
 
@@ -201,6 +285,8 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         ("fit, 3 free", fit_project("hour"), 115.2, 2000),
         ("report", report_run("hour"), 115.2, 1000),
     ]),
+    "draft": (make_draft, [("fit, 20 free", fit_project("draft"), 115.2, 2000)]),
+    "day": (make_day, [("fit, 5 free", fit_project("day"), 103.7, 2000)]),
     "many": (make_many, [
         ("fit, 3 free", fit_project("many"), 6.4, 400),
         ("report", report_run("many"), 6.4, 500),
@@ -261,6 +347,8 @@ def main(sections: list[str]) -> str:
 
 TITLES = {
     "hour": "an hour at 1 kHz, 3.6·10⁶ samples",
+    "draft": "an hour at 1 kHz, what `init` writes",
+    "day": "twelve hours at 100 Hz, a battery cell",
     "many": "200 recordings, 1,001 samples each",
     "own": "500 recordings, 2,000 samples each",
     "long": "10⁷ samples of two angles",

@@ -1,6 +1,7 @@
 """Arrays of other packages, masks and other processes: what stands around fracid in a caller's program."""
 
 import pickle
+import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
@@ -69,6 +70,14 @@ def test_fits_in_other_processes_and_many_in_threads_are_those_of_this_one(probl
         assert list(pool.map(_fitted, [problem] * 24)) == [alone] * 24
 
 
+@pytest.mark.slow
+def test_two_hundred_fits_from_eight_threads_are_one_and_leave_no_thread_behind(problem):
+    alone, before = _fitted(problem), threading.active_count()
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(_fitted, [problem] * 200)) == [alone] * 200
+    assert threading.active_count() == before
+
+
 # --- masks ----------------------------------------------------------------------------------------------
 
 
@@ -114,6 +123,28 @@ def test_tables_of_pandas_are_arrays_like_any(problem):
     np.testing.assert_array_equal(
         fracid.derivative(table["alpha"], 0.5, H), fracid.derivative(e.measured[:, 1], 0.5, H)
     )
+
+
+class Labelled:
+    """What xarray's DataArray is to NumPy: names about an array that it gives on demand."""
+
+    def __init__(self, values, dims):
+        self._values, self.dims, self.coords = values, dims, {}
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self._values, dtype=dtype)
+
+    def __len__(self):
+        return len(self._values)
+
+
+def test_labelled_arrays_are_arrays_like_any(problem):
+    e = problem.experiments[0]
+    same = Experiment("swing", H, Labelled(e.measured, ("time", "signal")), np.zeros((1, 1)))
+    np.testing.assert_array_equal(same.measured, e.measured)
+    time, alpha = Labelled(e.time, ("time",)), Labelled(e.measured[:, 1], ("time",))
+    np.testing.assert_array_equal(fracid.Recording.of("swing", time, {"alpha": alpha}).signals["alpha"], alpha)
+    np.testing.assert_array_equal(fracid.derivative(alpha, 0.5, H), fracid.derivative(e.measured[:, 1], 0.5, H))
 
 
 def test_a_table_with_words_in_it_is_refused():

@@ -30,6 +30,7 @@ Ctrl-C keeps the best so far: in the search it skips the seven, in one of them w
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -38,12 +39,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, FailureReason, InputError
+from fracid.errors import SMALLEST, Failure, FailureReason, InputError
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
+from fracid.estimation.long_records import (
+    coarse_problem,
+    corrected,
+    is_coarse,
+    like,
+    on_every_sample,
+    own_substeps,
+    part_of,
+)
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.search import search
@@ -56,7 +66,7 @@ from fracid.problem.checks import refuse_twins
 from fracid.selection.claim import FLOOR, Claim, claim_of, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import integer_alternatives
-from fracid.selection.integer_rival import Alternative, claimable, integer_values
+from fracid.selection.integer_rival import Alternative, claimable, in_proportion, integer_values
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.solver.methods import METHODS
@@ -179,16 +189,17 @@ def identify(
     reports = None if project is None else {r.name: r.report for r in project.recordings}
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
     clock.lap("look")
-    result, attempts = search(problem, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
+    work = problem if entry.keeps_its_own else coarse_problem(problem)
+    result, attempts = search(work, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
                               options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
     clock.lap("search")
-    analysis = _Findings(problem, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+    analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
                          alternatives=alternatives or {}, multi_start=1 if starts is None else starts,
-                         fixed_step=fixed_step)  # fmt: skip
+                         fixed_step=fixed_step, sampled=problem)  # fmt: skip
     if not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
-        analysis.seen += failed(problem, result.best.point)
+        analysis.seen += failed(work, result.best.point)
     elif not result.interrupted:
         _examine(analysis, validation, whole if cut else None, jobs, clock)
     return _fit(analysis, watch.count, clock.laps)
@@ -239,6 +250,8 @@ class _Findings:
     """Starts of a search."""
     fixed_step: bool = True
     """Whether the step stays as it is."""
+    sampled: Problem | None = None
+    """The problem on every sample of its recordings."""
     asked: Problem | None = None
     """The problem with its own bounds, where some were opened."""
     within: float = np.inf
@@ -248,6 +261,26 @@ class _Findings:
     def opened(self) -> tuple[OpenedBound, ...]:
         """The bounds that were opened and lie within what was found."""
         return () if self.asked is None else opened_bounds(self.asked, self.within, self.problem, self.result.best)
+
+    @property
+    def substeps(self) -> int:
+        """Steps of a coarser sample, of long records, that are those of the fit."""
+        return own_substeps(self.problem, 1 if self.sampled is None else self.sampled.substeps)
+
+    def at_every_sample(self, problem: Problem) -> Problem:
+        """A problem on the recordings at their own rate."""
+        return problem if self.sampled is None else on_every_sample(problem, self.sampled)
+
+    def correct(self, jobs: int) -> None:
+        """Give long records, searched with coarse steps, the residuals of their own."""
+        if not is_coarse(self.problem):
+            return
+        exact = corrected(self.problem, self.result.best.point, self.substeps, jobs)
+        if isinstance(exact, Failure):
+            self.warnings.append(f"With a step a sample the best run fails: {exact}.")
+        else:
+            self.problem, best = exact
+            self.result = replace(self.result, best=best)
 
     def open_bounds(self, jobs: int) -> None:
         """Go on beyond the bounds that stop the search, where that is worth it."""
@@ -268,8 +301,9 @@ class _Findings:
     def with_quiet_step(self, jobs: int) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
-        self.check = replace(discretisation_check(problem, x, self.known, jobs), refinement=taken)
-        fixed = self.fixed_step or self.optimiser.keeps_its_own  # nor is what it found polished
+        self.check = replace(discretisation_check(problem, x, self.known, jobs, substeps=self.substeps),
+                             refinement=taken)  # fmt: skip
+        fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
         finer = None if fixed else finer_step(problem, x, self.check, jobs)
         if finer is not None:
             self.problem, self.known, self.check = finer.problem, finer.uncertainty, finer.check
@@ -288,6 +322,8 @@ def _examine(
     try:
         analysis.open_bounds(jobs)
         clock.lap("bounds")
+        analysis.correct(jobs)
+        clock.lap("correction")
         analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
         clock.lap("uncertainty")
         analysis.with_quiet_step(jobs)
@@ -303,7 +339,7 @@ def _examine(
             return _examine(analysis, validation, whole, jobs, clock)
         clock.lap("honesty")
         for e in validation:
-            analysis.validated[e.name], reason = _validate(problem, x, e, jobs)
+            analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, jobs)
             analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         clock.lap("validation")
         if analysis.check is not None:
@@ -327,7 +363,7 @@ def _examine(
             analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
         clock.lap("nested")
         if whole is not None:
-            analysis.cut = cut_check(problem, x, analysis.known, whole=whole, jobs=jobs)
+            analysis.cut = cut_check(analysis.at_every_sample(problem), x, analysis.known, whole=whole, jobs=jobs)
             analysis.warnings += (
                 [f"The cut was not checked: {analysis.cut}."]
                 if isinstance(analysis.cut, Failure)
@@ -382,21 +418,39 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
 def _claim(analysis: _Findings, jobs: int) -> None:
     """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
     problem, best = analysis.problem, analysis.result.best
+    part = part_of(problem)
+    beside = best if part is problem else uninterrupted(refined(part, best.point, jobs, Watch())).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
-    analysis.alternative = integer_alternatives(
-        problem, best, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
-        own={n: replace(other, substeps=problem.substeps) for n, other in analysis.alternatives.items()},
+    nearest = integer_alternatives(
+        part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
+        own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
         starts=analysis.multi_start, seed=analysis.seed,
     )  # fmt: skip
-    analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     element = None if all(e.explained for e in left.values()) else fractional_element(
-        problem, best, goal=analysis.alternative.cost if analysis.alternative else None, jobs=jobs
+        part, beside, goal=nearest.cost if nearest else None, jobs=jobs
     )  # fmt: skip
+    if nearest is not None and part is not problem:
+        nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
+    analysis.alternative = nearest
+    analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
+    if nearest is not None and part is not problem:
+        end = max(float(e.time[-1]) for e in part.experiments)
+        reason = f"Models of integer order were compared on the first {end:.3g} s."
+        analysis.claim = replace(analysis.claim, reasons=(*analysis.claim.reasons, reason))
+
+
+def _beside(other: Problem, problem: Problem) -> Problem:
+    """Another model of the same recordings, with as many steps and on as many samples."""
+    every = max(e.means for e in problem.experiments)
+    if every == 1:
+        return replace(other, substeps=problem.substeps)
+    coarse = replace(like(other, other.experiments, every), substeps=problem.substeps)
+    return coarse.until(max(float(e.time[-1]) for e in problem.experiments))
 
 
 IMITATION = "may stand in for friction that the model lacks"
@@ -416,8 +470,16 @@ def _missed_by(analysis: _Findings) -> Iterator[Finding]:
 
 def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
     opened, best, precision = analysis.opened, analysis.result.best, analysis.known
-    problem = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
+    searched = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
+    problem = analysis.at_every_sample(searched)
     estimates = _estimates(problem, best.point, precision, analysis.verdicts)
+    cost, alternative = best.cost, analysis.alternative
+    if problem is not searched and math.isfinite(best.cost):
+        cost = problem.cost(best.point)
+        noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
+        alternative = alternative and in_proportion(
+            alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
+        )
     if analysis.alternative is not None and analysis.alternative.warning:
         for n in analysis.alternative.orders:
             verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
@@ -429,13 +491,13 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, analysis.verdicts), *analysis.warnings)  # fmt: skip
     return Fit(
-        problem=problem, x=best.point, cost=best.cost, evaluations=evaluations, seed=analysis.seed,
+        problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
         outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
-        alternative=analysis.alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
+        alternative=alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
         CutCheck) else None,
         discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
@@ -490,7 +552,8 @@ def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Esti
 
 def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
     """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
-    alone = problem.with_shared(x, (e,))
+    sampled = problem.with_shared(x, (e,))
+    alone = coarse_problem(sampled)
     quiet = Watch()
     if not alone.names:
         best = alone.evaluate(alone.start)
@@ -498,9 +561,13 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
         best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), jobs, quiet)).best
     else:
         best = uninterrupted(growing(alone, alone.start, jobs, quiet)).best
+        if is_coarse(alone) and not isinstance(
+            exact := corrected(alone, best.point, own_substeps(alone, problem.substeps), jobs), Failure
+        ):
+            alone, best = exact
     precision = uncertainty(alone, best.point, jobs=jobs)
     estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
-    return _recording(alone, best.point, estimates, e, "validate"), best.reason
+    return _recording(on_every_sample(alone, sampled), best.point, estimates, e, "validate"), best.reason
 
 
 def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, precision: Uncertainty | Failure) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fracid.schemas.files import json_schema
+from fracid.tasks.simulation_cache import Memo
 from program import fit_in, run
 from twins import write_release
 
@@ -169,3 +170,31 @@ def test_a_model_that_never_reaches_the_end_ends_with_3(capsys, folder, tmp_path
     code, _, err = run(capsys, "profile", tmp_path / "bad.toml", "--out", tmp_path)
     assert code == 3
     assert "det M = 0" in err
+
+
+@pytest.mark.broad
+def test_a_profile_that_was_killed_goes_on_by_the_same_command_and_ends_the_same(capsys, folder, tmp_path, monkeypatch):
+    words = ("profile", folder / "run", "--points", "4", "--out")
+    assert run(capsys, *words, tmp_path / "whole")[0] == 0
+
+    def killed(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as before_the_end:
+        before_the_end.setattr("fracid.workflows.profiles.bootstrap", killed)
+        assert run(capsys, *words, tmp_path / "again")[0] != 0
+    assert not (tmp_path / "again" / "profiles.json").exists()
+    counts = []
+
+    class Counting(Memo):
+        def remove(self):
+            counts.append((self.computed, len(self._places)))
+            super().remove()
+
+    monkeypatch.setattr("fracid.workflows.profiles.Memo", Counting)
+    assert run(capsys, *words, tmp_path / "again")[0] == 0
+    ((computed, kept),) = counts
+    assert computed < 0.5 * kept
+    for name in ("whole", "again"):
+        assert not (tmp_path / name / ".memo").exists()
+    assert (tmp_path / "again" / "profiles.json").read_bytes() == (tmp_path / "whole" / "profiles.json").read_bytes()

@@ -325,3 +325,14 @@ def test_presliding_is_proposed_where_small_swings_are_quicker(tmp_path, delta):
     text = draft_project(tmp_path / "clamped.csv").text
     assert ("\npresliding_alpha = {" in text) == (delta > 0)
     assert ("# presliding_alpha" in text) == (delta == 0)
+
+
+@pytest.mark.parametrize(("step", "proposed"), [(1e-3, ["# resample = 0.02"]), (1e-2, [])])
+def test_a_recording_with_many_more_samples_than_its_swings_need_is_proposed_a_rate(tmp_path, step, proposed):
+    t = step * np.arange(round(130 / step))
+    np.savez(tmp_path / "long.npz", time=t, alpha=0.3 * np.exp(-t / 40) * np.cos(6 * t))
+    text = draft_project(tmp_path / "long.npz", folder=tmp_path).text
+    assert [line.split("#")[1].strip() for line in text.splitlines() if "resample" in line] == [
+        line.removeprefix("# ") for line in proposed
+    ]
+    assert "long.npz" in text

@@ -1,13 +1,16 @@
 """What a journal has taken stays, whatever happens to the process, the file or the disk."""
 
+import errno
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import fracid
 from fracid.errors import InputError, Unfinished
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.journal import Journal
@@ -154,6 +157,24 @@ def test_a_killed_process_leaves_no_lock(path, holder):
     holder.kill()
     holder.wait()
     assert written(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="flock")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_a_file_system_without_locks_keeps_nobody_out(path, monkeypatch, number):
+    def without(*_):
+        raise OSError(number, "no locks here")
+
+    monkeypatch.setattr("fcntl.flock", without)
+    with Journal(path, STUDY) as journal:
+        journal.append("one", {"value": 1})
+    assert path.read_bytes().count(b"\n") == 2
+
+
+def test_no_duration_is_taken_from_the_clock_on_the_wall_which_may_go_back_or_jump():
+    package = Path(fracid.__file__).parent
+    wall = r"\btime\.time\(|\btime_ns\("  # a date for people may be any
+    assert [path for path in package.rglob("*.py") if re.search(wall, path.read_text(encoding="utf-8"))] == []
 
 
 def test_one_process_may_open_several_journals_in_a_folder(tmp_path):

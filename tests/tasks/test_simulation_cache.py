@@ -168,3 +168,28 @@ def test_a_whole_identification_repeats_no_simulation_and_ends_the_same(tmp_path
         again = fracid.identify(replace(problem, memo=memo))
         assert memo.computed == 0
     assert bare.to_json() == first.to_json() == again.to_json()
+
+
+def test_a_file_that_is_full_keeps_what_it_has_and_what_follows_stays_in_memory(tmp_path):
+    path, rows = tmp_path / "memo", np.ones((100, 2))
+    with Memo(path, most=2000) as memo:
+        memo.get(KEY, lambda: rows)
+        size = path.stat().st_size
+        for key in (OTHER, b"p" * 16):
+            memo.get(key, lambda: ARRAYS["one row"] if key == OTHER else rows[:50])
+        assert memo.get(KEY, refused).shape == (100, 2)
+        assert size < path.stat().st_size <= 2000
+        memo.get(b"q" * 16, lambda: rows)
+        memo.get(b"r" * 16, lambda: rows[:9])
+        assert memo.get(b"r" * 16, refused).shape == (9, 2)
+        assert path.stat().st_size <= 2000
+
+
+def test_a_file_takes_no_more_than_half_of_what_the_disk_has_left(tmp_path, monkeypatch):
+    usage = type("Usage", (), {"free": 3000})()
+    monkeypatch.setattr(simulation_cache.shutil, "disk_usage", lambda _: usage)
+    path = tmp_path / "memo"
+    with Memo(path) as memo:
+        for key in (KEY, OTHER):
+            memo.get(key, lambda: np.ones((60, 2)))
+    assert 900 < path.stat().st_size <= 1500

@@ -62,6 +62,11 @@ def kills_once(folder, seed):
     return drawn(seed)
 
 
+def slowly_drawn(seed):
+    time.sleep(0.1)
+    return drawn(seed)
+
+
 def kills_always(seed):
     if seed == 3:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -282,7 +287,7 @@ def alive(pid):
 
 
 @pytest.fixture
-def cluster(tmp_path):
+def cluster(tmp_path, monkeypatch):
     """A scheduler, a process of its own on loopback: its address, itself, and what starts two workers."""
     pytest.importorskip("distributed")
 
@@ -294,6 +299,7 @@ def cluster(tmp_path):
         log.close()
 
     processes: list[subprocess.Popen] = []
+    monkeypatch.setitem(HERE, "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL", "4s")  # five minutes, if nobody says so
     where = tmp_path / "scheduler.json"
     started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(where))
     until(lambda: [where] if where.exists() and where.stat().st_size else [], 1)
@@ -302,7 +308,7 @@ def cluster(tmp_path):
         for _ in range(2):
             started("worker", "--scheduler-file", str(where), "--nthreads", "1", "--no-nanny", "--no-dashboard")
 
-    yield json.loads(where.read_text())["address"], processes[0], start_workers
+    yield json.loads(where.read_text())["address"], processes, start_workers
     for process in reversed(processes):
         process.kill()
         process.wait()
@@ -313,7 +319,7 @@ def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worke
     cluster, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("fracid.tasks.cluster.ANSWER", 2.0)  # how long a scheduler is waited for that is gone
-    address, scheduler, start_workers = cluster
+    address, (scheduler,), start_workers = cluster
     with monkeypatch.context() as impatient:
         impatient.setattr("fracid.tasks.cluster.PATIENCE", 0.3)
         impatient.setattr("fracid.tasks.cluster.IDLE", 0.2)
@@ -339,6 +345,23 @@ def test_a_study_on_a_cluster_ends_with_each_repetition_done_once_though_a_worke
             run_tasks(kills_once, tasks, executor=address, journal=journal, progress=kill)
         assert len(journal.done) >= 10
         assert run_tasks(drawn, [Task(t.key, (i,)) for i, t in enumerate(tasks)], journal=journal) == found
+
+
+@pytest.mark.broad
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP")
+def test_a_worker_that_hangs_is_left_and_a_study_whose_workers_all_hang_ends_and_says_so(cluster, monkeypatch):
+    address, processes, start_workers = cluster
+    start_workers()
+    tasks = [Task(f"seed {seed}", (seed,)) for seed in range(40)]
+
+    def hang(*which):
+        return lambda progress: [processes[i].send_signal(signal.SIGSTOP) for i in which if progress.done == 5]
+
+    assert run_tasks(slowly_drawn, tasks, executor=address, progress=hang(1)) == run_tasks(drawn, tasks)
+    monkeypatch.setattr("fracid.tasks.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("fracid.tasks.cluster.IDLE", 0.2)
+    with pytest.raises(Unfinished, match=r"has had no worker for 1 s: start some"):
+        run_tasks(slowly_drawn, tasks, executor=address, progress=hang(2))
 
 
 def test_a_worker_whose_parent_died_while_it_started_ends_at_once(monkeypatch):

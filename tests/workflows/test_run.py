@@ -1,8 +1,10 @@
 """From Python the folders are those of the commands; what is written of a call makes sense in a shell."""
 
+import errno
 import json
 import shutil
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ import fracid
 import program
 import twins
 from fracid.errors import InputError
+from fracid.workflows import figures
+from fracid.workflows.fit import _short_of_room
 from program import RELEASE
 
 
@@ -107,3 +111,41 @@ def test_a_loaded_project_has_the_preset_that_it_was_loaded_with(here):
     with pytest.raises(InputError, match=r"loaded with preset = None, not 'paper'\. Type fracid\.load_project"):
         fracid.run(project, preset="paper")
     assert not (here / "runs").exists()
+
+
+@pytest.mark.broad
+def test_a_disk_that_is_full_when_figures_are_drawn_keeps_the_result_and_they_are_drawn_later(here, monkeypatch):
+    whole = fracid.run("rig.toml", out="whole")
+    room = iter([figures.saved])
+
+    def fills_up(*words, **options):
+        if (drawn := next(room, None)) is None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return drawn(*words, **options)
+
+    with monkeypatch.context() as small:
+        small.setattr(figures, "saved", fills_up)
+        cut = fracid.run("rig.toml", out="small")
+    assert "No space left on device" in cut.undrawn
+    assert result(here / "small") == result(here / "whole")
+    again = fracid.run("rig.toml", out="small")
+    assert (again.resumed, again.undrawn) == (True, "")
+    assert len(again.figures) == len(whole.figures)
+    assert files(here / "small") == files(here / "whole")
+
+
+@pytest.mark.parametrize(
+    ("short", "sentence"),
+    [
+        ({"disk_usage": lambda _: SimpleNamespace(free=7_000_000)},
+         "has 7 MB left, and a result with its figures may take 50 MB"),
+        ({"free_memory": lambda: 1000}, "GB of memory, and 0.0 GB are free: end other programs"),
+        ({}, ""),
+    ],
+)  # fmt: skip
+def test_a_fit_says_before_its_search_where_disk_or_memory_may_not_suffice(here, monkeypatch, short, sentence):
+    for name, value in short.items():
+        monkeypatch.setattr(f"fracid.workflows.fit.{name}", value)
+    notes = [*_short_of_room(fracid.load_project("rig.toml"), here)]
+    assert len(notes) == len(short)
+    assert all(sentence in note for note in notes)

@@ -18,6 +18,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.estimation.long_records import nearby, on_all_samples
 from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
 from fracid.problem import Problem
@@ -128,7 +129,8 @@ def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> 
     (0.08, 0.15)
     """
     places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
-    return tuple(_reach(problem, x, i, orders.get(problem.unknowns[i].target)) for i in places)
+    near = nearby(problem, x)
+    return tuple(_reach(near, x, i, orders.get(problem.unknowns[i].target)) for i in places)
 
 
 def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:
@@ -151,6 +153,8 @@ def cost_plane(
     problem: Problem, x: FloatArray, *, reach: float | Sequence[float] = WIDE, points: int = 21, jobs: int = 1
 ) -> CostPlane:
     """Evaluate the cost around x over the problem's first two free orders, within their bounds.
+
+    Of a long record it is that of its first swings (:func:`fracid.estimation.long_records.part_of`).
 
     Parameters
     ----------
@@ -188,14 +192,17 @@ def cost_plane(
     ranges = [problem.unknowns[i].range for i in at]
     axes = [_axis(r.lower, r.upper, x[i], d, points) for r, i, d in zip(ranges, at, far, strict=True)]
     grid = [(a, b) for a in axes[0] for b in axes[1]]
+    near = nearby(problem, x)
 
     def cost(pair: tuple[float, float]) -> float:
         y = x.copy()
         y[at] = pair
-        return problem.cost(y)
+        return near.cost(y)
 
     with ThreadPoolExecutor(jobs) as pool:
         costs = np.array(list(pool.map(cost, grid))).reshape(len(axes[0]), len(axes[1]))
+    if near is not problem:
+        costs = on_all_samples(problem, costs, near.cost(x), problem.cost(x))
     first, second = (problem.unknowns[i].target for i in at)
     return CostPlane((first, second), axes[0], axes[1], costs)
 

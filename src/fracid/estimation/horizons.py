@@ -40,6 +40,9 @@ def uninterrupted(result: Result) -> Result:
 HOPELESS = 5.0
 """A start that costs this many times the best of its horizon is left."""
 
+MANY = 200
+"""Swings that tell a frequency so well that of long records a horizon may be four times as long at once."""
+
 PATIENCE = 2
 """Horizons before a start may be called hopeless."""
 
@@ -167,10 +170,10 @@ def horizons(problem: Problem) -> Iterator[float]:
     if all(e.times is not None for e in problem.experiments):
         return
     whole = max(e.time[-1] for e in problem.experiments)
-    horizon = max(_first_horizon(e) for e in problem.experiments)
+    horizon = first = max(_first_horizon(e) for e in problem.experiments)
     while horizon < 0.75 * whole:
         yield horizon
-        horizon *= 1.5
+        horizon *= 1.5 if horizon < MANY * first or all(e.means == 1 for e in problem.experiments) else 4.0
 
 
 def _first_horizon(e: Experiment) -> float:

@@ -42,7 +42,7 @@ from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import NORMAL_95, Uncertainty, column_norms, uncertainty
 from fracid.models.friction import LUGRE
-from fracid.problem import Problem, Unknown
+from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.units import with_unit
@@ -244,15 +244,18 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
     """log₂ of how much each column of J falls when all angles are halved, shape (n_unknowns,)."""
     if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
         return np.full(len(x), np.nan)
-    smaller = replace(problem, experiments=tuple(
-        replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
-                initial={n: scaled(v, 0.5) for n, v in e.initial.items()}) for e in problem.experiments
-    ))  # fmt: skip
+    smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
     norms = column_norms(problem, x, jobs=jobs), column_norms(smaller, np.where(angles, 0.5 * x, x))
     if isinstance(norms[0], Failure) or isinstance(norms[1], Failure):
         return np.full(len(x), np.nan)
     return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))
+
+
+def _halved(e: Experiment) -> Experiment:
+    return replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
+                   initial={n: scaled(v, 0.5) for n, v in e.initial.items()},
+                   source=None if e.source is None else _halved(e.source))  # fmt: skip
 
 
 # --- the rules, in order; each gives a verdict or nothing --------------------------------------------

@@ -103,7 +103,7 @@ def _piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
     return replace(
         e, name=name, past=None, past_inputs=None, release_time=0.0, initial={},
         measured=e.measured[first:end], inputs=e.inputs if len(e.inputs) == 1 else e.inputs[first:end],
-        start=e.start + first * e.step,
+        start=e.start + first * e.step, source=e.source_of(first, end),
     )  # fmt: skip
 
 

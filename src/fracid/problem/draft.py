@@ -36,7 +36,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,7 +53,7 @@ from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
-from fracid.signals.swing import final_value, half_swings, quickening, swing_period
+from fracid.signals.swing import common_period, final_value, half_swings, quickening, swing_period
 
 __all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file"]
 
@@ -68,6 +68,12 @@ MOTOR = "torque_per_volt"
 
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
+
+ENOUGH = 64
+"""Samples of a swing."""
+
+MANY_TIMES, MANY_SAMPLES = 4, 100_000
+"""A recording with so many times as many, and so many in all, could have fewer."""
 
 FEWEST = 50
 """Samples of a part that is fitted."""
@@ -526,8 +532,22 @@ class _Page:
             )
         else:
             lines.append(f"# to = {self.recording.time[-1]:.4g}")
+        lines += self._rate()
         lines.append(_line("use", "fit", '# or "validate": held out for validation'))
         return lines
+
+    def _rate(self) -> Iterator[str]:
+        """A rate for a recording that has many more samples than its swings need."""
+        r = self.recording
+        angles = [r.signals[n] for n in ("alpha", *(["theta"] if self.arm else []))]
+        step, period = r.report.clock.step, common_period(np.column_stack(angles))
+        every = period / ENOUGH
+        if every >= MANY_TIMES and len(r.time) >= MANY_SAMPLES:
+            swing = f"{ENOUGH} samples a swing say as much as {period:.0f}"
+            yield (
+                f"# resample = {float(f'{every * step:.1g}'):g}".ljust(40)
+                + f"# {swing}; a long fit works on so few by itself"
+            )
 
     def _at_the_top(self) -> bool:
         """Whether it is let go near upright."""

@@ -83,6 +83,10 @@ class Experiment:
     deviation: FloatArray | None = None
     """Standard deviation of each sample, in its output's unit, shape (n_samples, n_outputs); None where all count
     alike.  Errors are then counted in it."""
+    source: Experiment | None = None
+    """The recording at its own rate, where this is a coarser one of it (:mod:`fracid.problem.coarse`)."""
+    means: int = 1
+    """Of how many samples of the source each sample is the mean."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -177,6 +181,11 @@ class Experiment:
         return len(self.measured) - 1 if self.times is None else _steps_to(float(self.times[-1]), self.step)
 
     @property
+    def sampled(self) -> Experiment:
+        """The recording at its own rate."""
+        return self if self.source is None else self.source
+
+    @property
     def most_moved(self) -> FloatArray:
         """The output that moves most, shape (n_samples,)."""
         return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
@@ -226,8 +235,17 @@ class Experiment:
     def _first(self, n: int, on_the_grid: int) -> Experiment:
         """The first samples, and as many inputs as the grid has up to the last of them."""
         times, deviation = (None if a is None else a[:n] for a in (self.times, self.deviation))
-        inputs = self.inputs[:on_the_grid]
-        return replace(self, measured=self.measured[:n], inputs=inputs, times=times, deviation=deviation)
+        return replace(self, measured=self.measured[:n], inputs=self.inputs[:on_the_grid], times=times,
+                       deviation=deviation, source=self.source_of(0, n))  # fmt: skip
+
+    def source_of(self, first: int, end: int) -> Experiment | None:
+        """The part of the source that some samples, from `first` up to `end`, are means of."""
+        if self.source is None:
+            return None
+        at = slice(first * self.means, (end - 1) * self.means + self.means // 2 + 1)
+        inputs = self.source.inputs if len(self.source.inputs) == 1 else self.source.inputs[at]
+        start = self.source.start + at.start * self.source.step
+        return replace(self.source, measured=self.source.measured[at], inputs=inputs, start=start)
 
     def in_deviations(self, error: FloatArray) -> FloatArray:
         """Errors in standard deviations where these are known, shape (n_samples, n_outputs)."""
@@ -248,7 +266,7 @@ class Experiment:
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
-        return self._first_values
+        return self.sampled._first_values
 
     @cached_property
     def _first_values(self) -> tuple[FloatArray, FloatArray]:

@@ -321,7 +321,7 @@ class Parametrisation:
         rate = self.rates.get(self.model.output_states.get(kind.joint if kind else "", -1))
         reach = self.parameter_starts.get(row.name, row.value)
         v = 0.0 if rate is None else float(x0[rate])
-        return math.copysign(1.0, v) if abs(v) * SOON * e.step > reach else 0.0
+        return math.copysign(1.0, v) if abs(v) * SOON * e.sampled.step > reach else 0.0
 
     def _balance(self, z: int, x0: FloatArray, parameters: FloatArray) -> float:
         """The deflection of a joint that slides as fast as at the start: of ż = v − rate·z, v over the rate."""
@@ -365,7 +365,8 @@ class Parametrisation:
         """
         scored = [k for k, n in enumerate(self.outputs) if n in self.model.output_states]
         angle = np.array([e.units.get(self.outputs[k], "rad") == "rad" for k in scored])
-        slopes = np.max(np.abs(np.diff(e.measured[:, scored], axis=0)), axis=0, initial=0.0) / e.step
+        steps = np.diff(e.sampled.measured[:, scored], axis=0)
+        slopes = np.max(np.abs(steps), axis=0, initial=0.0) / e.sampled.step
         return np.where(angle, 0.0, slopes)
 
     def sizes(self, e: Experiment) -> FloatArray:
@@ -373,6 +374,6 @@ class Parametrisation:
 
         Ranges and limits that are made for angles count in it: a pressure of 10⁵ Pa has not run away.
         """
-        greatest = np.max(np.abs(e.measured), axis=0, initial=0.0)
+        greatest = np.max(np.abs(e.sampled.measured), axis=0, initial=0.0)
         angle = np.array([e.units.get(n, "rad") == "rad" for n in self.outputs]) & (greatest <= TURNS)
         return np.where(angle, 1.0, np.maximum(greatest, 1.0))

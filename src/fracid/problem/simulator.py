@@ -26,6 +26,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.problem.coarse import means, stepped
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import Reading
@@ -88,6 +89,9 @@ class Simulator:
         return self.memo.get(self._key(x, e), lambda: self._outputs(x, e))
 
     def _outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
+        if e.means > 1:
+            outputs = self._fine._outputs(x, self._steps_of[e.name])
+            return outputs if isinstance(outputs, Failure) else means(outputs, min(self.substeps, e.means))
         run = self.trajectory(x, e)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
@@ -128,6 +132,8 @@ class Simulator:
 
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""
+        if e.means > 1:
+            return self._fine.trajectory(x, self._steps_of[e.name])
         model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
@@ -148,6 +154,21 @@ class Simulator:
             Options(self.method, self.memory, limit=self._limits[e.name]),
         )
 
+    # --- coarser recordings ------------------------------------------------------------------------
+
+    @cached_property
+    def _steps_of(self) -> dict[str, Experiment]:
+        """Each coarser recording as the run goes through it: a sample a step, or all of its source."""
+        p = self.parametrisation
+        return {e.name: stepped(e, self.substeps, p.model.inputs) for e in p.experiments}
+
+    @cached_property
+    def _fine(self) -> Simulator:
+        """The simulator of those."""
+        most = max(e.means for e in self.parametrisation.experiments)
+        fine = replace(self.parametrisation, experiments=tuple(self._steps_of.values()))
+        return replace(self, parametrisation=fine, substeps=max(1, self.substeps // most), memo=None)
+
     # --- the grid of a run -------------------------------------------------------------------------
 
     def steps(self, e: Experiment) -> int:
@@ -163,6 +184,8 @@ class Simulator:
 
     def inputs(self, x: FloatArray, e: Experiment) -> Driven:
         """The inputs on the grid of a run from its release; before the first and after the last sample they stay."""
+        if e.means > 1:
+            return self._fine.inputs(x, self._steps_of[e.name])
         if e.name in self._fixed_inputs:
             return self._fixed_inputs[e.name]
         values = self.parametrisation.unpack(x, e)
@@ -238,6 +261,8 @@ class Simulator:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
         digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
+        if e.means > 1:
+            digest.update(repr(e.means).encode())
         if e.times is not None:
             digest.update(np.ascontiguousarray(e.times).data)
         if e.sensors or e.actuators or e.between:
@@ -258,7 +283,8 @@ class Simulator:
             how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
-            arrays = [self._inputs[e.name], *([] if e.past is None else [e.past, e.measured])]
+            arrays = [self._inputs[e.name] if e.source is None else e.source.inputs,
+                      *([] if e.past is None else [e.past, e.measured])]  # fmt: skip
             digests[e.name] = blake2b(repr((how, [a.shape for a in arrays])).encode(), digest_size=16)
             for array in arrays:
                 digests[e.name].update(np.ascontiguousarray(array).data)

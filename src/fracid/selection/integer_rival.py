@@ -46,6 +46,7 @@ __all__ = [
     "claimable",
     "freed_friction",
     "gain_over",
+    "in_proportion",
     "integer_alternative",
     "integer_rival",
     "integer_values",
@@ -107,6 +108,23 @@ class Alternative:
     """All that was tried."""
     values: Mapping[str, float] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
+
+
+def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Alternative:
+    """Its costs on more of the record: so many times as large, with the noise that means had left out.
+
+    Examples
+    --------
+    >>> nearest = Alternative("viscous", ("mu",), 2.0, {}, 5.0, 100.0)
+    >>> in_proportion(nearest, 1.5, 4.0).cost
+    5.0
+    """
+
+    def scaled(cost: float) -> float:
+        return math.hypot(factor * cost, noise)
+
+    trials = tuple(replace(t, cost=scaled(t.cost)) for t in nearest.trials)
+    return replace(nearest, cost=scaled(nearest.cost), trials=trials)
 
 
 def alternative_of(block: AlternativeBlock) -> Alternative:

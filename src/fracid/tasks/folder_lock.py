@@ -7,6 +7,7 @@ A folder with links in it is refused (:func:`refuse_links`), since writing there
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -113,6 +114,9 @@ def refuse_links(folder: Path) -> None:
                 raise InputError(f"{entry} is no plain file but a pipe or a device: remove it, or give another folder.")
 
 
+WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL}
+"""What a file system without locks answers."""
+
 _GUARD = threading.Lock()
 
 _HELD: dict[Path, tuple[RawIOBase, int]] = {}
@@ -143,7 +147,10 @@ def _locked(path: Path) -> RawIOBase:
 
 
 def _lock(file: RawIOBase) -> bool:
-    """Lock an open file, for as long as it is open; False if another process has it."""
+    """Lock an open file, for as long as it is open; False if another process has it.
+
+    On a file system without locks, as some of networks and containers are, nobody is kept out.
+    """
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -154,6 +161,6 @@ def _lock(file: RawIOBase) -> bool:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
+    except OSError as error:
+        return error.errno in WITHOUT_LOCKS
     return True

@@ -19,8 +19,10 @@ import pickle
 import time
 import traceback
 from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError
@@ -35,6 +37,7 @@ __all__ = [
     "Task",
     "Work",
     "failure_of",
+    "free_memory",
     "one_blas_thread",
     "perform",
     "perform_elsewhere",
@@ -196,3 +199,22 @@ class _Traceback(Exception):
 
 Ends = Generator[tuple[Task, Ended], None, list[Task]]
 """Yields each task as it ends; returns those that were under way when a worker died."""
+
+
+def free_memory() -> int | None:
+    """Bytes that this process may still take, of the machine and of its container; None where nobody says.
+
+    Examples
+    --------
+    >>> free = free_memory()
+    >>> free is None or free > 0
+    True
+    """
+    bounds = []
+    with suppress(OSError, ValueError, IndexError):
+        rows = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
+        bounds.append(1024 * int(rows["MemAvailable"].split()[0]))
+    with suppress(OSError, ValueError):  # "max", where there is no limit
+        group = Path("/sys/fs/cgroup")
+        bounds.append(int((group / "memory.max").read_text()) - int((group / "memory.current").read_text()))
+    return min(bounds) if bounds else None

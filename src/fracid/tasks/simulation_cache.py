@@ -12,17 +12,21 @@ being the same to the bit, so is the way there, and the result.
 
 Records are handed to the operating system as they end, so they outlive the process.  They are not forced to the disk:
 after a power cut, on another machine and after a change of the program the stamp differs, and the file
-begins empty.  It is removed when the run ends, and where the disk is full, for the run's result matters more.
+begins empty.  It takes no more than :data:`MOST` bytes, and half of what the disk has left: what comes after that
+stays in memory, as far as there is room for it.  It is removed when the run ends, and where the disk is full, for the
+run's result matters more.
 """
 
 from __future__ import annotations
 
 import os
 import platform
+import shutil
 import struct
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from zlib import crc32
@@ -41,13 +45,19 @@ The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depe
 and text in so many bytes."""
 
 
+MOST = 256 << 20
+"""Bytes of a file at most."""
+
+
 class Memo:
-    """Simulated outputs by key, in a file that only grows.
+    """Simulated outputs by key, in a file that only grows, up to a size.
 
     Parameters
     ----------
     path : Path
         Made if it is missing, emptied if its stamp is another.
+    most : int
+        Bytes of the file.
 
     Examples
     --------
@@ -72,9 +82,11 @@ class Memo:
     emptied: bool = False
     """Whether there was something that could not be used: another program's, or from before the machine's restart."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, most: int = MOST) -> None:
         """Open it and read where everything is; what a killed process wrote in part is cut off."""
         self._path, self._lock = path, threading.Lock()
+        self._most, self._overflow = min(most, shutil.disk_usage(path.parent).free // 2), Recent(most // 2)
+        self._full = False
         self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         self._places: dict[bytes, Place]
         self._places, self._end = _read(self._file)
@@ -109,9 +121,15 @@ class Memo:
         place = self._places.get(key)
         if place is not None and (hit := self._at(key, *place)) is not None:
             return hit
+        if self._full:
+            return self._overflow.get(key, partial(self._counted, compute))
+        outputs = self._counted(compute)
+        self._keep(key, outputs)
+        return outputs
+
+    def _counted(self, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
         outputs = compute()
         self.computed += 1
-        self._keep(key, outputs)
         return outputs
 
     def _keep(self, key: bytes, outputs: FloatArray | Failure) -> None:
@@ -125,8 +143,9 @@ class Memo:
             content = flat.view(np.uint8).data
         try:
             with self._lock:
-                if self._file >= 0:
-                    offset = self._end + RECORD.size
+                offset = self._end + RECORD.size
+                self._full = self._full or offset + len(content) > self._most
+                if self._file >= 0 and not self._full:
                     checked = _sum(key, kind, rows, columns, content)
                     self._append(RECORD.pack(key, kind, rows, columns, checked), content)
                     self._places[key] = offset, len(content), kind, rows, columns, checked

@@ -20,6 +20,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.long_records import corrected, is_coarse
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -71,8 +72,15 @@ HELPS = 0.7
 """A half step that leaves more than this part of what the check complains of does not help."""
 
 
-def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int) -> Discretisation:
-    """Score at half the step and with the second-order method, and refine the orders there."""
+def discretisation_check(
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, *, substeps: int = 1
+) -> Discretisation:
+    """Score at half the step and with the second-order method, and refine the orders there.
+
+    On coarser recordings `substeps` are those of a fit, for each coarse sample; half of them correct the coarse steps.
+    """
+    if is_coarse(problem):
+        return _corrected_check(problem, x, known, jobs, substeps)
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
     after = second.evaluate(x)
@@ -82,6 +90,25 @@ def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | F
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
     finer = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
+    return _judged(problem, x, known, costs, finer)
+
+
+def _corrected_check(
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, substeps: int
+) -> Discretisation:
+    """The same of a problem whose coarse steps the fit's own have corrected: those are halved."""
+    finer = corrected(replace(problem, method="pi2"), x, 2 * substeps, jobs, rounds=1)
+    here = problem.cost(x)
+    if isinstance(finer, Failure):
+        return Discretisation(here, np.inf, np.inf, {}, {}, f"With pi2 at half the step the best run fails: {finer}.")
+    there = finer[0].cost(x)
+    return _judged(problem, x, known, (here, there, there), finer[1].point)
+
+
+def _judged(
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float], finer: FloatArray
+) -> Discretisation:
+    """How far the orders move to the minimum at half the step, and what that means."""
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
@@ -95,9 +122,14 @@ def discretisation_check(problem: Problem, x: FloatArray, known: Uncertainty | F
     if _costs_differ(problem.method, check):
         warning = (
             f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
-            f"Steep dry friction does this; type substeps = {2 * problem.substeps} in [fit]. {warning}"
+            f"Steep dry friction does this; type substeps = {_substeps(problem)} in [fit]. {warning}"
         ).strip()
     return replace(check, warning=warning)
+
+
+def _substeps(problem: Problem) -> int:
+    """Twice those of a sample."""
+    return 2 if is_coarse(problem) else 2 * problem.substeps
 
 
 def finer_step(problem: Problem, x: FloatArray, check: Discretisation, jobs: int) -> Refined | None:

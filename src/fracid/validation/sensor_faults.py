@@ -268,9 +268,7 @@ def _late_inputs(
     """All inputs a sample later."""
     if not any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments):
         return []
-    shifted = [e if len(e.inputs) == 1 else replace(e, inputs=np.vstack([e.inputs[:1], e.inputs[:-1]]))
-               for e in problem.experiments]  # fmt: skip
-    late = replace(problem, experiments=tuple(shifted))
+    late = replace(problem, experiments=tuple(_later(e, 1) for e in problem.experiments))
     columns = []
     for e, y in zip(late.experiments, fitted, strict=True):
         later = late.fitted(x, e)
@@ -278,6 +276,14 @@ def _late_inputs(
             return []
         columns.append((y - later) / e.step)
     return [(("late", problem.model.inputs[0]), columns)]
+
+
+def _later(e: Experiment, samples: int) -> Experiment:
+    """The inputs later."""
+    if len(e.inputs) == 1:
+        return e
+    source = None if e.source is None else _later(e.source, samples * e.means)
+    return replace(e, inputs=np.vstack([np.repeat(e.inputs[:1], samples, axis=0), e.inputs[:-samples]]), source=source)
 
 
 # --- the sentences --------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, Unfinished, at_least
@@ -34,7 +35,7 @@ from fracid.runs.folder import (
     write_result,
 )
 from fracid.schemas.run_record import fault_of_end
-from fracid.tasks.job import Progress, one_blas_thread
+from fracid.tasks.job import Progress, free_memory, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
 
 __all__ = ["FinishedRun", "loaded", "run"]
+
+FOLDER = 50_000_000
+"""Bytes of a finished run folder, figures and all: a few MB, and some for each recording."""
 
 LARGEST_SEED = 2**63
 """What JSON can hold everywhere."""
@@ -255,6 +259,8 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
 
     reports = {r.name: r.report for r in project.recordings}
     findings = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    for note in _short_of_room(project, run.folder):
+        observer.notice(note)
     for finding in findings:  # now, for a search may take its time to find nothing
         observer.notice(str(finding))
     with (
@@ -269,6 +275,24 @@ def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, op
         fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
                        journal=journal, seen=findings, **options)  # fmt: skip
     return replace(fit, problem=replace(fit.problem, memo=project.problem.memo))
+
+
+def _short_of_room(project: Project, folder: Path) -> Iterator[str]:
+    """What the disk or the memory may not have, said before the search."""
+    from fracid.estimation.long_records import memory_needed
+
+    left, needed = disk_usage(folder).free, memory_needed(project.problem)
+    if left < FOLDER:
+        yield (
+            f"The disk of {folder} has {left / 1e6:.0f} MB left, and a result with its figures may take "
+            f"{FOLDER / 1e6:.0f} MB: make room, or give another folder: --out DIR."
+        )
+    available = free_memory()
+    if available is not None and needed > available:
+        yield (
+            f"This fit may take {needed / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB are free: end other "
+            "programs, take a part with from and to, or thin the recordings with resample."
+        )
 
 
 def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:

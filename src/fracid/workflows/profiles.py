@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, Failure
+from fracid.errors import DataError, Failure, unwritable
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import Profiles, profile
@@ -18,12 +19,14 @@ from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
 from fracid.problem import Problem
 from fracid.problem.project import load_project
-from fracid.runs.folder import FIGURES
+from fracid.runs.folder import FIGURES, MEMO
 from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import LikelihoodBlock
+from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
+from fracid.tasks.simulation_cache import Memo
 from fracid.workflows.records import json_document, write_files
 
 __all__ = ["FinishedProfiles", "run_profiles"]
@@ -63,6 +66,8 @@ def run_profiles(
 ) -> FinishedProfiles:
     """Profile unknowns, look at them in every other way, and write it down: what ``fracid profile`` does.
 
+    What was simulated stays in the folder until all is written, so that what was killed goes on by the same call.
+
     Parameters
     ----------
     source : str or Path
@@ -96,8 +101,11 @@ def run_profiles(
     source = Path(source)
     if source.suffix != ".toml":
         refuse_mistaken(source, "run")
+    folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
     with one_blas_thread():
-        problem, x = _fitted(source, seed, jobs, trust)
+        fitted, x = _fitted(source, seed, jobs, trust)
+    with one_blas_thread(), _remembered(folder) as memo:
+        problem = replace(fitted, memo=memo)
         likelihood = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
         precision = uncertainty(problem, likelihood.x, jobs=jobs)
         resampling = (
@@ -112,8 +120,24 @@ def run_profiles(
             "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
             "seed": seed,
         })  # fmt: skip
-    folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
-    return FinishedProfiles(likelihood, resampling, verdicts, folder, _written(likelihood, record, folder), record)
+        figures = _written(likelihood, record, folder)
+        if isinstance(memo, Memo):
+            memo.remove()
+    return FinishedProfiles(replace(likelihood, problem=fitted), resampling, verdicts, folder, figures, record)
+
+
+@contextmanager
+def _remembered(folder: Path) -> Iterator[Memo | None]:
+    """What was simulated, in the folder until all is written: what was killed goes on when it is typed again."""
+    if not Memo.possible:
+        yield None
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(str(folder), error, "Give another: --out DIR.") from None
+    with FolderLock(folder), Memo(folder / MEMO) as memo:
+        yield memo
 
 
 def _fitted(source: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem, FloatArray]:

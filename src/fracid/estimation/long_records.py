@@ -1,0 +1,307 @@
+r"""Long records: searched as coarsely as the model allows, corrected by what every sample says.
+
+An hour at 1 kHz takes a model a second, and a fit asks for thousands of runs.  So a fit of long records works on
+coarser ones (:mod:`fracid.problem.coarse`): means of so many samples that :data:`PER_PERIOD` are left of a period, the
+model stepped once for each.  What such steps get wrong moves the minimum.  At a point x the *defect*
+
+.. math::  d(x) = y_h(x) - y_H(x)
+
+of the outputs at the record's own step h and at the coarse step H is one run at h; the coarse problem with
+:math:`y - d(x)` in place of what was measured has the residuals of the fine one at x, and nearly its minimum: after a
+few rounds, each a hundredth as far as the last, x stays where it is, and has the fine problem's residuals with the
+coarse one's derivatives [S]_.  All that is asked of a minimum after the search, its intervals, verdicts and
+alternatives, is asked of that problem.
+
+References
+----------
+.. [S] H. J. Stetter, Numer. Math. 29 (1978) 425: the defect correction principle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import SMALLEST, Failure, FailureReason
+from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.optimise import Evaluation
+from fracid.problem import Experiment, Problem
+from fracid.problem.coarse import coarser, means, possible
+from fracid.qr import BLOCK, triangle
+from fracid.solver.methods import METHODS
+from fracid.tasks.simulation_cache import Recent
+
+__all__ = [
+    "coarse_problem",
+    "corrected",
+    "is_coarse",
+    "like",
+    "memory_needed",
+    "nearby",
+    "on_all_samples",
+    "on_every_sample",
+    "own_substeps",
+    "part_of",
+    "with_defect",
+]
+
+LONG = 200_000
+"""Samples, of all recordings that are fitted: from here on a search works on coarser ones."""
+
+PER_PERIOD = 64
+"""Coarse samples in a period."""
+
+FEWEST = 50_000
+"""Coarse samples of all recordings."""
+
+STEPS = 1
+"""Of the model for each coarse sample, where that is enough."""
+
+DIFFERENT = 0.02
+"""Of the motion: outputs that differ by more between steps and half steps ask for half steps."""
+
+ROUNDS = 6
+"""Of the correction."""
+
+SMALL = 1e-3
+"""A round that moves every unknown by less than this part of the first is the last."""
+
+SHRINKS = 0.5
+"""A round that moves the unknowns by more than this part of the one before has the wrong derivatives."""
+
+DIFFERENCE = 1e-6
+"""Of an unknown's size, by which it is differentiated."""
+
+PART = 16_000
+"""Coarse samples of a recording on which other models are compared with the fit."""
+
+TELLING = 30
+"""Swings that such a part has at least."""
+
+COPIES = 5
+"""Of the derivatives, in what is made of them."""
+
+MEMORY = 256 << 20
+"""Bytes of simulated outputs that are kept where no folder keeps them."""
+
+
+def coarse_problem(problem: Problem) -> Problem:
+    """The problem on coarser recordings; the same where they are short, fast or of a kind that cannot be coarser.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> t = 1e-3 * np.arange(300_000)
+    >>> swing = Experiment("long", 1e-3, np.sin(6 * t)[:, None] * [0.1, 1.0], np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
+    >>> coarse = coarse_problem(problem)
+    >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, coarse.substeps
+    (75000, 0.004, 1)
+    """
+    every = _every(problem)
+    if every == 1:
+        return problem
+    coarse = like(problem, problem.experiments, every)
+    coarse = replace(coarse, memo=problem.memo or Recent(MEMORY), substeps=STEPS)
+    while coarse.substeps < every and _differ(coarse):
+        coarse = replace(coarse, substeps=2 * coarse.substeps)
+    return coarse
+
+
+def like(problem: Problem, experiments: Sequence[Experiment], every: int) -> Problem:
+    """The problem on these recordings, each made coarser."""
+    coarse = (coarser(e, every, problem.model.inputs) for e in experiments)
+    return replace(problem, experiments=tuple(coarse))
+
+
+def is_coarse(problem: Problem) -> bool:
+    """Whether its recordings are coarser ones."""
+    return any(e.means > 1 for e in problem.experiments)
+
+
+def on_every_sample(problem: Problem, sampled: Problem) -> Problem:
+    """A problem, found on coarser recordings, on those of another one, from which they were made.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 1e-3, np.zeros((300_000, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
+    >>> [len(p.experiments[0].measured) for c in [coarse_problem(problem)] for p in (c, on_every_sample(c, problem))]
+    [75000, 300000]
+    """
+    if not is_coarse(problem):
+        return problem
+    fine = tuple(
+        replace(whole, initial=e.initial, sensors=e.sensors, actuators=e.actuators, between=e.between)
+        for e, whole in zip(problem.experiments, sampled.experiments, strict=True)
+    )
+    return replace(problem, experiments=fine, substeps=sampled.substeps, memo=sampled.memo)
+
+
+def own_substeps(problem: Problem, substeps: int = 1) -> int:
+    """Steps for each coarse sample at so many for each sample of its source."""
+    return substeps * max(e.means for e in problem.experiments)
+
+
+def corrected(
+    problem: Problem, x: FloatArray, substeps: int, jobs: int, *, rounds: int = ROUNDS
+) -> tuple[Problem, Evaluation] | Failure:
+    """The coarse problem with the residuals of finer steps, and its minimum; or why a run with these fails.
+
+    Parameters
+    ----------
+    problem : Problem
+        On coarser recordings.
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    substeps : int
+        The finer steps, of a coarse sample.
+    jobs : int
+        Threads.
+    rounds : int
+        At most.
+    """
+    fine, moves = replace(problem, substeps=substeps), list[float]()
+    J = _derivatives(problem, x, jobs)
+    for _ in range(rounds):
+        exact = _with_defect(problem, fine, x)
+        if isinstance(exact, Failure):
+            return exact
+        problem, before = exact, x
+        x = x + _step(problem, x, J) if J is not None else uninterrupted(refined(problem, x, jobs, Watch())).best.point
+        moves.append(float(np.max(np.abs(x - before) / _sizes(problem, x), initial=0.0)))
+        if moves[-1] <= SMALL * moves[0]:
+            break
+        if len(moves) > 1 and moves[-1] > SHRINKS * moves[-2]:  # too far for one Jacobian
+            J = None
+    return problem, problem.evaluate(x)
+
+
+def with_defect(problem: Problem, x: FloatArray, substeps: int) -> Problem | Failure:
+    """The coarse problem with the residuals that finer steps have at x."""
+    return _with_defect(problem, replace(problem, substeps=substeps), x)
+
+
+def _with_defect(problem: Problem, fine: Problem, x: FloatArray) -> Problem | Failure:
+    experiments = []
+    for e in problem.experiments:
+        exact, coarse = (p.simulator.outputs(x, e) for p in (fine, problem))
+        if isinstance(exact, Failure) or isinstance(coarse, Failure):
+            return exact if isinstance(exact, Failure) else Failure(FailureReason.RUN, str(coarse))
+        experiments.append(replace(e, measured=means(e.sampled.measured, e.means) - (exact - coarse)))
+    return replace(problem, experiments=tuple(experiments))
+
+
+def _derivatives(problem: Problem, x: FloatArray, jobs: int) -> FloatArray | None:
+    """Of the rows, by differences into the bounds, shape (n_rows, n_unknowns); None where a run fails."""
+    steps = DIFFERENCE * _sizes(problem, x)
+    steps = np.where(x + steps > problem.space.upper, -steps, steps)
+    here = problem.residuals(x)
+    J = np.zeros((len(here), len(x)))
+
+    def differentiate(i: int) -> bool:
+        rows = problem.evaluate(x + steps * (np.arange(len(x)) == i)).residuals
+        if rows is not None:
+            J[:, i] = (rows - here) / steps[i]
+        return rows is not None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return J if all(pool.map(differentiate, range(len(x)))) else None
+
+
+def _step(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray:
+    """The Gauss-Newton step within the bounds."""
+    from scipy.optimize import lsq_linear
+
+    r, space = problem.residuals(x), problem.space
+    rows = (np.column_stack([J[k : k + BLOCK], r[k : k + BLOCK]]) for k in range(0, len(r), BLOCK))
+    R, size = triangle(rows), _sizes(problem, x)
+    room = np.minimum(space.lower - x, 0.0) / size, np.maximum(space.upper - x, 0.0) / size
+    norms = np.maximum(np.linalg.norm(R[:, :-1] * size, axis=0), SMALLEST)
+    result = lsq_linear(R[:, :-1] * (size / norms), -R[:, -1], (room[0] * norms, room[1] * norms + SMALLEST),
+                        tol=1e-12)  # fmt: skip
+    return np.asarray(np.clip(x + result.x * size / norms, space.lower, space.upper) - x)
+
+
+def _sizes(problem: Problem, x: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(np.abs(x), 1e-3 * np.minimum(problem.space.upper - problem.space.lower, 1.0)))
+
+
+def part_of(problem: Problem) -> Problem:
+    """The first swings of coarser recordings, enough to tell models apart; all of those that hardly swing."""
+    rows = max(len(e.measured) for e in problem.experiments)
+    swings = min(e.swings for e in problem.experiments)
+    if not is_coarse(problem) or rows <= 1.5 * PART or swings * PART / rows < TELLING:
+        return problem
+    return problem.until(PART * problem.experiments[0].step)
+
+
+def nearby(problem: Problem, x: FloatArray) -> Problem:
+    """What has nearly the shape of a problem's cost about x, and is cheap: of long records a part; else the problem."""
+    coarse = coarse_problem(problem)
+    if not is_coarse(coarse):
+        return problem
+    exact = with_defect(coarse, x, own_substeps(coarse, problem.substeps))
+    return part_of(coarse if isinstance(exact, Failure) else exact)
+
+
+def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: float) -> FloatArray:
+    """Costs of means, or of a part, with what that leaves out: what is `here` is `there` on all samples.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> on_all_samples(problem, np.array([3.0, 6.0]), 3.0, 5.0).round(3).tolist()  # rmse: its squares add up
+    [5.0, 7.211]
+    """
+    if problem.cost_function.root and there > here:
+        return np.hypot(costs, math.sqrt(there**2 - here**2))
+    return costs * (there / max(here, SMALLEST))
+
+
+def memory_needed(problem: Problem) -> int:
+    """Bytes that a fit takes, as measured on long and on many recordings.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 1e-3, np.zeros((10_000, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> memory_needed(problem) / 10**6
+    6.72
+    """
+    samples = sum(len(e.measured) for e in problem.experiments)
+    unknowns = len(problem.names) if problem.blocks is None else len(problem.blocks.groups)
+    run = 8 * (4 * len(problem.model.states) + 4 * len(problem.outputs) + 20)
+    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // _every(problem)
+
+
+def _every(problem: Problem) -> int:
+    """Of how many samples the means are, a power of two; 1 where nothing is to be gained, or it cannot be."""
+    samples = sum(len(e.measured) for e in problem.experiments)
+    raw = METHODS[problem.method].raw
+    if samples < LONG or raw or problem.cost_function.loss is None or not all(map(possible, problem.experiments)):
+        return 1
+    periods = [(len(e.measured) - 1) / e.swings if e.swings else math.inf for e in problem.experiments]
+    most = min(min(periods) / PER_PERIOD, samples / FEWEST)
+    return 1 << max(0, math.floor(math.log2(most)))
+
+
+def _differ(problem: Problem) -> bool:
+    """Whether half the step changes what is simulated from the start."""
+    half = replace(problem, substeps=2 * problem.substeps)
+    for e in problem.experiments:
+        part, twice = problem.simulator.outputs(problem.start, e), half.simulator.outputs(problem.start, e)
+        if isinstance(part, Failure) or isinstance(twice, Failure):
+            return True
+        if np.any(np.sqrt(np.mean((part - twice) ** 2, axis=0)) > DIFFERENT * np.std(e.measured, axis=0)):
+            return True
+    return False

@@ -1,0 +1,110 @@
+"""Long records are searched coarsely and lose nothing: the minimum and its intervals are those of every sample."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.estimation import long_records
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.long_records import coarse_problem, corrected, is_coarse, own_substeps
+from fracid.estimation.windows import in_parts, in_windows
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.coarse import coarser, means
+
+RIG = fracid.rotary_pendulum("srv02-rotpen")
+STEP, SECONDS = 1e-3, 12.0
+ORDERS = {"lambda": Free(1.0, 0.6, 1.2), "mu": Free(1.0, 0.6, 1.2)}
+FRICTION = {"b_alpha": Free(5e-4, 0.0, 1e-2), "coulomb_theta": Free(1e-3, 0.0, 1e-1)}
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """A release and kicks whose edges lie between coarse samples, read with noise by an encoder."""
+    t = STEP * np.arange(round(SECONDS / STEP) + 1)
+    volts = np.where((t % 3.007 < 0.203) & (t > 2), 1.0, 0.0)[:, None]
+    true = {"b_alpha": 4e-4, "coulomb_theta": 2e-3, "cable_stiffness": 0.02}
+    run = fracid.simulate(RIG, orders={"lambda": 0.98, "mu": 0.97}, parameters=true, initial={"alpha": 0.6}, step=STEP,
+                          end=SECONDS, inputs=volts, between="hold")  # fmt: skip
+    count, rng = 2 * np.pi / 4096, np.random.default_rng(1)
+    y = count * np.rint((run.states[:, [0, 2]] + 1e-3 * rng.standard_normal((len(t), 2))) / count)
+    e = Experiment("long", STEP, y, volts, between={"voltage": "hold"})
+    return Problem(RIG, (e,), ORDERS, {**FRICTION, "cable_stiffness": 0.02})
+
+
+@pytest.fixture
+def coarse(problem, monkeypatch):
+    """The same, long enough to be made coarser."""
+    monkeypatch.setattr(long_records, "LONG", 10_000)
+    monkeypatch.setattr(long_records, "FEWEST", 1_000)
+    return coarse_problem(problem)
+
+
+def test_coarse_errors_at_every_step_are_the_means_of_all_errors(problem, coarse):
+    x = problem.start
+    whole = replace(coarse, substeps=own_substeps(coarse))
+    (errors,), (every,) = whole.errors(x), problem.errors(x)
+    k, n = coarse.experiments[0].means, len(errors)
+    assert k == 8
+    np.testing.assert_allclose(errors, means(every[: (n - 1) * k + k // 2 + 1], k), atol=1e-12)
+
+
+@pytest.mark.broad
+def test_a_search_on_coarse_samples_ends_within_a_tenth_of_the_intervals_of_every_sample(problem, coarse):
+    assert is_coarse(coarse)
+    fit = fracid.identify(problem)
+    every = fit.problem
+    assert not is_coarse(every)
+    assert len(fit.recordings["long"].time) == len(problem.experiments[0].measured)
+    best = refined(every, fit.x, 1, Watch()).best
+    exact = uncertainty(every, best.point)
+    half = 1.96 * exact.standard_error
+    shared = [i for i, u in enumerate(every.unknowns) if u.kind in ("order", "parameter")]
+    assert np.all(np.abs(fit.x - best.point)[:2] < 0.1 * half[:2])  # the orders
+    assert np.all(np.abs(fit.x - best.point)[shared] < 0.2 * half[shared])
+    np.testing.assert_allclose(fit.uncertainty.standard_error[shared], exact.standard_error[shared], rtol=0.15)
+    assert fit.cost == pytest.approx(every.cost(fit.x))
+
+
+def test_coarse_steps_alone_move_the_minimum_by_more_than_its_interval_and_are_corrected(coarse):
+    wrong = refined(coarse, coarse.start, 1, Watch()).best
+    exact, best = corrected(coarse, wrong.point, own_substeps(coarse), 1)
+    half = 1.96 * uncertainty(exact, best.point).standard_error
+    assert np.max(np.abs(wrong.point - best.point)[:2] / half[:2]) > 1
+    again = refined(replace(coarse, substeps=own_substeps(coarse)), best.point, 1, Watch()).best
+    assert np.max(np.abs(again.point - best.point)[:2] / half[:2]) < 0.05
+
+
+def test_the_first_part_of_a_coarse_record_and_windows_of_it_keep_their_inputs(coarse):
+    x = coarse.start
+    (whole,), (part,) = coarse.errors(x), coarse.until(5.0).errors(x)
+    np.testing.assert_allclose(part, whole[: len(part)], atol=1e-9)
+    for pieces in (in_windows(coarse), in_parts(coarse, 3, ["b_alpha"])):
+        for e in pieces.experiments:
+            first = round(e.start / e.step)
+            inputs = coarse.experiments[0].source.inputs[first * e.means :]
+            np.testing.assert_array_equal(e.source.inputs, inputs[: len(e.source.inputs)])
+            assert len(e.source.measured) == (len(e.measured) - 1) * e.means + e.means // 2 + 1
+
+
+def test_what_is_masked_touches_no_coarse_sample_that_counts(problem):
+    e = problem.experiments[0]
+    spoilt = e.measured.copy()
+    spoilt[5000:5011] = 1e6
+    masked = coarser(replace(e, measured=spoilt, mask=((5.0, 5.01),)), 8, RIG.inputs)
+    assert np.all(np.abs(masked.measured[masked.scored]) < 10)
+    assert np.count_nonzero(~masked.scored) <= 4
+
+
+def test_a_short_record_is_left_as_it_is(problem):
+    assert coarse_problem(problem) is problem
+
+
+def test_held_inputs_lose_no_impulse_on_coarser_steps(problem):
+    e = problem.experiments[0]
+    for every in (4, 16):
+        coarse = coarser(e, every, RIG.inputs)
+        n = len(coarse.inputs)
+        assert every * coarse.inputs.sum() == pytest.approx(e.inputs[: n * every].sum(), abs=1e-9)
