@@ -10,13 +10,14 @@ best, by least squares, and again about the one that fits the chosen set.
 
 The alternatives are those of the claim that cost no further state: viscous and dry friction free, and beside them one
 at a time what :data:`fracid.selection.integer_alternatives.ELEMENTS` has, a delay, a low-pass, a scale, drag, a cable,
-a tilted axis.  T is that of the nearest.
+a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not count, since its
+residual may be what the plan is to explain.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -27,11 +28,12 @@ from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import jacobian
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange
-from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.space import Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject
 from fracid.optimise import least_squares, minimise
-from fracid.problem import Experiment, Problem
-from fracid.selection.integer_alternatives import ELEMENTS
+from fracid.problem import Free, Problem
+from fracid.problem.unknowns import Value
+from fracid.selection.integer_alternatives import ELEMENTS, Element
 from fracid.selection.integer_rival import freed_friction, integer_values, moving
 
 __all__ = ["Alternatives", "alternatives_of"]
@@ -42,7 +44,8 @@ FRICTION = "friction"
 SHORTLIST = 60
 """Candidates that are looked at again about the alternative that fits the chosen set."""
 
-BLIND = 1e-12
+CLOSE = 1e-6
+"""An order that is nearer to an integer is one."""
 
 VAGUE = 1e-8
 """Curvature of what no experiment shows, in typical sizes."""
@@ -61,7 +64,7 @@ class Alternatives:
     parts: tuple[FloatArray, ...]
     """c, b and A of each candidate, shapes (1, n_candidates), (1, n_candidates, n) and (1, n_candidates, n, n)."""
     base: tuple[FloatArray, ...]
-    """The same of what has been recorded, shapes (1,), (1, n) and (1, n, n)."""
+    """The same without any candidate, shapes (1,), (1, n) and (1, n, n)."""
     allowed: tuple[int, ...]
     """Which of the candidates the parts are of."""
 
@@ -74,7 +77,7 @@ class Alternatives:
         return tuple(self.allowed[i] for i in exchange(self.objective, self.parts, self.base, count))
 
     def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
-        """Alternative → its distance from a set of experiments and what has been recorded, in standard deviations."""
+        """Alternative → its distance from a set of experiments, in standard deviations."""
         at = [self.allowed.index(i) for i in chosen]
         sums = tuple((b + p[:, at].sum(axis=1))[0] for p, b in zip(self.parts, self.base, strict=True))
         return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
@@ -113,128 +116,148 @@ def alternatives_of(
     """
     orders = subject.problem.parametrisation.order_starts
     integers = integer_values(subject.problem)
-    if all(isinstance(v, float | int) and abs(v - orders[n]) < 1e-6 for n, v in integers.items() if n in orders):
+    if all(isinstance(v, float | int) and abs(v - orders[n]) < CLOSE for n, v in integers.items() if n in orders):
         raise InputError("Every order is an integer, so that nothing is to be told from an integer-order model; give "
                          "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
-    first = _spread(candidates, 2)
-    rival = _Rival(subject, space, first)
-    linear = rival.linearised(candidates, range(len(candidates)), jobs)
-    single = averaged(linear.objective, linear.parts, linear.base)
-    chosen = linear.chosen(count)
-    short = sorted({*chosen, *(linear.allowed[int(i)] for i in np.argsort(single)[:SHORTLIST])})
-    again = _Rival(subject, space, [candidates[i] for i in dict.fromkeys(chosen)])
-    return again.linearised(candidates, short, jobs)
+    first = _linearised(subject, space, candidates, range(len(candidates)), _few(candidates), jobs)
+    chosen = first.chosen(count)
+    alone = averaged(first.objective, first.parts, first.base)
+    short = sorted({*chosen, *(first.allowed[int(i)] for i in np.argsort(alone)[:SHORTLIST])})
+    return _linearised(subject, space, candidates, short, [candidates[i] for i in dict.fromkeys(chosen)], jobs)
 
 
-def _spread(candidates: Sequence[Candidate], count: int) -> list[Candidate]:
-    """A few that differ in their release, as a first set."""
-    by_release = sorted(candidates, key=lambda c: (c.arm, c.voltage is not None, abs(c.release)))
-    return [by_release[i] for i in np.unique(np.linspace(0, len(by_release) - 1, count).astype(int))]
+def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Two that differ most in their release, as a first set."""
+    nearest_first = sorted(candidates, key=lambda c: (c.arm == "clamped", c.voltage is not None, abs(c.release)))
+    free = [c for c in nearest_first if c.arm == nearest_first[0].arm and c.voltage == nearest_first[0].voltage]
+    return [*dict.fromkeys((free[0], free[-1]))]
 
 
+def _linearised(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], which: Sequence[int],
+    fitted: Sequence[Candidate], jobs: int,
+) -> Alternatives:  # fmt: skip
+    """The alternatives about the integer-order model that fits some experiments best."""
+    rival = _rival(subject, space, fitted)
+
+    def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:
+        at = [which[i] for i in group]
+        longest = max((candidates[i] for i in at), key=lambda c: c.seconds)
+        problem = _simulated(subject, space, longest, "planned")
+        return [] if problem is None else _sums(subject, rival, problem, [candidates[i].samples for i in at])
+
+    groups = by_motion([candidates[i] for i in which])
+    with ThreadPoolExecutor(jobs) as pool:
+        rows = {which[i]: row for group, found in zip(groups, pool.map(sums, groups), strict=True)
+                for i, row in zip(group, found, strict=False)}  # fmt: skip
+    if not rows:
+        raise InputError("No run of the integer-order model reaches the end of a candidate.")
+    allowed = tuple(sorted(rows))
+    parts = tuple(np.array([part]) for part in zip(*(rows[i] for i in allowed), strict=True))
+    vague = VAGUE * np.diag(rival.scale**-2.0)
+    base = np.zeros(1), np.zeros((1, len(rival.names))), vague[None]
+    return Alternatives((FRICTION, *rival.extra), rival.columns, rival.scale, parts, base, allowed)
+
+
+@dataclass(frozen=True)
 class _Rival:
-    """The integer-order model that fits some experiments best."""
+    """The integer-order model that fits some experiments best, and what it may have beside."""
 
-    def __init__(self, subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> None:
-        self.subject, self.space = subject, space
-        problems = [self._simulated(c, f"planned {k}") for k, c in enumerate(experiments) if c.arm == "free"]
-        problems = problems or [self._simulated(c, f"planned {k}") for k, c in enumerate(experiments)]
-        data = tuple(p.experiments[0] for p in problems if p is not None)
-        if not data:
-            raise InputError("No run of the model reaches the end of a candidate.")
-        pattern = next(p for p in problems if p is not None)
-        joint = replace(pattern, experiments=data)
-        self.substeps = max(p.substeps for p in problems if p is not None)
-        joint = replace(joint, substeps=self.substeps)
-        ranges = freed_friction(joint)
-        kinds = joint.model.friction
-        joints = ("", *moving(joint))
-        self.friction = {n: v for n, v in ranges.items() if kinds[n].joint in joints}
-        self.orders = integer_values(joint)
-        joint = self._integer(joint)
-        best = minimise(joint.evaluate, least_squares(joint.space, None)).best
-        self.values = {u.target: v for u, v in zip(joint.unknowns, best.point.tolist(), strict=True)
-                       if u.experiment is None}  # fmt: skip
-        self.elements = {
-            element.name: element.problem for change in ELEMENTS for element in change(joint)
-            if element.possible and not element.slow and element.whole is None and element.names
-        }  # fmt: skip
-        self.extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in self.elements.items()}
-        shared = [u for u in joint.unknowns if u.experiment is None]
-        self.names = (*(u.name for u in shared), *(n for e in self.extra.values() for n in e))
-        ranges = {u.name: u.range for p in (joint, *self.elements.values()) for u in p.unknowns}
-        values = [self.values.get(n, 0.0) for n in self.names]
-        self.scale = np.array([max(abs(v), 1e-2 * min(ranges[n].upper - ranges[n].lower, 1.0))
-                               for n, v in zip(self.names, values, strict=True)])  # fmt: skip
-        self.shared = len(shared)
+    orders: Mapping[str, Value]
+    parameters: Mapping[str, Value]
+    """Starting at the best."""
+    names: tuple[str, ...]
+    """Of what is free, and then of what the elements free."""
+    scale: FloatArray
+    """Typical size of each, shape (n,)."""
+    shared: int
+    """How many of the names are the model's."""
+    extra: Mapping[str, tuple[str, ...]]
+    """Element → what it frees."""
 
-    def _simulated(self, c: Candidate, name: str) -> Problem | None:
-        """A candidate's problem, with the fractional model's outputs for what is measured."""
-        p = self.subject.problem_of(c, self.space)
-        outputs = p.fitted(p.start, p.experiments[0])
-        if isinstance(outputs, Failure):
-            return None
-        return replace(p, experiments=(replace(p.experiments[0], name=name, measured=np.ascontiguousarray(outputs)),))
+    @property
+    def columns(self) -> tuple[tuple[int, ...], ...]:
+        """Which of the names each alternative may move."""
+        own = tuple(range(self.shared))
+        return (own, *((*own, *(self.names.index(n) for n in names)) for names in self.extra.values()))
 
-    def _integer(self, p: Problem) -> Problem:
-        """The integer-order model of a problem's recordings, friction free."""
-        parameters = {**p.parameters, **{n: v for n, v in self.friction.items()}}
-        values = getattr(self, "values", {})
-        starting = {
-            n: replace(v, start=values[n], lower=min(v.lower, values[n]), upper=max(v.upper, values[n]))
-            if n in values and not isinstance(v, float | int) and hasattr(v, "start") else v
-            for n, v in parameters.items()
-        }  # fmt: skip
-        return replace(p, orders=self.orders, parameters=starting, memo=None)
+    def of(self, problem: Problem) -> Problem:
+        """This model of the experiments of another problem; a clamped arm stays clamped."""
+        clamped = {n: v for n, v in problem.parameters.items() if n == "J_theta" and not isinstance(v, Free)}
+        return replace(problem, orders=self.orders, parameters={**self.parameters, **clamped}, memo=None)
 
-    def linearised(self, candidates: Sequence[Candidate], which: Sequence[int], jobs: int) -> Alternatives:
-        """c, b and A of each candidate that runs, and of what has been recorded."""
 
-        def sums(i: int) -> tuple[FloatArray, ...] | None:
-            p = self._simulated(candidates[i], "planned")
-            return None if p is None else self._sums(p)
+def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> _Rival:
+    """Fit the integer-order model, friction free, to what the fractional one does."""
+    simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
+    problems = [p for p, c in zip(simulated, experiments, strict=True)
+                if p is not None and c.arm == experiments[0].arm]  # fmt: skip
+    if not problems:
+        raise InputError("No run of the model reaches the end of a candidate.")
+    data = tuple(p.experiments[0] for p in problems)
+    joint = replace(problems[0], experiments=data, substeps=max(p.substeps for p in problems))
+    joints, kinds = ("", *moving(joint)), joint.model.friction
+    friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
+    joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
+    best = minimise(joint.evaluate, least_squares(joint.space, None)).best
+    joint = replace(joint, parameters=_starting(joint, best.point))
+    elements = {e.name: e.problem for e in _elements(joint)}
+    extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
+    unknowns = {u.name: u for p in (joint, *elements.values()) for u in p.unknowns}
+    own = tuple(u.name for u in joint.unknowns if u.experiment is None)
+    names = (*own, *(n for more in extra.values() for n in more))
+    sizes = [(abs(u.range.start), u.range.upper - u.range.lower) for u in map(unknowns.__getitem__, names)]
+    scale = np.array([max(value, 1e-2 * min(width, 1.0)) for value, width in sizes])
+    return _Rival(joint.orders, joint.parameters, names, scale, len(own), extra)
 
-        with ThreadPoolExecutor(jobs) as pool:
-            rows = [*pool.map(sums, which)]
-        allowed = [i for i, row in zip(which, rows, strict=True) if row is not None]
-        if not allowed:
-            raise InputError("No run of the integer-order model reaches the end of a candidate.")
-        parts = tuple(np.array([part])
-                      for part in map(np.array, zip(*(r for r in rows if r is not None), strict=True)))  # fmt: skip
-        n = len(self.names)
-        recorded: list[FloatArray] = [np.zeros(()), np.zeros(n), VAGUE * np.diag(self.scale**-2.0)]
-        at, columns = self.shared, [tuple(range(self.shared))]
-        for names in self.extra.values():
-            columns.append((*range(self.shared), *range(at, at + len(names))))
-            at += len(names)
-        return Alternatives((FRICTION, *self.extra), tuple(columns), self.scale, parts,
-                            tuple(r[None] for r in recorded), tuple(allowed))  # fmt: skip
 
-    def _sums(self, p: Problem) -> tuple[FloatArray, ...] | None:
-        """c, b and A of one experiment."""
-        here = self._integer(p)
-        errors = here.errors(here.start)
-        J = jacobian(here, here.start, np.arange(len(here.names)))
-        if isinstance(errors, Failure) or isinstance(J, Failure):
-            return None
-        columns = {u.name: J[0][..., i] for i, u in enumerate(here.unknowns) if u.experiment is None}
-        own = J[0][..., [u.experiment is not None for u in here.unknowns]]
-        for change in ELEMENTS:
-            for element in change(here):
-                names = self.extra.get(element.name, ())
-                at = [element.problem.names.index(n) for n in names if n in element.problem.names]
-                if not at:
-                    continue
-                more = jacobian(element.problem, element.problem.start, np.array(at))
-                if not isinstance(more, Failure):
-                    columns |= {n: more[0][..., k] for k, n in enumerate(names)}
-        still = np.zeros(errors[0].shape)
-        full = -np.stack([columns.get(n, still) for n in self.names], axis=-1)
-        root = np.array([1 / math.sqrt(self.subject.noise_of(n).variance) for n in p.outputs])
-        r, full, own = errors[0] * root, full * root[:, None], own * root[:, None]
-        flat, rows, missed = own.reshape(-1, own.shape[-1]), full.reshape(-1, len(self.names)), r.ravel()
-        if flat.shape[1]:
-            q, _ = np.linalg.qr(flat / np.maximum(np.linalg.norm(flat, axis=0), 1e-300))
-            rows, missed = rows - q @ (q.T @ rows), missed - q @ (q.T @ missed)
-        worth = 1 / float(np.exp(np.mean(np.log(self.subject.excess))))
-        return worth * np.array(missed @ missed), worth * rows.T @ missed, worth * rows.T @ rows
+def _starting(problem: Problem, x: FloatArray) -> dict[str, Value]:
+    """The parameters of a problem, starting at x."""
+    values = {u.target: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.experiment is None}
+    return {n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
+            for n, v in problem.parameters.items()}  # fmt: skip
+
+
+def _elements(problem: Problem) -> Iterator[Element]:
+    """What costs no further state, one at a time."""
+    for change in ELEMENTS:
+        for element in change(problem):
+            if element.possible and not element.slow and element.whole is None and element.names:
+                yield element
+
+
+def _simulated(subject: Subject, space: DesignSpace, c: Candidate, name: str) -> Problem | None:
+    """A candidate's problem with the fractional model's outputs for what is measured; None where its run fails."""
+    p = subject.problem_of(c, space)
+    outputs = p.fitted(p.start, p.experiments[0])
+    if isinstance(outputs, Failure):
+        return None
+    return replace(p, experiments=(replace(p.experiments[0], name=name, measured=np.ascontiguousarray(outputs)),))
+
+
+def _sums(subject: Subject, rival: _Rival, problem: Problem, samples: Sequence[int]) -> list[tuple[FloatArray, ...]]:
+    """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
+    here = rival.of(problem)
+    errors, J = here.errors(here.start), jacobian(here, here.start, np.arange(len(here.names)))
+    if isinstance(errors, Failure) or isinstance(J, Failure):
+        return []
+    columns = {u.name: J[0][..., i] for i, u in enumerate(here.unknowns)}
+    own = [n for n, u in zip(here.names, here.unknowns, strict=True) if u.experiment is not None]
+    for element in _elements(here):
+        names = [n for n in rival.extra.get(element.name, ()) if n in element.problem.names]
+        at = np.array([element.problem.names.index(n) for n in names], dtype=np.intp)
+        more = jacobian(element.problem, element.problem.start, at)
+        if not isinstance(more, Failure):
+            columns |= {n: more[0][..., k] for k, n in enumerate(names)}
+    still = np.zeros(errors[0].shape)
+    root = np.array([1 / math.sqrt(subject.noise_of(n).variance) for n in problem.outputs])
+    rows = np.stack([-columns.get(n, still) for n in (*rival.names, *own)], axis=-1) * root[:, None]
+    missed, n = errors[0] * root, len(rival.names)
+    worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
+    sums: list[tuple[FloatArray, ...]] = []
+    for count in samples:
+        flat, r = rows[:count].reshape(-1, rows.shape[-1]), missed[:count].ravel()
+        q, _ = np.linalg.qr(flat[:, n:] / np.maximum(np.linalg.norm(flat[:, n:], axis=0), 1e-300))
+        shared, r = flat[:, :n] - q @ (q.T @ flat[:, :n]), r - q @ (q.T @ r)
+        sums.append((np.asarray(worth * r @ r), worth * shared.T @ r, worth * shared.T @ shared))
+    return sums

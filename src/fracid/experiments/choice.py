@@ -6,7 +6,6 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import groupby
 from time import perf_counter
 from typing import Any
 
@@ -21,7 +20,7 @@ from fracid.experiments.criteria import CRITERIA, Criterion, Objective, objectiv
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
-from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.space import Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
 from fracid.fit import Fit
 from fracid.models import Model
@@ -207,11 +206,7 @@ def informations(
     [(2, 2), 'beyond the limits', (2, 2)]
     """
 
-    def motion(i: int) -> tuple[object, ...]:
-        c = candidates[i]
-        return (c.release, c.arm, c.rate, repr(c.voltage))
-
-    groups = [[*group] for _, group in groupby(sorted(range(len(candidates)), key=lambda i: repr(motion(i))), motion)]
+    groups = by_motion(candidates)
     tables: list[Information | str] = [""] * len(candidates)
     begun, done = perf_counter(), 0
 
@@ -236,7 +231,8 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
     J = jacobian(problem, problem.start, np.arange(len(problem.names)))
     outputs = problem.fitted(problem.start, problem.experiments[0])
     if isinstance(J, Failure) or isinstance(outputs, Failure):
-        return [str(r) for r in (J, outputs) if isinstance(r, Failure)][:1] * len(durations)
+        reason = str(J if isinstance(J, Failure) else outputs)
+        return [reason for _ in durations]
     own = np.array([u.experiment is not None for u in problem.unknowns])
     shared = np.zeros((*outputs.shape, len(subject.names)))
     for column, u in zip(np.moveaxis(J[0], -1, 0), problem.unknowns, strict=True):

@@ -13,9 +13,7 @@ Each takes sums over experiments, of shape (n_draws, n_sets, …), and gives (n_
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import get_args
-
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -34,6 +32,9 @@ Objective = Callable[[tuple[FloatArray, ...]], FloatArray]
 
 LEAST = 1e-300
 """In place of a determinant or a distance of 0."""
+
+BLIND = 1e-12
+"""Of the largest singular value: less is not seen."""
 
 
 def objective_named(name: Criterion, scale: FloatArray, of: Sequence[int]) -> Objective:
@@ -61,12 +62,12 @@ def objective_named(name: Criterion, scale: FloatArray, of: Sequence[int]) -> Ob
     if name not in ("D", "A", "Ds"):
         raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
     if name == "Ds" and not len(of):
-        raise InputError("criterion = 'Ds' is about named values: of = (\"lambda\", \"mu\").")
-    which = np.ix_([*of], [*of]) if name == "Ds" else np.ix_(*[range(len(scale))] * 2)
+        raise InputError('criterion = \'Ds\' is about named values: of = ("lambda", "mu").')
+    which = [*of] if name == "Ds" else [*range(len(scale))]
 
     def value(sums: tuple[FloatArray, ...]) -> FloatArray:
         covariance = Information(*sums).covariance(scale) / np.outer(scale, scale)
-        block = covariance[(..., *which)]
+        block = covariance[..., which, :][..., which]
         if name == "A":
             return np.asarray(np.trace(block, axis1=-2, axis2=-1))
         return np.asarray(np.linalg.slogdet(block)[1])
@@ -96,7 +97,8 @@ def distance(sums: tuple[FloatArray, ...], alternatives: Sequence[Sequence[int]]
     values = []
     for columns in alternatives:
         at = [*columns]
-        inverse = np.linalg.pinv(curvature[(..., *np.ix_(at, at))], rcond=1e-12, hermitian=True)
+        block: FloatArray = curvature[..., at, :][..., at]
+        inverse = np.linalg.pinv(block, rcond=BLIND, hermitian=True)
         b = slope[..., at]
         values.append(square - np.einsum("...i,...ij,...j", b, inverse, b))
-    return np.maximum(np.stack(values, axis=-1), 0.0)
+    return np.asarray(np.maximum(np.stack(values, axis=-1), 0.0))

@@ -108,7 +108,10 @@ def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
     curves, files = expected_curves(plan), []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        texts = {"sheet.txt": _sheet(plan), "plan.json": json.dumps(plan.to_json(), indent=2, ensure_ascii=False) + "\n"}
+        texts = {
+            "sheet.txt": _sheet(plan),
+            "plan.json": json.dumps(plan.to_json(), indent=2, ensure_ascii=False) + "\n",
+        }
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = [(k, c) for k, c in enumerate(plan.experiments, 1) if c.arm == arm]
             if own:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -13,8 +13,9 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, is_number
 from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
+from fracid.problem.unknowns import InitialState
 
-__all__ = ["ARMS", "SPEED", "Candidate", "DesignSpace"]
+__all__ = ["ARMS", "SPEED", "Candidate", "DesignSpace", "by_motion"]
 
 ARMS = ("free", "clamped")
 
@@ -95,10 +96,10 @@ class DesignSpace:
     sensors: Sequence[str] = ()
     """Outputs that are recorded; empty for those of the run, or all of the model."""
     limits: Mapping[str, float] = field(default_factory=dict)
-    """Output → its largest magnitude [rad]; ``theta_speed``, its largest rate [rad/s].  What exceeds one is excluded."""
+    """Output → its largest magnitude [rad]; ``theta_speed``, its largest rate [rad/s].  What exceeds it is excluded."""
     noise: float | None = None
     """Standard deviation beside rounding [rad]; None as in the recordings, or a tenth of a count without any."""
-    initial_state: str = "rest"
+    initial_state: InitialState = "rest"
     """``rest``: at rest, at an angle that each fit finds; ``held``: at exactly that angle; ``estimate``: in motion."""
     levels: int = 20
     """How many angles a range is divided into, and how many frequencies a sine's band."""
@@ -165,6 +166,20 @@ class DesignSpace:
             if not np.max(np.abs(y)) <= limit:
                 return False
         return True
+
+
+def by_motion(candidates: Sequence[Candidate]) -> list[list[int]]:
+    """Which candidates differ in their duration alone: the beginnings of one simulation.
+
+    Examples
+    --------
+    >>> by_motion(DesignSpace(release=(10, 20, 30), seconds=(5, 10)).candidates)
+    [[0, 1], [2, 3], [4, 5]]
+    """
+    groups: dict[Candidate, list[int]] = {}
+    for i, c in enumerate(candidates):
+        groups.setdefault(replace(c, seconds=0.0), []).append(i)
+    return [*groups.values()]
 
 
 def _several(value: Any) -> tuple[Any, ...]:

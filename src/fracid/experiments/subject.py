@@ -31,7 +31,6 @@ from fracid.experiments.information import Information, Noise, nothing, of_sampl
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
-from fracid.problem.costs import COSTS
 from fracid.problem.unknowns import Value
 from fracid.signals.resolution import resolution
 from fracid.units import GREEK
@@ -234,15 +233,16 @@ def subject_of_problem(
         fitted = e.measured - error
         recorded += of_samples(fitted, j[..., shared], j[..., own], _noise_of(noise, problem), problem.weights, excess)
     for k, i in enumerate(np.flatnonzero(shared)):
-        recorded += _of_prior(unknowns[i].prior.sd if unknowns[i].prior else math.inf, k, int(shared.sum()))
+        prior = unknowns[i].prior
+        recorded += _of_prior(math.inf if prior is None else prior.sd, k, int(shared.sum()))
     fixed = replace(
         problem, memo=None,
         orders={n: held.get(n, v) for n, v in problem.orders.items()},
         parameters={n: held.get(n, v) for n, v in problem.parameters.items()},
     )  # fmt: skip
     names = tuple(u.name for u, k in zip(unknowns, shared, strict=True) if k)
-    intervals = {n: i for n, k in zip(problem.names, range(len(x)), strict=True)
-                 if n in names and (i := precision.interval(x, k)) is not None}  # fmt: skip
+    intervals = {n: interval for k, n in enumerate(problem.names)
+                 if n in names and (interval := precision.interval(x, k)) is not None}  # fmt: skip
     start = {n: v for n, v in values.items() if n in names or n in problem.per_recording}
     return Subject(
         _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
@@ -329,9 +329,7 @@ def _starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
 # --- noise -------------------------------------------------------------------------------------------
 
 
-def _noises(
-    problem: Problem, errors: list[FloatArray], space: DesignSpace
-) -> tuple[dict[str, Noise], bool]:
+def _noises(problem: Problem, errors: list[FloatArray], space: DesignSpace) -> tuple[dict[str, Noise], bool]:
     """Output → its noise, and whether encoders and white noise explain all residuals."""
     noises, alone = {}, True
     for o, name in enumerate(problem.outputs):
