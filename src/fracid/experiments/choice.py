@@ -286,7 +286,7 @@ def _robust(
     nominal: tuple[Objective, tuple[FloatArray, ...], tuple[FloatArray, ...]], chosen: tuple[int, ...], draws: int,
     seed: int, jobs: int,
 ) -> tuple[int, ...]:  # fmt: skip
-    """The best set on average over values from their intervals, of those candidates that are good at their estimates."""
+    """The best set on average over values from their intervals, of the candidates that are good at the estimates."""
     objective, parts, base = nominal
     alone = averaged(objective, parts, base)
     beside = averaged(objective, parts, tuple(b + p[:, list(chosen[1:])].sum(axis=1)

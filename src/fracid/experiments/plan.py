@@ -150,6 +150,14 @@ class Plan(CardDisplay):
         """
         return write_sheet(self, Path(folder))
 
+    def summary(self) -> str:
+        """The card, and the intervals to expect of all free values, in lines."""
+        lines = [repr(self), "", "Intervals to expect, 95 %"]
+        for n, v in self.expected.items():
+            ends = "not shown by this plan" if v.interval95 is None else "{:.5g} to {:.5g}".format(*v.interval95)
+            lines.append(f"  {n:<20} {v.value:.5g}: {ends} {v.unit}".rstrip())
+        return "\n".join(lines)
+
     @property
     def repetitions(self) -> dict[Candidate, int]:
         """Each experiment with how often it is done."""

@@ -20,14 +20,15 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, unwritable
 from fracid.estimation.covariance import NORMAL_95, jacobian
-from fracid.experiments.space import Candidate
+from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.subject import Subject
 from fracid.figures import draw
 from fracid.files import write_text
 from fracid.problem import Free
@@ -36,12 +37,37 @@ from fracid.recording import Recording
 from fracid.recording.writing import save_recording
 
 if TYPE_CHECKING:
-    from fracid.experiments.plan import Plan
+    from matplotlib.figure import Figure
 
-__all__ = ["Expected", "expected_curves", "write_sheet"]
+__all__ = ["Expected", "Sheet", "expected_curves", "write_sheet"]
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
+
+
+class Sheet(Protocol):
+    """What of a plan is written."""
+
+    @property
+    def subject(self) -> Subject: ...  # noqa: D102
+    @property
+    def space(self) -> DesignSpace: ...  # noqa: D102
+    @property
+    def experiments(self) -> tuple[Candidate, ...]: ...  # noqa: D102
+    @property
+    def covariance(self) -> FloatArray: ...  # noqa: D102
+
+    def summary(self) -> str:
+        """The plan and the intervals to expect, in lines."""
+        ...
+
+    def to_json(self) -> dict[str, Any]:
+        """The plan as plain values."""
+        ...
+
+    def plot(self) -> Figure:
+        """The interval to expect against release and duration."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -59,7 +85,7 @@ class Expected:
     """Shape (n_samples,)."""
 
 
-def expected_curves(plan: Plan) -> tuple[Expected, ...]:
+def expected_curves(plan: Sheet) -> tuple[Expected, ...]:
     """What each experiment of a plan should show, repetitions once.
 
     Examples
@@ -77,7 +103,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
         vague = np.diag((100 * subject.scale) ** -2.0)
         known = subject.recorded.curvature + vague, subject.recorded.scatter + vague
         covariance = type(subject.recorded)(*known).covariance(subject.scale)
-    for c in plan.repetitions:
+    for c in dict.fromkeys(plan.experiments):
         problem = subject.problem_of(c, plan.space)
         outputs = problem.fitted(problem.start, problem.experiments[0])
         at = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
@@ -95,7 +121,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     return tuple(curves)
 
 
-def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
+def write_sheet(plan: Sheet, folder: Path) -> tuple[Path, ...]:
     """Write the sheet of a plan into a folder that is made if need be.
 
     Raises
@@ -138,19 +164,15 @@ def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def _sheet(plan: Plan) -> str:
-    lines = [repr(plan), "", "Experiments"]
+def _sheet(plan: Sheet) -> str:
+    lines = [plan.summary(), "", "Experiments"]
     for k, c in enumerate(plan.experiments, 1):
-        voltage = "" if c.voltage is None else f"; play voltage-{plan.experiments.index(c) + 1}.csv"
-        lines.append(f"  {k}. {c}{voltage}. Save it as recording-{k}.csv; compare with "
-                     f"expected-{plan.experiments.index(c) + 1}.csv.")  # fmt: skip
-    lines += ["", "Intervals to expect, 95 %"]
-    for n, v in plan.expected.items():
-        shown = "not shown by this plan" if v.interval95 is None else f"{v.interval95[0]:.5g} to {v.interval95[1]:.5g}"
-        lines.append(f"  {n:<20} {v.value:.5g}, {shown} {v.unit}".rstrip())
-    if any(c.arm == "clamped" for c in plan.experiments) and any(c.arm == "free" for c in plan.experiments):
-        lines += ["", "Recordings with the arm clamped are a project of their own: fit next-clamped.toml first, and give",
-                  "what it finds to next.toml as prior = { mean = ..., sd = ... }."]  # fmt: skip
+        first = plan.experiments.index(c) + 1
+        voltage = "" if c.voltage is None else f"; play voltage-{first}.csv"
+        lines.append(f"  {k}. {c}{voltage}. Save it as recording-{k}.csv; compare with expected-{first}.csv.")
+    if len({c.arm for c in plan.experiments}) > 1:
+        lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and give "
+                  "next.toml", "what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
     return "\n".join(lines) + "\n"
 
@@ -158,7 +180,7 @@ def _sheet(plan: Plan) -> str:
 # --- the project file --------------------------------------------------------------------------------------
 
 
-def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: bool) -> Iterator[str]:
+def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: bool) -> Iterator[str]:
     """The lines of a project for recordings that are not there yet."""
     subject, p = plan.subject, plan.subject.problem
     table = subject.table.get("model", {})

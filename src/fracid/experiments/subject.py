@@ -41,7 +41,7 @@ COUNTS, QUIET = 4096, 0.1
 """Of an encoder of which nothing is known: counts a turn, and noise in counts."""
 
 FINE = 1e-3
-"""Step of a model of which no fit has chosen one [s]."""
+"""Step of a mechanical model of which no fit has chosen one [s]; of others a step is a sample."""
 
 CLAMPED = 1e3
 """Inertia of a clamped arm [kg m²]."""
@@ -291,7 +291,7 @@ def subject_of_model(
     count = len(problem.names)
     return Subject(
         problem, problem.names, problem.start, tuple(u.unit for u in problem.unknowns),
-        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), FINE, nothing(count), {}, model.name, {},
+        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), FINE if model.angles else math.inf, nothing(count), {}, model.name, {},
     )  # fmt: skip
 
 
