@@ -12,6 +12,7 @@ import pytest
 import fracid
 from fracid.models import Model, Parameter
 
+
 def rhs(t, x, u, p, out):
     out[0] = p[0] * u[0] - p[1] * x[0]
 

@@ -16,7 +16,7 @@ from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import jacobian
 from fracid.estimation.search import search
 from fracid.experiments.alternatives import Alternatives, alternatives_of
-from fracid.experiments.criteria import CRITERIA, Criterion, Objective, objective_named
+from fracid.experiments.criteria import CRITERIA, Objective, objective_named
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
@@ -51,7 +51,7 @@ def design(
     space: DesignSpace,
     *,
     experiments: int = 3,
-    criterion: Criterion | None = None,
+    criterion: str | None = None,
     of: Sequence[str] = (),
     against: str | None = None,
     free: Sequence[str] = (),
@@ -117,9 +117,9 @@ def design(
         raise InputError(f"against = {against!r} is not possible; expected 'integer'.")
     if isinstance(of, str):
         of = (of,)
-    criterion = criterion or ("T" if against else "Ds" if of else "D")
-    if criterion not in CRITERIA:
-        raise InputError(f"criterion = {criterion!r} is not possible; expected one of {', '.join(CRITERIA)}.")
+    name = criterion or ("T" if against else "Ds" if of else "D")
+    if name not in CRITERIA:
+        raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
     subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
     subject.check(space)
     places = subject.places(of)
@@ -132,15 +132,15 @@ def design(
     information = [t for t in tables if isinstance(t, Information)]
     parts, base = _stacked([information]), _base(subject)
     alternatives: Alternatives | None = None
-    if criterion == "T":
+    if name == "T":
         alternatives = alternatives_of(subject, space, candidates, experiments, jobs=jobs)
         chosen = alternatives.chosen(experiments)
     else:
-        objective = objective_named(criterion, subject.scale, places)
+        objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
             chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
-    return _plan(subject, space, criterion, tuple(subject.names[i] for i in places),
+    return _plan(subject, space, name, tuple(subject.names[i] for i in places),
                  _Table(candidates, information, chosen, len(tables) - len(possible)), alternatives)  # fmt: skip
 
 
@@ -328,7 +328,7 @@ class _Table:
 
 
 def _plan(
-    subject: Subject, space: DesignSpace, criterion: Criterion, of: tuple[str, ...], table: _Table,
+    subject: Subject, space: DesignSpace, criterion: str, of: tuple[str, ...], table: _Table,
     alternatives: Alternatives | None,
 ) -> Plan:  # fmt: skip
     base = Information(*(b[0] for b in _base(subject)))

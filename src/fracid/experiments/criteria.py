@@ -13,7 +13,6 @@ Each takes sums over experiments, of shape (n_draws, n_sets, …), and gives (n_
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -21,11 +20,9 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.experiments.information import Information
 
-__all__ = ["CRITERIA", "Criterion", "Objective", "distance", "objective_named"]
+__all__ = ["CRITERIA", "Objective", "distance", "objective_named"]
 
-Criterion = Literal["D", "A", "Ds", "T"]
-
-CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
+CRITERIA = ("D", "A", "Ds", "T")
 
 Objective = Callable[[tuple[FloatArray, ...]], FloatArray]
 """Sums over experiments → what is minimised."""
@@ -37,7 +34,7 @@ BLIND = 1e-12
 """Of the largest singular value: less is not seen."""
 
 
-def objective_named(name: Criterion, scale: FloatArray, of: Sequence[int]) -> Objective:
+def objective_named(name: str, scale: FloatArray, of: Sequence[int]) -> Objective:
     """The criterion D, A or Ds of sums (A, S).
 
     Parameters

@@ -14,7 +14,6 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError
 from fracid.estimation.covariance import NORMAL_95
-from fracid.experiments.criteria import Criterion
 from fracid.experiments.sheet import write_sheet
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
@@ -71,7 +70,8 @@ class Plan(CardDisplay):
 
     subject: Subject
     space: DesignSpace
-    criterion: Criterion
+    criterion: str
+    """``D``, ``A``, ``Ds`` or ``T`` (:mod:`fracid.experiments.criteria`)."""
     of: tuple[str, ...]
     """The values to narrow; empty for all."""
     experiments: tuple[Candidate, ...]

@@ -171,8 +171,8 @@ def _sheet(plan: Sheet) -> str:
         voltage = "" if c.voltage is None else f"; play voltage-{first}.csv"
         lines.append(f"  {k}. {c}{voltage}. Save it as recording-{k}.csv; compare with expected-{first}.csv.")
     if len({c.arm for c in plan.experiments}) > 1:
-        lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and give "
-                  "next.toml", "what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
+        lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
+                  "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
     return "\n".join(lines) + "\n"
 

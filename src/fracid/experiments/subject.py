@@ -288,10 +288,10 @@ def subject_of_model(
     noise = QUIET * step if space.noise is None else space.noise
     if step == 0.0 and noise == 0.0:
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
-    count = len(problem.names)
+    count, finest = len(problem.names), FINE if model.angles else math.inf
     return Subject(
         problem, problem.names, problem.start, tuple(u.unit for u in problem.unknowns),
-        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), FINE if model.angles else math.inf, nothing(count), {}, model.name, {},
+        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name, {},
     )  # fmt: skip
 
 
