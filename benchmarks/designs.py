@@ -33,12 +33,12 @@ SRV02 = fracid.rotary_pendulum("srv02-rotpen", **FRICTION)
 QUBE = fracid.rotary_pendulum("qube-servo2", coulomb_theta=1e-3, coulomb_alpha=1e-4)
 
 PLANS = {
-    "habit": (SRV02, fracid.DesignSpace(release=90, seconds=20, rate=200), 1),
-    "short": (SRV02, fracid.DesignSpace(release=(10, 120), seconds=(4, 8), rate=200, levels=8), 2),
-    "noisy": (SRV02, fracid.DesignSpace(release=(10, 60), seconds=10, rate=200, noise=1.5e-3, levels=6), 3),
-    "driven": (QUBE, fracid.DesignSpace(release=(0.0, 45.0, 90.0), seconds=8, rate=200,
+    "habit": (SRV02, fracid.DesignSpace(release=90, seconds=20, rate=200, moment=0), 1),
+    "short": (SRV02, fracid.DesignSpace(release=(10, 120), seconds=(4, 8), rate=200, moment=0, levels=8), 2),
+    "noisy": (SRV02, fracid.DesignSpace(release=(10, 60), seconds=10, rate=200, moment=0, noise=1.5e-3, levels=6), 3),
+    "driven": (QUBE, fracid.DesignSpace(release=(0.0, 45.0, 90.0), seconds=8, rate=200, moment=0,
                                         voltage=fracid.Multisine(0.3, 5.0, peak=3.0), limits={"theta": 2.5}), 2),
-    "coarse": (QUBE, fracid.DesignSpace(release=(20, 100), seconds=(5, 10), rate=200, counts=2048, levels=6), 2),
+    "coarse": (QUBE, fracid.DesignSpace(release=(20, 100), seconds=(5, 10), rate=200, moment=0, counts=2048, levels=6), 2),
 }  # fmt: skip
 
 

@@ -46,7 +46,7 @@ from fracid.arrays import FloatArray
 from fracid.problem import Experiment, Problem
 from fracid.signals.resolution import resolution
 
-__all__ = ["Edges", "edges", "half_widths", "noise_explained", "noise_in_steps", "scores_covariance"]
+__all__ = ["Edges", "edges", "encoder_noise", "half_widths", "noise_in_steps", "scores_covariance"]
 
 HARMONICS = 40
 """Of the sawtooth, at most."""
@@ -174,8 +174,8 @@ def _moving(fitted: FloatArray, step: float, scored: NDArray[np.bool_]) -> Float
     return moving
 
 
-def noise_explained(residual: FloatArray, fitted: FloatArray, step: float) -> float | None:
-    """The noise σ beside an encoder's rounding, in its steps, where the two explain the residual; else None.
+def encoder_noise(residual: FloatArray, fitted: FloatArray, step: float) -> float | None:
+    """The noise σ beside an encoder's rounding, in its steps; None where the two are far from explaining the residual.
 
     Parameters
     ----------
@@ -188,15 +188,14 @@ def noise_explained(residual: FloatArray, fitted: FloatArray, step: float) -> fl
     >>> t, rng = np.arange(0, 20, 0.004), np.random.default_rng(1)
     >>> f = 30 * np.exp(-t / 4) * np.cos(6 * t)
     >>> y = np.round(f + 0.1 * rng.standard_normal(t.size))
-    >>> noise_explained(y - f, f, 1.0) < 0.15, noise_explained(y - f + 2 * np.sin(t), f, 1.0)
+    >>> encoder_noise(y - f, f, 1.0) < 0.15, encoder_noise(y - f + 2 * np.sin(t), f, 1.0)
     (True, None)
     """
     noise = noise_in_steps(residual, fitted, step)
     if not math.isfinite(noise):
         return None
     moving = _moving(fitted, step, np.ones(len(fitted), bool))
-    explained = float(moving @ residual**2) <= EXPLAINED * step**2 * (1 / 12 + noise**2)
-    return noise if explained else None
+    return noise if float(moving @ residual**2) <= NEARLY * step**2 * (1 / 12 + noise**2) else None
 
 
 def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise: float) -> FloatArray:

@@ -47,6 +47,9 @@ SHORTLIST = 60
 CLOSE = 1e-6
 """An order that is nearer to an integer is one."""
 
+AT_BOUND = 1e-3
+"""Part of its range within which a parameter is held by a bound: no alternative may go beyond."""
+
 VAGUE = 1e-8
 """Curvature of what no experiment shows, in typical sizes."""
 
@@ -204,7 +207,9 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     elements = {e.name: e.problem for e in _elements(joint)}
     extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
     unknowns = {u.name: u for p in (joint, *elements.values()) for u in p.unknowns}
-    own = tuple(u.name for u in joint.unknowns if u.experiment is None)
+    width = joint.space.upper - joint.space.lower
+    inside = np.minimum(best.point - joint.space.lower, joint.space.upper - best.point) > AT_BOUND * width
+    own = tuple(u.name for u, free in zip(joint.unknowns, inside, strict=True) if u.experiment is None and free)
     names = (*own, *(n for more in extra.values() for n in more))
     sizes = [(abs(u.range.start), u.range.upper - u.range.lower) for u in map(unknowns.__getitem__, names)]
     scale = np.array([max(value, 1e-2 * min(width, 1.0)) for value, width in sizes])

@@ -336,7 +336,7 @@ def _plan(
     for i in table.chosen:
         total += table.information[i]
     before, after = (np.sqrt(np.diag(i.covariance(subject.scale))) for i in (base, total))
-    expected = {n: Value(v, u, e if e < VAGUE / 2 * s else None, b if b < VAGUE / 2 * s else None) for n, v, u, e, b, s
+    expected = {n: Value(v, u, e if e < s else None, b if b < s else None) for n, v, u, e, b, s
                 in zip(subject.names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
                        subject.scale.tolist(), strict=True)}  # fmt: skip
     alone = [np.sqrt(np.diag((base + i).covariance(subject.scale))) for i in table.information]

@@ -156,10 +156,11 @@ def write_sheet(plan: Sheet, folder: Path) -> tuple[Path, ...]:
             files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
         bands = {n: y for o, y in curve.outputs.items() for n, y in
                  ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
-        kind = plan.subject.problem.experiments[0].units
-        expected = Recording.of("expected", curve.time, bands, {n: kind.get(n.split()[0], "rad") for n in bands})
+        angles = plan.subject.problem.model.angles
+        kinds = {n: "rad" if n.split()[0] in angles else "1" for n in bands}
+        expected = Recording.of("expected", curve.time, bands, kinds)
         files.append(save_recording(expected, folder / f"expected-{number}.csv", note=f"{curve.candidate}, 95 % band"))
-    files += save(draw("expected_curves", curves, plan.subject.problem.model.zero), folder / "figures", "expected")
+    files += save(draw("expected_curves", curves, plan.subject.problem.model), folder / "figures", "expected")
     files += save(plan.plot(), folder / "figures", "intervals")
     return tuple(files)
 
@@ -218,7 +219,9 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
                 yield f"amplifier = {_text(known['amplifier'])}"
         else:
             yield 'from = "release"'
-            yield "# release_time = { start = 0.0, lower = -0.01, upper = 0.01 }  # where it lies between two samples"
+            moment = plan.space.moment / c.rate
+            if moment:
+                yield f"release_time = {_text({'start': 0.0, 'lower': -moment, 'upper': moment})}"
     yield f'\n[fit]\noutputs = {_text(list(outputs))}\ninitial_state = "{plan.space.initial_state}"'
     yield f"weights = {_text(p.weights)}\nmethod = {_text(p.method)}"
     if p.per_recording:

@@ -8,7 +8,8 @@ a project             the same, after a search
 a model               its constants as they are, encoders of 4096 counts with a tenth of a count of noise; nothing
 ====================  =============================================================================================
 
-The noise of an output is that of its encoder where rounding and white noise explain the residual.  Else it is the
+The noise of an output is that of its encoder where rounding and white noise explain the residual, or a quarter of its
+power at least: of one recording that rests, the unknown edge of a count leaves as much.  Else it is the
 residual's own level, and since residuals of that kind are correlated, the information about each parameter is divided
 by the ratio of its samples to its effective samples (:attr:`fracid.estimation.covariance.Uncertainty`).
 """
@@ -26,7 +27,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.covariance import Uncertainty, jacobian, uncertainty
-from fracid.estimation.rounding import noise_explained
+from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, nothing, of_samples
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.models import Model
@@ -46,8 +47,8 @@ FINE = 1e-3
 CLAMPED = 1e3
 """Inertia of a clamped arm [kg m²]."""
 
-WIDE = 0.5
-"""A constant of a model is free within this part of its value to both sides: only derivatives are taken."""
+WIDE = 10.0
+"""A constant of a model is free from this part of its value to so many times it."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +124,12 @@ class Subject:
             model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
             if (i := model.output_states.get(n)) is not None
         }  # fmt: skip
+        moment = space.moment / c.rate if c.release else 0.0
         return Experiment(
             "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, off=pattern.off,
             units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
             between=dict.fromkeys(model.inputs, "hold") if c.voltage is not None else {},
+            release_time=Free(0.0, -moment, moment) if moment else 0.0,
         )  # fmt: skip
 
     def problem_of(self, c: Candidate, space: DesignSpace) -> Problem:
@@ -306,9 +309,9 @@ def _usually_free(model: Model, driven: bool) -> tuple[str, ...]:
 
 
 def _around(value: float, name: str, model: Model) -> Free:
-    reach = WIDE * abs(value) or 1e-3
     p = model.parameter(name)
-    return Free(value, max(value - reach, p.lower), min(value + reach, p.upper))
+    ends = sorted((value / WIDE, value * WIDE)) if value else (-1e-3, 1e-3)
+    return Free(value, max(ends[0], p.lower), min(ends[1], p.upper))
 
 
 def _starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
@@ -348,7 +351,7 @@ def _noise(e: Experiment, error: FloatArray, output: int) -> tuple[Noise, bool]:
     scored = np.ones(len(error), bool) if e.scored is None else e.scored
     r, measured = error[scored], e.measured[scored, output]
     step = resolution(measured)
-    noise = None if step is None else noise_explained(r, measured - r, step)
+    noise = None if step is None else encoder_noise(r, measured - r, step)
     if step is None or noise is None:
         return Noise(math.sqrt(float(np.mean(r**2))), 0.0), False
     return Noise(noise * step, step), True

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.figures import Style
+    from fracid.models import Model
 
 __all__ = ["design_landscape", "expected_curves"]
 
@@ -80,15 +81,15 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     return figure
 
 
-def expected_curves(curves: Sequence[Any], zero: str = "", *, style: str | Style = "screen") -> Figure:
+def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style = "screen") -> Figure:
     """Draw what each experiment of a plan should show, with its 95 % band.
 
     Parameters
     ----------
     curves : sequence of Expected
         Of :func:`fracid.experiments.sheet.expected_curves`.
-    zero : str
-        Where the pendulum's angle is zero.
+    model : Model
+        Says which outputs are angles, and where the pendulum's is zero.
     style : str or Style
         ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
@@ -104,12 +105,13 @@ def expected_curves(curves: Sequence[Any], zero: str = "", *, style: str | Style
     grid = figure.subplots(len(curves), len(names), squeeze=False)
     for row, curve in zip(grid, curves, strict=True):
         for axes, name in zip(row, names, strict=True):
-            y, half = np.degrees(curve.outputs[name]), np.degrees(curve.half[name])
+            unit, factor = shown_unit("rad" if name in model.angles else "")
+            y, half = factor * curve.outputs[name], factor * curve.half[name]
             shown = np.unique(np.linspace(0, len(y) - 1, 4000).astype(int))
             axes.fill_between(curve.time[shown], (y - half)[shown], (y + half)[shown], color=appearance.ORANGE,
                               alpha=0.4, lw=0, label="95 % band")  # fmt: skip
             axes.plot(curve.time[shown], y[shown], color=appearance.BLUE, lw=1.0, label="expected")
-            axes.set_ylabel(appearance.angle_label(name, "°", zero))
+            axes.set_ylabel(appearance.angle_label(name, unit or "–", model.zero if name == model.pendulum else ""))
         appearance.title(row[0], appearance.plain(str(curve.candidate), 90), "left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
