@@ -178,7 +178,7 @@ def test_a_plan_shows_itself_in_eight_lines_and_as_a_table(plan):
 
 
 def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
-    space = replace(SPACE, moment=2.0)
+    space = replace(SPACE, moment=0.05)
     plan = fracid.design(RIG, space, experiments=2, of=("mu",), free=("mu", "b_alpha"), orders=ORDERS)
     files = {path.name for path in plan.write(tmp_path)}
     assert {"sheet.txt", "next.toml", "plan.json", "expected-1.csv", "expected.png", "intervals.png"} <= files

@@ -171,7 +171,8 @@ def _show(finished: FinishedDesign, console: Console) -> None:
 
     plan = finished.plan
     excluded = f", {plan.excluded} more are excluded" if plan.excluded else ""
-    console.print(f"[bold]{len(plan.experiments)} experiments[/bold] of {plan.candidates} candidates{excluded}; "
+    count = len(plan.experiments)
+    console.print(f"[bold]{count} experiment{'s' * (count > 1)}[/bold] of {plan.candidates} candidates{excluded}; "
                   f"criterion {plan.criterion}", soft_wrap=True)  # fmt: skip
     for c, count in plan.repetitions.items():
         console.print(f"  {count} × {escape(str(c))}", soft_wrap=True)

@@ -182,7 +182,7 @@ class Plan(CardDisplay):
         tail.append(("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}"))
         rest = [(f"{count} ×", str(c)) for c, count in self.repetitions.items()][len(shown) - 1 :]
         details = [*(rest if len(rows) > 3 else []), *((n, texts[n]) for n in texts if n not in named)]
-        return Card(f"Plan of {len(self.experiments)} experiments for {self.subject.name}", (*shown, *tail),
+        return Card(f"Plan of {len(self.experiments)} experiment{'s' * (len(self.experiments) > 1)} for {self.subject.name}", (*shown, *tail),
                     tuple(details))  # fmt: skip
 
 

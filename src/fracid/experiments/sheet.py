@@ -219,8 +219,7 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
                 yield f"amplifier = {_text(known['amplifier'])}"
         else:
             yield 'from = "release"'
-            moment = plan.space.moment / c.rate
-            if moment:
+            if moment := plan.space.moment:
                 yield f"release_time = {_text({'start': 0.0, 'lower': -moment, 'upper': moment})}"
     yield f'\n[fit]\noutputs = {_text(list(outputs))}\ninitial_state = "{plan.space.initial_state}"'
     yield f"weights = {_text(p.weights)}\nmethod = {_text(p.method)}"

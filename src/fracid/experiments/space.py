@@ -101,8 +101,8 @@ class DesignSpace:
     """Standard deviation beside rounding [rad]; None as in the recordings, or a tenth of a count without any."""
     initial_state: InitialState = "rest"
     """``rest``: at rest, at an angle that each fit finds; ``held``: at exactly that angle; ``estimate``: in motion."""
-    moment: float = 2.0
-    """Within so many samples of the first each fit looks for the moment of release; 0 where it is known."""
+    moment: float = 0.05
+    """Each fit looks for the moment of release within this time of its first sample [s]; 0 where it is known."""
     levels: int = 20
     """How many angles a range is divided into, and how many frequencies a sine's band."""
 
@@ -133,7 +133,7 @@ class DesignSpace:
         if self.initial_state not in ("rest", "held", "estimate"):
             raise InputError(f"initial_state = {self.initial_state!r}; expected 'rest', 'held' or 'estimate'.")
         if not 0 <= self.moment < math.inf:
-            raise InputError(f"moment = {self.moment!r} is not possible; expected a number of samples, 0 or more.")
+            raise InputError(f"moment = {self.moment!r} is not possible; expected a time, 0 s or more.")
         if self.levels < 1:
             raise InputError(f"levels = {self.levels}; expected 1 or more.")
 

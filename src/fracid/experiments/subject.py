@@ -124,7 +124,7 @@ class Subject:
             model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
             if (i := model.output_states.get(n)) is not None
         }  # fmt: skip
-        moment = space.moment / c.rate if c.release else 0.0
+        moment = space.moment if c.release else 0.0
         return Experiment(
             "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, off=pattern.off,
             units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
