@@ -38,7 +38,8 @@ PLANS = {
     "noisy": (SRV02, fracid.DesignSpace(release=(10, 60), seconds=10, rate=200, moment=0, noise=1.5e-3, levels=6), 3),
     "driven": (QUBE, fracid.DesignSpace(release=(0.0, 45.0, 90.0), seconds=8, rate=200, moment=0,
                                         voltage=fracid.Multisine(0.3, 5.0, peak=3.0), limits={"theta": 2.5}), 2),
-    "coarse": (QUBE, fracid.DesignSpace(release=(20, 100), seconds=(5, 10), rate=200, moment=0, counts=2048, levels=6), 2),
+    "coarse": (QUBE, fracid.DesignSpace(release=(20, 100), seconds=(5, 10), rate=200, moment=0, counts=2048,
+                                        levels=6), 2),
 }  # fmt: skip
 
 

@@ -34,10 +34,8 @@ DESIGNS = {
 def rig_of(name):
     """The rig with friction on both joints; the arm of one is clamped."""
     model = fracid.rotary_pendulum(name)
-    missing = {n: v for n, v in {"coulomb_theta": 5e-3, "coulomb_alpha": 1e-3}.items()}
-    scale = model.parameter("C4").value
-    dry = {n: v * scale for n, v in missing.items()}
-    friction = {**dry, **RIGS[name].fitted_friction}
+    gravity = model.parameter("C4").value
+    friction = {"coulomb_theta": 5e-3 * gravity, "coulomb_alpha": 1e-3 * gravity, **RIGS[name].fitted_friction}
     if model.parameter("J_theta").value > 100:
         friction = {n: v for n, v in friction.items() if not n.endswith("theta")}
     if friction.get("b_alpha") == 0.0:
@@ -63,8 +61,8 @@ def row(name):
 
 
 def half(plan, name):
-    interval = plan.expected[name].interval95
-    return "not shown" if interval is None else f"{(interval[1] - interval[0]) / 2:.1e}"
+    error = plan.expected[name].standard_error
+    return "not shown" if error is None else f"{1.96 * error:.1e}"
 
 
 def correlation(plan, names):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed
@@ -27,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "Value"]
 
+MOST_ROWS = 3
+"""Of experiments on a card's text."""
+
 
 @dataclass(frozen=True)
 class Value:
@@ -34,8 +35,8 @@ class Value:
 
     Examples
     --------
-    >>> Value(0.9, "", 0.01, None).interval95
-    (0.8804, 0.9196)
+    >>> [round(end, 4) for end in Value(0.9, "", 0.01, None).interval95]
+    [0.8804, 0.9196]
     """
 
     value: float
@@ -51,17 +52,12 @@ class Value:
         if self.standard_error is None:
             return None
         half = NORMAL_95 * self.standard_error
-        return rounded_end(self.value - half), rounded_end(self.value + half)
+        return self.value - half, self.value + half
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
         return {"value": self.value, "unit": self.unit, "standard_error": self.standard_error,
                 "interval95": self.interval95, "standard_error_now": self.standard_error_now}  # fmt: skip
-
-
-def rounded_end(value: float) -> float:
-    """A predicted end of an interval, to five significant digits of what it is: no more is known."""
-    return float(f"{value:.5g}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,8 +150,12 @@ class Plan(CardDisplay):
         """The card, and the intervals to expect of all free values, in lines."""
         lines = [repr(self), "", "Intervals to expect, 95 %"]
         for n, v in self.expected.items():
-            ends = "not shown by this plan" if v.interval95 is None else "{:.5g} to {:.5g}".format(*v.interval95)
-            lines.append(f"  {n:<20} {v.value:.5g}: {ends} {v.unit}".rstrip())
+            ends = (
+                "(not shown by this plan)"
+                if v.interval95 is None
+                else f"± {(v.interval95[1] - v.interval95[0]) / 2:.2g}"
+            )
+            lines.append(f"  {n:<20} {v.value:.5g} {ends} {v.unit}".rstrip())
         return "\n".join(lines)
 
     @property
@@ -165,25 +165,28 @@ class Plan(CardDisplay):
 
     def _card(self) -> Card:
         named = self.of or tuple(self.expected)
-        rows = [(f"{count} ×" if count > 1 else "1 ×", str(c)) for c, count in self.repetitions.items()]
+        rows = [(f"{count} ×", str(c)) for c, count in self.repetitions.items()]
+        shown = rows if len(rows) <= MOST_ROWS else [*rows[: MOST_ROWS - 1], ("…", "more experiments")]
         texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + ("" if v.interval95 else " (not shown)")
                  for n, v in self.expected.items()}  # fmt: skip
+        excluded = f", {self.excluded} more excluded" if self.excluded else ""
+        tail = [("expected", listed(texts[n] for n in named)), *self._comparisons(named),
+                ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}")]  # fmt: skip
+        details = [*(rows[MOST_ROWS - 1 :] if len(rows) > MOST_ROWS else []),
+                   *((n, text) for n, text in texts.items() if n not in named)]  # fmt: skip
+        count = len(self.experiments)
+        title = f"Plan of {count} experiment{'s' * (count > 1)} for {self.subject.name}"
+        return Card(title, (*shown, *tail), tuple(details))
+
+    def _comparisons(self, named: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+        """With what is known now, and with the integer-order alternatives."""
         gains = self.gain_over()
-        gain = listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
-        shown = rows if len(rows) <= 3 else [*rows[:2], ("…", f"{len(rows) - 2} more experiments")]
-        tail = [("expected", listed(texts[n] for n in named))]
         if any(math.isfinite(g) for g in gains.values()):
-            tail.append(("narrower", gain))
+            yield "narrower", listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
         if self.distances:
             nearest = min(self.distances, key=self.distances.__getitem__)
-            tail.append(("alternative", f"the nearest, with {nearest}, stays {self.distances[nearest]:.3g} standard "
-                         "deviations away"))  # fmt: skip
-        excluded = f", {self.excluded} more excluded" if self.excluded else ""
-        tail.append(("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}"))
-        rest = [(f"{count} ×", str(c)) for c, count in self.repetitions.items()][len(shown) - 1 :]
-        details = [*(rest if len(rows) > 3 else []), *((n, texts[n]) for n in texts if n not in named)]
-        return Card(f"Plan of {len(self.experiments)} experiment{'s' * (len(self.experiments) > 1)} for {self.subject.name}", (*shown, *tail),
-                    tuple(details))  # fmt: skip
+            away = f"stays {self.distances[nearest]:.3g} standard deviations away"
+            yield "alternative", f"the nearest, with {nearest}, {away}"
 
 
 def _times(factor: float) -> str:
@@ -196,8 +199,3 @@ def _intervals(run: Fit | SavedRun) -> dict[str, tuple[float, float] | None]:
         return {n: e.interval95 for n, e in {**run.orders, **run.parameters}.items()}
     blocks = {**run.result["orders"], **run.result["parameters"]}
     return {n: entry.get("interval95") for n, entry in blocks.items()}
-
-
-def half_widths(plan: Plan, name: str) -> FloatArray:
-    """Half of the 95 % interval that each candidate alone would leave, shape (n_candidates,)."""
-    return NORMAL_95 * np.array([errors[name] for _, errors in plan.landscape])
