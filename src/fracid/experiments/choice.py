@@ -42,6 +42,9 @@ VAGUE = 100.0
 SHORTLIST = 60
 """Candidates that are looked at again with other values, or about another alternative."""
 
+BEYOND = "beyond the limits"
+"""Why a candidate is excluded that would travel too far or too fast."""
+
 NOMINAL = 0.1
 """Standard deviation of a constant of which no interval is known, in typical sizes."""
 
@@ -228,27 +231,27 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
     """The information of one motion, for each of its durations."""
     longest = max(durations, key=lambda c: c.seconds)
     problem = subject.problem_of(longest, space)
-    J = jacobian(problem, problem.start, np.arange(len(problem.names)))
     outputs = problem.fitted(problem.start, problem.experiments[0])
-    if isinstance(J, Failure) or isinstance(outputs, Failure):
-        reason = str(J if isinstance(J, Failure) else outputs)
-        return [reason for _ in durations]
+    if isinstance(outputs, Failure):
+        return [str(outputs) for _ in durations]
+    within = [space.within_limits(dict(zip(problem.outputs, outputs[: c.samples].T, strict=True)), c.rate)
+              for c in durations]  # fmt: skip
+    if not any(within):
+        return [BEYOND for _ in durations]
+    J = jacobian(problem, problem.start, np.arange(len(problem.names)))
+    if isinstance(J, Failure):
+        return [str(J) for _ in durations]
     own = np.array([u.experiment is not None for u in problem.unknowns])
     shared = np.zeros((*outputs.shape, len(subject.names)))
     for column, u in zip(np.moveaxis(J[0], -1, 0), problem.unknowns, strict=True):
         if u.experiment is None:
             shared[..., subject.names.index(u.name)] = column
     noise = [subject.noise_of(n) for n in problem.outputs]
-    tables: list[Information | str] = []
-    for c in durations:
-        part = slice(0, c.samples)
-        named = dict(zip(problem.outputs, outputs[part].T, strict=True))
-        if not space.within_limits(named, c.rate):
-            tables.append("beyond the limits")
-            continue
-        tables.append(of_samples(outputs[part], shared[part], J[0][part][..., own], noise, problem.weights,
-                                 subject.excess))  # fmt: skip
-    return tables
+    return [
+        of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise, problem.weights,
+                   subject.excess) if possible else BEYOND
+        for c, possible in zip(durations, within, strict=True)
+    ]  # fmt: skip
 
 
 def _some(space: DesignSpace) -> tuple[Candidate, ...]:
