@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+import fracid
 from program import fit_in, run
 from twins import write_release
 
@@ -43,6 +44,17 @@ def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, fold
     assert float(row.split()[-1]) > 1.5  # narrower by
     assert "release from 100°" in out
     assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
+
+
+def test_a_plan_compares_with_the_intervals_that_the_run_states(folder):
+    saved = fracid.load_run(folder / "run")
+    plan = fracid.design(saved, fracid.DesignSpace(release=60, seconds=2, rate=200), experiments=1)
+    low, high = saved.result["orders"]["mu"]["interval95"]
+    expected = plan.expected["mu"].interval95
+    gain = plan.gain_over(saved)
+    assert gain["mu"] == pytest.approx((high - low) / (expected[1] - expected[0]))
+    assert gain["mu"] > 1
+    assert set(gain) <= {"mu", "b_alpha"}
 
 
 @pytest.mark.broad

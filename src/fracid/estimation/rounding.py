@@ -216,8 +216,9 @@ def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise:
     A joint at rest: all its samples are one reading.
 
     >>> rest, ones = np.zeros(500), np.ones((500, 1))
-    >>> [float(scores_covariance(rest, ones, 1.0, s)[0, 0].round(-2)) for s in (0.0, 1.0)]  # 500²/12, 500 (1 + 1/12)
-    [20600.0, 500.0]
+    >>> once, each = (scores_covariance(rest, ones, 1.0, noise).item() for noise in (0.0, 1.0))
+    >>> round(12 * once / 500**2, 1), round(each / 500, 2)  # one reading of variance 1/12; 500 of variance 1 + 1/12
+    (1.0, 1.08)
     """
     variance = step**2 / 12 + noise**2
     if step == 0 or noise >= DITHERED * step:

