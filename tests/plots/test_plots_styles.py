@@ -20,6 +20,7 @@ import fracid
 from fracid import plots
 from fracid.errors import InputError
 from fracid.estimation.starts import Start
+from fracid.experiments.sheet import expected_curves
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
 from fracid.problem import Experiment, Free, Problem
@@ -67,6 +68,12 @@ def study():
 
 
 @cache
+def plan():
+    space = fracid.DesignSpace(release=(10, 30, 60), seconds=(1, 2), rate=100)
+    return fracid.design(rig(), space, experiments=2, of=("lambda", "mu"), free=("lambda", "mu", "b_alpha"))
+
+
+@cache
 def integer():
     return integer_model(Problem(rig(), (Experiment("t", 2e-3, np.zeros((5000, 2)), np.zeros((1, 1))),),
                                  {"lambda": 0.9, "mu": 1.0}))  # fmt: skip
@@ -101,6 +108,8 @@ FIGURES = {
     "amplitudes": lambda **o: AmplitudeTest((), DRIFTS).plot(**o),
     "waterfall": lambda **o: plots.waterfall(STARTS, cost_name="rmse", **o),
     "noise_levels": lambda **o: study().plot(**o),
+    "design_landscape": lambda **o: plan().plot(**o),
+    "expected_curves": lambda **o: plots.expected_curves(expected_curves(plan()), rig(), **o),
     "linear_response": lambda **o: plots.linear_response(integer(), "upright", **o),
 }
 """Every figure, by the call that people use where there is one."""

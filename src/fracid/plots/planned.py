@@ -24,6 +24,8 @@ MOST = 4
 
 COLOURS = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE)
 
+MARKERS = ("o", "s", "D", "^")
+
 HALF = 1.96
 
 
@@ -49,7 +51,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     >>> space = fracid.DesignSpace(release=(10, 30, 60), seconds=(1, 2), rate=100)
     >>> plan = fracid.design(fracid.rotary_pendulum("qube-servo2"), space, of=("mu",), free=("mu", "b_alpha"))
     >>> [axes.get_xlabel() for axes in design_landscape(plan).axes]
-    ['angle of release [°]']
+    ['release [°]']
     """
     names = [*(plan.of or plan.expected)][:MOST]
     figure = appearance.new(max(6.4, 3.6 * len(names)), 3.6, style)
@@ -68,13 +70,13 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                     best[at] = min(best.get(at, np.inf), h)
             x = sorted(best)
             label = f"{seconds:g} s" if seconds is not None else "one experiment"
-            axes.plot(x, [best[v] for v in x], color=COLOURS[k % 4], marker="o", ms=3, label=label)
+            axes.plot(x, [best[v] for v in x], color=COLOURS[k % 4], marker=MARKERS[k % 4], ms=4, label=label)
         for c, h in zip(candidates, half.tolist(), strict=True):
             if c in plan.experiments:
                 axes.plot([c.release if by_release else c.seconds], [h], "*", color=appearance.INK, ms=12,
                           label="chosen", zorder=4)  # fmt: skip
         axes.set_yscale("log")
-        axes.set_xlabel("angle of release [°]" if by_release else "duration [s]")
+        axes.set_xlabel("release [°]" if by_release else "duration [s]")
         symbol = appearance.symbol(name) if name in appearance.SYMBOLS else appearance.plain(name)
         axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(unit or '–')}]")
     appearance.finish(figure, "Interval to expect after one experiment more")
