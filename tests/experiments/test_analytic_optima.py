@@ -64,12 +64,13 @@ def test_the_sine_that_narrows_an_order_most_is_at_the_frequency_of_the_closed_f
     gain = abs(sampled(frequency, order, rate)[0])
     best = frequency[np.argmax(gain)]
     assert frequency[50] < best < frequency[-50]
-    (chosen,), plan = planned(order, ("nu",), 1, rate, *candidates(best, periods, 12), of=("nu",))
+    (chosen,), plan = planned(order, ("nu",), 1, rate, *candidates(best, periods, 6), of=("nu",))
     assert chosen == pytest.approx(best, rel=0.01)
     samples = plan.experiments[0].samples
     assert plan.expected["nu"].standard_error == pytest.approx(0.01 / gain.max() * np.sqrt(2 / samples), rel=0.01)
 
 
+@pytest.mark.broad
 def test_the_sine_that_tells_order_and_gain_together_is_at_the_frequency_of_the_closed_form():
     frequency = np.linspace(0.05, 1.0, 1001)
     best = frequency[np.argmax(np.linalg.det(informations(frequency, 0.8, 20.0, [0, 1])))]

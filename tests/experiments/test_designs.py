@@ -196,7 +196,7 @@ def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
 
 
 def test_a_voltage_is_written_as_it_is_applied(tmp_path):
-    voltage = fracid.Multisine(0.5, 4.0, peak=2.0, lines=5)
+    voltage = fracid.Pulses(0.3, 0.3, peak=2.0)
     space = fracid.DesignSpace(seconds=2, rate=100, voltage=voltage)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
     plan.write(tmp_path)
