@@ -78,6 +78,18 @@ def studied() -> fracid.NoiseStudy:
                               resolutions=[0.0, 2 * np.pi / 1024])  # fmt: skip
 
 
+@cache
+def drawn() -> fracid.Posterior:
+    """The posterior of a pendulum with dry friction and no drag: the drag lies at its bound."""
+    free = {"b_alpha": (1e-5, 0.0, 1e-3), "coulomb_alpha": (1e-4, 0.0, 1e-3), "drag_alpha": (1e-6, 0.0, 1e-4)}
+    problem = fracid.Problem(
+        fracid.rotary_pendulum("stepper-freeswing"), (swing(0.9, 1),),
+        {"lambda": 1.0, "mu": fracid.Free(1.0, 0.9, 1.1)}, {n: fracid.Free(*v) for n, v in free.items()},
+        outputs=("alpha",), initial_state="held",
+    )  # fmt: skip
+    return fracid.posterior(problem, draws=8000, jobs=2)
+
+
 FIGURES: Mapping[str, Callable[[], Figure]] = {
     "rig-hanging": lambda: fracid.rotary_pendulum("srv02-rotpen").plot(),
     "rig-upright": lambda: fracid.rotary_pendulum("qube-servo2", zero="upright").plot(),
@@ -93,6 +105,8 @@ FIGURES: Mapping[str, Callable[[], Figure]] = {
     "ladder": lambda: compared().plot(),
     "amplitude": lambda: next(iter(compared().amplitude.values())).plot(),
     "noise": lambda: studied().plot(),
+    "posterior": lambda: drawn().plot(),
+    "posterior-predictive": lambda: drawn().plot_predictive(),
     "linear": lambda: plots.linear_response(integer_model(twin().problem), "hanging"),
 }
 """By the name of the picture, ``figure-NAME.png``."""

@@ -27,7 +27,7 @@ LAYERS = (
     {"regression", "twins"},
     {"estimation"},
     {"selection"},
-    {"validation"},
+    {"bayes", "validation"},
     {"fit"},
     {"identification"},
     {"plots", "runs"},

@@ -18,6 +18,8 @@ from fracid._version import __version__
 from fracid.former_modules import FormerModules
 
 if TYPE_CHECKING:
+    from fracid.bayes.inference import posterior
+    from fracid.bayes.result import Posterior, log_odds
     from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
     from fracid.estimation.agreement import Spread, spread
     from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
     from fracid.workflows.fit import FinishedRun, run
     from fracid.workflows.monte_carlo import FinishedNoiseStudy, run_noise_study
     from fracid.workflows.observer import Observer
+    from fracid.workflows.posterior_draws import FinishedPosterior, run_posterior
     from fracid.workflows.profiles import FinishedProfiles, run_profiles
     from fracid.workflows.residuals import FinishedResiduals, run_residuals
     from fracid.workflows.resumption import resume_run
@@ -75,6 +78,7 @@ _HOME = {
     "Experiment": "problem",
     "FinishedComparison": "workflows.comparison",
     "FinishedNoiseStudy": "workflows.monte_carlo",
+    "FinishedPosterior": "workflows.posterior_draws",
     "FinishedProfiles": "workflows.profiles",
     "FinishedResiduals": "workflows.residuals",
     "FinishedRun": "workflows.fit",
@@ -91,6 +95,7 @@ _HOME = {
     "Outcome": "solver.trajectory",
     "Parameter": "models",
     "Plan": "experiments.plan",
+    "Posterior": "bayes.result",
     "Problem": "problem",
     "Profile": "estimation.cost_profile",
     "Profiles": "estimation.cost_profile",
@@ -126,8 +131,10 @@ _HOME = {
     "load_project": "problem.project",
     "load_recording": "recording",
     "load_run": "runs.saved",
+    "log_odds": "bayes.result",
     "multi_term": "solver.reduction",
     "noise_study": "validation.monte_carlo",
+    "posterior": "bayes.inference",
     "profile": "estimation.cost_profile",
     "regress": "regression",
     "reproduce": "runs.reproduction",
@@ -137,6 +144,7 @@ _HOME = {
     "run": "workflows.fit",
     "run_comparison": "workflows.comparison",
     "run_noise_study": "workflows.monte_carlo",
+    "run_posterior": "workflows.posterior_draws",
     "run_profiles": "workflows.profiles",
     "run_residuals": "workflows.residuals",
     "run_tasks": "tasks.tasks",
@@ -151,17 +159,18 @@ _HOME = {
 """Which module each public name lives in."""
 
 __all__ = ["AmplitudeTest", "Bootstrap", "Chirp", "Comparison", "CutCheck", "DataError", "DesignSpace", "Experiment",
-           "FinishedComparison", "FinishedNoiseStudy", "FinishedProfiles", "FinishedResiduals", "FinishedRun", "Fit",
-           "FracidError", "Free", "InputError", "Journal", "Model", "Multisine", "NoiseStudy", "NotTrusted",
-           "Observer", "Outcome", "Parameter", "Plan", "Problem", "Profile", "Profiles", "Project", "Pulses",
-           "Recording", "Regression", "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Sensor",
-           "Spread", "System", "Task", "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test",
-           "bootstrap", "compare", "cut_check", "derivative", "design", "draft_project", "export_run",
-           "identifiability", "identify", "integer_model", "linear_multi_term", "linear_system", "load_project",
-           "load_recording", "load_run", "multi_term", "noise_study", "profile", "regress", "reproduce",
-           "residual_analysis", "resume_run", "rotary_pendulum", "run", "run_comparison", "run_noise_study",
-           "run_profiles", "run_residuals", "run_tasks", "save_recording", "sensitivities", "simulate", "solve_fde",
-           "solve_fde_batch", "spread", "write_report"]  # fmt: skip
+           "FinishedComparison", "FinishedNoiseStudy", "FinishedPosterior", "FinishedProfiles", "FinishedResiduals",
+           "FinishedRun", "Fit", "FracidError", "Free", "InputError", "Journal", "Model", "Multisine", "NoiseStudy",
+           "NotTrusted", "Observer", "Outcome", "Parameter", "Plan", "Posterior", "Problem", "Profile", "Profiles",
+           "Project", "Pulses", "Recording", "Regression", "Reproduction", "ResidualAnalysis", "SavedRun",
+           "Sensitivities", "Sensor", "Spread", "System", "Task", "Trajectory", "Twin", "Unfinished", "Verdict",
+           "__version__", "amplitude_test", "bootstrap", "compare", "cut_check", "derivative", "design",
+           "draft_project", "export_run", "identifiability", "identify", "integer_model", "linear_multi_term",
+           "linear_system", "load_project", "load_recording", "load_run", "log_odds", "multi_term", "noise_study",
+           "posterior", "profile", "regress", "reproduce", "residual_analysis", "resume_run", "rotary_pendulum",
+           "run", "run_comparison", "run_noise_study", "run_posterior", "run_profiles", "run_residuals", "run_tasks",
+           "save_recording", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread",
+           "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fracid.arrays import FloatArray
+from fracid.bayes.inference import WithPosterior
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.estimation.agreement import Spread
 from fracid.estimation.covariance import METHODS, Uncertainty
@@ -27,7 +28,7 @@ __all__ = ["Fit", "fit_card"]
 
 
 @dataclass(frozen=True, repr=False)
-class Fit(CardDisplay, FitPictures):
+class Fit(CardDisplay, FitPictures, WithPosterior):
     """The result of :func:`identify`."""
 
     problem: Problem

@@ -74,6 +74,11 @@ def plan():
 
 
 @cache
+def posterior():
+    return fracid.posterior(replace(problem(), initial_state="held"), draws=200)
+
+
+@cache
 def integer():
     return integer_model(Problem(rig(), (Experiment("t", 2e-3, np.zeros((5000, 2)), np.zeros((1, 1))),),
                                  {"lambda": 0.9, "mu": 1.0}))  # fmt: skip
@@ -110,6 +115,8 @@ FIGURES = {
     "noise_levels": lambda **o: study().plot(**o),
     "design_landscape": lambda **o: plan().plot(**o),
     "expected_curves": lambda **o: plots.expected_curves(expected_curves(plan()), rig(), **o),
+    "posterior_corner": lambda **o: posterior().plot(**o),
+    "posterior_predictive": lambda **o: posterior().plot_predictive(**o),
     "linear_response": lambda **o: plots.linear_response(integer(), "upright", **o),
 }
 """Every figure, by the call that people use where there is one."""

@@ -15,6 +15,8 @@ figure                        shows
 :func:`amplitudes`            each order over the amplitude of the swing: does it drift?
 :func:`waterfall`             where each start of a search ended, sorted: is the lowest minimum found again?
 :func:`noise_levels`          bias and spread of each unknown against the noise, and what its intervals are worth
+:func:`posterior_corner`      a posterior: each parameter's, and each pair's
+:func:`posterior_predictive`  how far simulations with draws of a posterior differ from the fitted one
 :func:`linear_response`       a linear model about a posture: Bode's plots and the step response
 :func:`design_landscape`      the interval to expect of one experiment more, against its release and duration
 :func:`expected_curves`       what the experiments of a plan should show, with a band
@@ -44,6 +46,7 @@ from fracid.plots.noise import noise_levels
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
 from fracid.plots.planned import design_landscape, expected_curves
+from fracid.plots.posterior_draws import posterior_corner, posterior_predictive
 from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.rig import rig_drawing
 from fracid.plots.starts import waterfall
@@ -61,6 +64,8 @@ __all__ = [
     "ladder",
     "linear_response",
     "noise_levels",
+    "posterior_corner",
+    "posterior_predictive",
     "profiles",
     "recording_overview",
     "residual_diagnostics",
@@ -80,6 +85,8 @@ FIGURES = {
     "ladder": ladder,
     "linear_response": linear_response,
     "noise_levels": noise_levels,
+    "posterior_corner": posterior_corner,
+    "posterior_predictive": posterior_predictive,
     "profiles": profiles,
     "recording_overview": recording_overview,
     "residual_diagnostics": residual_diagnostics,

@@ -78,7 +78,7 @@ MEMO = ".memo"
 FIGURES = "figures"
 
 FIGURE = re.compile(
-    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise)"
+    r"(figure1-rig|(figure[23]|residuals|amplitude|linear)-.+|cost-over-orders|waterfall|cut|profiles|ladder|noise|posterior(-predictive)?)"
     r"\.(svg|png|pdf)"
 )
 """Names of the figures that runs and studies draw."""
@@ -91,7 +91,9 @@ NEAR = 3
 LARGEST_PROJECT = 2**24
 """Of such a project [bytes]."""
 
-LATER = ("residuals.json", "profiles.json", "report.html", STARTS)
+POSTERIOR = ("posterior/posterior.json", "posterior/draws.npz", f"posterior/{JOURNAL}")
+
+LATER = ("residuals.json", "profiles.json", "report.html", STARTS, *POSTERIOR)
 """What else lies in a run folder and is no longer true of a new run."""
 
 

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.bayes.inference import WithPosterior
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
@@ -57,7 +58,7 @@ MOST_WORDS = 1000
 
 
 @dataclass(frozen=True, repr=False)
-class SavedRun(CardDisplay, FitPictures):
+class SavedRun(CardDisplay, FitPictures, WithPosterior):
     """What :func:`load_run` gives."""
 
     folder: Path

@@ -30,7 +30,7 @@ Kind = Literal["project", "recording", "run", "study"]
 RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet")
 """Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
 
-STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise"}
+STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior"}
 
 INSTEAD = {
     ("project", "recording"): "a recording, not a project. Write a project of it: fracid init {path}",

@@ -9,6 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from fracid.errors import unknown_name
 from fracid.safety.schema import Block
 from fracid.schemas.comparison import ComparisonBlock
+from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.profiles import LikelihoodBlock
 from fracid.schemas.regression import RegressionResultBlock
 from fracid.schemas.residuals import ResidualsBlock
@@ -24,6 +25,7 @@ FILES: dict[str, type[Block]] = {
     "regression.json": RegressionResultBlock,
     "compare.json": ComparisonBlock,
     "noise.json": StudyBlock,
+    "posterior.json": PosteriorBlock,
 }
 """What a command leaves for other programs; regression.json is that of one regression."""
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["reproduce_run"]
 
-STUDIES = ("compare.json", "noise.json")
+STUDIES = ("compare.json", "noise.json", "posterior.json")
 """What a study leaves, of which its command is done again."""
 
 Typed = Callable[[list[str], Path], None]

@@ -40,7 +40,7 @@ __all__ = [
     "state_of",
 ]
 
-STUDIES = ("compare", "noise")
+STUDIES = ("compare", "noise", "posterior")
 """The commands that are typed again."""
 
 ASKED = ("preset", "optimiser", "seed", "starts", "cut", "executor")

@@ -1,0 +1,196 @@
+"""The posterior of a fit: what :func:`fracid.posterior` does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.bayes.laplace import importance_sample
+from fracid.bayes.nested import nested_sample
+from fracid.bayes.result import METHODS, Posterior
+from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, joint_prior
+from fracid.errors import InputError, at_least, unknown_name
+from fracid.estimation.covariance import at_bound
+from fracid.problem import Problem
+from fracid.solver.trajectory import vector
+from fracid.tasks.job import Progress
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import Execution
+
+if TYPE_CHECKING:
+    from fracid.estimation.fit_figures import Fitted
+    from fracid.problem.project import Project
+
+__all__ = ["DRAWS", "WithPosterior", "posterior"]
+
+DRAWS = 2000
+"""Of an importance sample, if no number is given."""
+
+SAME = 0.05
+"""A fit whose log likelihood is less by no more than this is the minimum."""
+
+APART = 3.0
+"""Another minimum that is further, in standard deviations, than this is one of its own."""
+
+NEAR = 10.0
+"""A minimum whose log likelihood is less by more than this plays no part in a posterior."""
+
+
+def posterior(
+    problem: Problem | Project | Fitted,
+    x: FloatArray | None = None,
+    *,
+    method: str = "laplace",
+    draws: int = DRAWS,
+    seed: int = 1,
+    jobs: int = 1,
+    executor: str = "threads",
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Posterior:
+    """Draw the free parameters from their posterior, and compute the evidence of the model.
+
+    The likelihood is as informative as the sandwich says, and the priors are those of the project: its bounds, and
+    ``prior`` where it has one.
+
+    Parameters
+    ----------
+    problem : Problem, Project, Fit or SavedRun
+    x : array, shape (n_unknowns,), optional
+        The minimum of its cost; a fit's own, or the problem's start, if left out.
+    method : {"laplace", "nested", "dynesty"}
+        Laplace's approximation corrected by importance sampling: seconds, and k̂ says whether to trust it.  Nested
+        sampling: minutes, for bent posteriors and those of several peaks; it needs ``pip install 'fracid[posterior]'``.
+    draws : int
+        Simulations of the importance sample, or effective draws of nested sampling.
+    seed : int
+        Random seed.
+    jobs : int
+        Threads or processes; the result is the same for any number.
+    executor, journal, progress
+        As for :func:`fracid.run_tasks`; nested sampling runs on threads.
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    InputError
+        If nothing is free, the cost is a user's own, a run fails at the minimum, or an option is not possible.
+    Unfinished
+        As :func:`fracid.run_tasks`.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment, Free
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
+    ...                   initial_state="held")
+    >>> drawn = posterior(problem, draws=400)
+    >>> low, high = drawn.interval("mu")
+    >>> drawn.trusted, low < 0.95 < high, drawn.log_evidence < 0
+    (True, True, True)
+    """
+    starts = getattr(problem, "starts", ())
+    if not isinstance(problem, Problem):
+        x = getattr(problem, "x", None) if x is None else x
+        problem = problem.problem
+    if method not in METHODS:
+        raise unknown_name("method", method, METHODS)
+    at_least("jobs", jobs, 1)
+    likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
+    notes += () if x is None else _not_minimum(problem, likelihood, vector("x", x))
+    notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
+    execution = Execution(executor, jobs, journal, progress)
+    draw = _laplace if method == "laplace" else _nested
+    return draw(problem, likelihood, method, draws, seed, execution, notes)
+
+
+def _laplace(
+    problem: Problem, likelihood: RecordedLikelihood, method: str, draws: int, seed: int, execution: Execution,
+    notes: tuple[str, ...],
+) -> Posterior:  # fmt: skip
+    prior = joint_prior(problem)
+    bounded = at_bound(problem, likelihood.centre, jobs=execution.jobs)
+    if bounded.any():
+        names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
+        notes += (f"At a bound, and drawn from there inwards: {names}.",)
+    sample = importance_sample(
+        likelihood, prior, approximation(likelihood, prior, bounded), draws=draws, seed=seed, execution=execution
+    )
+    return Posterior(
+        problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights,
+        sample.log_evidence if prior.proper else math.nan, sample.evidence_error, likelihood.samples,
+        likelihood.degrees, sample.simulations, seed, sample.khat, sample.draws, prior, notes,
+    )  # fmt: skip
+
+
+def _nested(
+    problem: Problem, likelihood: RecordedLikelihood, method: str, draws: int, seed: int, execution: Execution,
+    notes: tuple[str, ...],
+) -> Posterior:  # fmt: skip
+    prior = joint_prior(problem)
+    if not prior.proper:
+        unbounded = [n for i, n in enumerate(problem.names)
+                     if i not in prior.normal and not math.isfinite(prior.upper[i] - prior.lower[i])]  # fmt: skip
+        raise InputError(
+            f"Nested sampling draws from the prior, and {' and '.join(unbounded)} has no bounds: give it a lower and "
+            "an upper one, or a prior = { mean = ..., sd = ... }."
+        )
+    sample = nested_sample(likelihood, prior, sampler=method, draws=draws, seed=seed, execution=execution)
+    return Posterior(
+        problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights, sample.log_evidence,
+        sample.evidence_error, likelihood.samples, likelihood.degrees, sample.simulations, seed, prior=prior,
+        notes=notes,
+    )  # fmt: skip
+
+
+def _not_minimum(problem: Problem, likelihood: RecordedLikelihood, x: FloatArray) -> tuple[str, ...]:
+    """That a fit stopped short; with priors its point is not the data's minimum."""
+    rise = 0.0 if problem.parametrisation.priors else -likelihood.log_likelihood(x)
+    if rise <= SAME:
+        return ()
+    return (
+        f"The fit had not reached its minimum, where the log likelihood is {rise:.2g} greater: the posterior is that "
+        "about the minimum.",
+    )
+
+
+def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[FloatArray]) -> tuple[str, ...]:
+    """That the search has seen another minimum of a similar cost: draws about one of two do not show it."""
+    if not problem.names:
+        return ()
+    for end in ends:
+        delta = end - likelihood.centre
+        distance = math.sqrt(float(delta @ likelihood.precision @ delta) / len(delta))
+        if distance > APART and likelihood.log_likelihood(end) > -NEAR:
+            return (
+                f"Another start of the search ended {distance:.0f} standard deviations away, with a log likelihood "
+                f"less by {-likelihood.log_likelihood(end):.1f}: several peaks. Type --method nested.",
+            )
+    return ()
+
+
+class WithPosterior:
+    """What a fit can draw its parameters by."""
+
+    def posterior(
+        self: Fitted, *, method: str = "laplace", draws: int = DRAWS, seed: int = 1, jobs: int = 1
+    ) -> Posterior:
+        """Draw the free parameters from their posterior; see :func:`fracid.posterior`.
+
+        Parameters
+        ----------
+        method, draws, seed, jobs
+            As of :func:`fracid.posterior`.
+        """
+        return posterior(self, method=method, draws=draws, seed=seed, jobs=jobs)

@@ -1,0 +1,383 @@
+r"""The density that a posterior is drawn from: a likelihood as informative as the sandwich says, times the prior.
+
+**The likelihood.**  Were residuals independent, the log likelihood would be the fall of the cost V over the noise, and
+20,000 correlated samples would promise intervals many times too narrow.  So it is tempered by the sandwich
+(:mod:`fracid.estimation.covariance`), :math:`C_S = A^{-1} S A^{-1}` with A the cost's curvature.  How another point
+simulates the recording, :math:`Δ_t = f_t(x) - f_t(\hat x)`, is split into a change of parameters T that makes the same
+difference to first order, and a remainder:
+
+.. math::  T(x) = A^{-1} \overline{ρ''} \sum_t w_t J_t Δ_t, \qquad
+           -\log L(x) = \frac{ν + d}{2} \log\Big(1 + \frac{T' C_S^{-1} T}{ν}\Big)
+           + \frac{n_{eff}}{2 V(\hat x)} \Big(V(x) - V(\hat x) - \tfrac12\, T' A T\Big).
+
+Next to the minimum :math:`T = δ = x - \hat x`: the curvature is the sandwich's in every direction.  Far from it T is
+what the model does there.  The remainder, which no change of parameters next to the minimum explains, counts by the
+effective samples of the residual's correlation time (:mod:`fracid.selection.bic`).  For many samples of white normal
+residuals :math:`C_S^{-1} = n A/2 V(\hat x)`, and L is the likelihood.  Without the remainder this is the
+quasi-posterior of Chernozhukov and Hong [CH]_; with it, points that move the scores alike are distinguished.  Müller
+[M]_ shows why the sandwich is the right curvature where a model is wrong.
+
+ν stands for the few effective samples: the sandwich widens each standard error for them, by other factors for each of
+d parameters, which would bend the correlations of a joint covariance.  So :math:`C_S` is taken before it is widened,
+and ν is such that Student's t widens by the geometric mean of those factors.
+
+Three known adjustments of a likelihood to the same end are not used [RCD]_:
+
+- *one factor for all directions* has the right curvature in none;
+- the *vertical* one [CB]_, a factor :math:`δ'C_S^{-1}δ/δ'Aδ` for each direction, serves the profiles of one parameter
+  or two (:mod:`fracid.estimation.cost_profile`).  With 18, whose effective samples differ by 10⁴, the direction with
+  the fewest makes up all of V, and its nonlinearity multiplies the misfit of all others;
+- the *curvature* adjustment :math:`\log L(\hat x + Mδ)`, with a residual correlated over k samples, simulates a
+  region :math:`\sqrt k` times too small, in which a bent valley looks straight and the bounds are not the model's.
+
+The encoder's rounding is part of :math:`C_S`.
+
+**The prior.**  Uniform between the bounds of the project, or the project's ``prior``, a normal density cut off at the
+bounds.  Free parameters are independent beforehand.
+
+References
+----------
+.. [CB] R. Chandler, S. Bate, Biometrika 94 (2007) 167, section 3.
+.. [CH] V. Chernozhukov, H. Hong, J. Econometrics 115 (2003) 293.
+.. [M] U. Müller, Econometrica 81 (2013) 1805.
+.. [RCD] M. Ribatet, D. Cooley, A. Davison, Statistica Sinica 22 (2012) 813.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure, InputError
+from fracid.estimation.covariance import NORMAL_95, Sandwich, jacobian, sandwich
+from fracid.estimation.profile_walk import refit
+from fracid.optimise import Evaluation
+from fracid.problem import Problem
+from fracid.problem.portable import Portable
+from fracid.problem.unknowns import Free, Prior
+from fracid.selection.bic import effective_samples
+
+__all__ = [
+    "BoxPrior",
+    "GaussianApproximation",
+    "Likelihood",
+    "RecordedLikelihood",
+    "approximation",
+    "calibrated",
+    "inverse",
+    "joint_prior",
+    "likelihood_problem",
+]
+
+FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
+"""Of Student's t: one has no mean, the other is the normal distribution."""
+
+FLAT = 1e-12
+"""Relative curvature below which a direction counts as flat."""
+
+
+class Likelihood(Protocol):
+    """What the data say of a point."""
+
+    def log_likelihood(self, x: FloatArray) -> float:
+        """Relative to its greatest; −inf where the model fails."""
+        ...
+
+
+@dataclass(frozen=True)
+class BoxPrior:
+    """Independent priors of the free parameters: uniform, or normal, between bounds."""
+
+    lower: FloatArray
+    """Shape (n,)."""
+    upper: FloatArray
+    """Shape (n,)."""
+    normal: Mapping[int, Prior]
+    """Free parameter → its normal density, of those that have one."""
+
+    @property
+    def proper(self) -> bool:
+        """Whether it is a density: every parameter has two bounds, or a normal prior."""
+        return all(i in self.normal or math.isfinite(b - a)
+                   for i, (a, b) in enumerate(zip(self.lower, self.upper, strict=True)))  # fmt: skip
+
+    def inside(self, x: FloatArray) -> Any:
+        """Whether points lie within the bounds, shape (…,) of x of shape (…, n)."""
+        return np.all((x >= self.lower) & (x <= self.upper), axis=-1)
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Of points within the bounds, shape (…,); up to a constant where it is not :attr:`proper`."""
+        value = np.full(np.shape(x)[:-1], -self._log_volume)
+        for i, prior in self.normal.items():
+            value = value - 0.5 * ((x[..., i] - prior.mean) / prior.sd) ** 2
+        return np.asarray(value)
+
+    def from_unit(self, u: FloatArray) -> FloatArray:
+        """Points of the unit cube as points of the prior, shape (…, n)."""
+        from scipy.special import ndtri
+
+        x = self.lower + u * (self.upper - self.lower)
+        for i, prior in self.normal.items():
+            low, high = self._tails(i)
+            x[..., i] = prior.mean + prior.sd * ndtri(low + u[..., i] * (high - low))
+        return np.asarray(np.clip(x, self.lower, self.upper))
+
+    @cached_property
+    def _log_volume(self) -> float:
+        """The logarithm of one over the density where z = 0; a parameter without bounds counts as 1."""
+        total = 0.0
+        for i, width in enumerate((self.upper - self.lower).tolist()):
+            if i in self.normal:
+                low, high = self._tails(i)
+                width = self.normal[i].sd * math.sqrt(2 * math.pi) * max(high - low, 1e-300)
+            total += math.log(width) if math.isfinite(width) else 0.0
+        return total
+
+    def _tails(self, i: int) -> tuple[float, float]:
+        """The part of a normal prior that lies below each bound."""
+        from scipy.special import ndtr
+
+        prior = self.normal[i]
+        low, high = (float(ndtr((b - prior.mean) / prior.sd)) for b in (self.lower[i], self.upper[i]))
+        return low, high
+
+
+@dataclass(frozen=True)
+class RecordedLikelihood:
+    """The tempered likelihood of recordings; it can go to another process."""
+
+    portable: Portable
+    """The problem without its priors."""
+    centre: FloatArray
+    """x̂, the minimum of the cost, shape (n,)."""
+    cost: float
+    """There."""
+    scale: float
+    """V(x̂), in the unit of the curvature."""
+    samples: float
+    """n_eff of the remainder."""
+    curvature: FloatArray
+    """A, shape (n, n)."""
+    precision: FloatArray
+    """The inverse of C_S, shape (n, n)."""
+    degrees: float
+    """ν of Student's t."""
+    errors: tuple[FloatArray, ...]
+    """At x̂, of each recording, shape (n_samples, n_outputs)."""
+    projection: tuple[FloatArray, ...]
+    """What turns a change of the outputs into T, of each recording, shape (n_samples, n_outputs, n)."""
+
+    def log_likelihood(self, x: FloatArray) -> float:
+        """See the top of this module."""
+        problem = self.portable.problem
+        errors = problem.errors(x)
+        if isinstance(errors, Failure):
+            return -math.inf
+        cost = problem.criterion(x, errors).cost
+        if not math.isfinite(cost):
+            return -math.inf
+        parts = zip(self.projection, self.errors, errors, strict=True)
+        move = sum((np.einsum("toi,to->i", p, here - there) for p, here, there in parts), np.zeros(len(x)))
+        power = 2 if problem.cost_function.root else 1
+        rise = (cost / self.cost) ** power - 1 - 0.5 * float(move @ self.curvature @ move) / self.scale
+        distance = float(move @ self.precision @ move)
+        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(distance / self.degrees)
+        return -tangent - 0.5 * self.samples * rise
+
+
+@dataclass(frozen=True)
+class GaussianApproximation:
+    """Where a posterior lies, and how wide it is, to first order."""
+
+    mean: FloatArray
+    """Shape (n,)."""
+    covariance: FloatArray
+    """Shape (n, n)."""
+    degrees: float = math.inf
+    """Degrees of freedom of Student's t that the tails follow."""
+
+
+def joint_prior(problem: Problem) -> BoxPrior:
+    """The prior that a project says: its bounds, and its ``prior``.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = fracid.Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> mu = Free(0.9, 0.5, 1.0, prior=Prior(0.9, 0.01))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (still,), {"lambda": Free(0.9, 0.5, 1.0), "mu": mu},
+    ...                          initial_state="held")
+    >>> prior = joint_prior(problem)
+    >>> prior.proper, np.exp(prior.log_density(np.array([0.6, 0.9]))).round(2).item()  # 2 × 39.9
+    (True, 79.79)
+    """
+    return BoxPrior(problem.space.lower, problem.space.upper, dict(problem.parametrisation.priors))
+
+
+def likelihood_problem(problem: Problem) -> Problem:
+    """The same problem without its priors, whose cost is the data's alone."""
+    if not problem.parametrisation.priors:
+        return problem
+
+    def bare(value: Any) -> Any:
+        return replace(value, prior=None) if isinstance(value, Free) else value
+
+    def each(values: Mapping[str, Any]) -> dict[str, Any]:
+        return {n: bare(v) for n, v in values.items()}
+
+    experiments = tuple(
+        replace(e, initial=each(e.initial), release_time=bare(e.release_time)) for e in problem.experiments
+    )
+    return replace(problem, orders=each(problem.orders), parameters=each(problem.parameters), experiments=experiments)
+
+
+def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[RecordedLikelihood, tuple[str, ...]]:
+    """Temper the likelihood of a problem about the minimum next to x.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum, or a point next to it.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    likelihood : RecordedLikelihood
+    notes : tuple of str
+        Parameters that the data do not identify.
+
+    Raises
+    ------
+    InputError
+        Where no likelihood can be tempered: a user's own cost, nothing free, a run that fails, parameters that neither
+        the data nor a bound fixes.
+    """
+    _refuse(problem)
+    bare = likelihood_problem(problem)
+    best = _minimum(bare, np.clip(x, bare.space.lower, bare.space.upper))
+    notes = tuple[str, ...]()
+    estimator = sandwich(bare, best.point, np.arange(len(x)), jobs=jobs)
+    if isinstance(estimator, Failure):
+        raise InputError(f"There is no posterior: the intervals of this fit cannot be computed: {estimator}.")
+    if len(estimator.directions):
+        unseen = np.flatnonzero(np.any(np.abs(estimator.directions) > 0, axis=0))
+        _refuse_improper(problem, unseen)
+        names = " and ".join(problem.names[i] for i in unseen)
+        notes += (f"The data do not identify {names}: there the posterior is the prior.",)
+    return _tempered(bare, best, estimator, jobs), notes
+
+
+def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int) -> RecordedLikelihood:
+    """The likelihood with the sandwich's curvature about a minimum."""
+    x, loss = best.point, problem.cost_function.loss
+    errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
+    assert loss is not None
+    assert not isinstance(errors, Failure)
+    assert not isinstance(J, Failure)  # the sandwich has computed both
+    covariance = estimator.covariance / np.outer(estimator.widening, estimator.widening)
+    curvature, precision = inverse(estimator.inverse), inverse(covariance)
+    degrees = _degrees(float(np.exp(np.mean(np.log(estimator.widening)))))
+    second = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    weights = problem.criterion.sample_weights(errors)
+    projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J, strict=True))
+    scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
+    return RecordedLikelihood(Portable(problem), x, best.cost, scale, effective_samples(errors), curvature, precision,
+                              degrees, tuple(errors), projection)  # fmt: skip
+
+
+def _degrees(widening: float) -> float:
+    """The degrees of freedom of Student's t whose 95 % interval is so many times as wide as the normal's.
+
+    Examples
+    --------
+    >>> round(_degrees(4.302653 / NORMAL_95), 3)
+    2.0
+    """
+    from scipy.optimize import brentq
+    from scipy.special import stdtrit
+
+    def excess(log_degrees: float) -> float:
+        return float(stdtrit(math.exp(log_degrees), 0.975)) / NORMAL_95 - widening
+
+    fewest, most = math.log(FEWEST_DEGREES), math.log(MOST_DEGREES)
+    if excess(fewest) < 0 or excess(most) > 0:
+        return FEWEST_DEGREES if excess(fewest) < 0 else MOST_DEGREES
+    return math.exp(brentq(excess, fewest, most))
+
+
+def approximation(
+    likelihood: RecordedLikelihood, prior: BoxPrior, at_bound: NDArray[np.bool_]
+) -> GaussianApproximation:
+    """The Gaussian that has the likelihood's curvature, times the prior's; a uniform one counts by its variance.
+
+    Parameters
+    ----------
+    likelihood : RecordedLikelihood
+    prior : BoxPrior
+    at_bound : array of bool, shape (n,)
+        Which parameters lie at a bound.
+    """
+    width = prior.upper - prior.lower
+    mean, precision = np.where(np.isfinite(width), 0.5 * (prior.lower + prior.upper), 0.0), 12 / width**2
+    for i, normal in prior.normal.items():
+        mean[i], precision[i] = normal.mean, normal.sd**-2
+    covariance = inverse(likelihood.precision + np.diag(precision))
+    centre = covariance @ (likelihood.precision @ likelihood.centre + precision * mean)
+    centre[at_bound] = likelihood.centre[at_bound]
+    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, likelihood.degrees)
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """The pseudo-inverse of a symmetric matrix whose rows have different units.
+
+    Examples
+    --------
+    >>> inverse(np.diag([1e-12, 1.0, 0.0])).diagonal().tolist()
+    [1000000000000.0, 1.0, 0.0]
+    """
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    unit = np.where(size > 0, size, 1.0)
+    relative = np.linalg.pinv(matrix / np.outer(unit, unit), rcond=FLAT, hermitian=True)
+    return np.asarray(relative / np.outer(unit, unit))
+
+
+def _refuse(problem: Problem) -> None:
+    if not problem.names:
+        raise InputError(
+            "Nothing is free, so there is no posterior: give at least one order or parameter a start, a lower and an "
+            "upper bound."
+        )
+    if problem.cost_function.loss is None:
+        raise InputError(
+            f"The cost {problem.cost_function.name} is a user's own, of unknown likelihood, so there is no posterior: "
+            'fit with cost = "rmse".'
+        )
+
+
+def _refuse_improper(problem: Problem, unseen: NDArray[np.intp]) -> None:
+    """What neither the data nor a prior limits has no posterior."""
+    width, priors = problem.space.upper - problem.space.lower, problem.parametrisation.priors
+    for i in unseen:
+        if not math.isfinite(width[i]) and i not in priors:
+            name = problem.names[i]
+            raise InputError(
+                f"The data do not identify {name}, which has no bounds, so there is no posterior: give it a lower and "
+                "an upper bound, or a prior = { mean = ..., sd = ... }."
+            )
+
+
+def _minimum(problem: Problem, x: FloatArray) -> Evaluation:
+    """The minimum next to x."""
+    best = refit(problem, x)
+    if not math.isfinite(best.cost):
+        raise InputError(f"There is no posterior: no run of the model reaches the end of the recording: {best.reason}.")
+    return best

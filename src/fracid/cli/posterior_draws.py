@@ -1,0 +1,115 @@
+"""``fracid posterior RUN``: how probable the values of the free parameters are, and the evidence of the model."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
+from fracid.cli.app import table as new_table
+from fracid.cli.completion import key_of, one_of
+from fracid.cli.progress import on_terminal
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fracid.workflows.posterior_draws import FinishedPosterior
+
+__all__ = ["posterior"]
+
+POSTERIOR_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid posterior runs/rig  [dim](seconds; writes runs/rig/posterior)[/dim]",
+    "fracid posterior runs/rig --draws 10000 --jobs 8",
+    "fracid posterior runs/rig --method nested  [dim](minutes; needs fracid\\[posterior])[/dim]",
+    "fracid posterior runs/rig --json | jq .unknowns.mu.interval95",
+)
+
+
+@app.command(epilog="\n\n".join(POSTERIOR_EXAMPLE))
+def posterior(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a fit.")],
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="laplace, corrected by importance sampling; nested or dynesty, nested sampling.",
+            autocompletion=one_of("laplace", "nested", "dynesty"),
+        ),
+    ] = "laplace",
+    draws: Annotated[
+        int, typer.Option(metavar="N", help="Simulations of laplace; effective draws of nested sampling.", min=100)
+    ] = 2000,
+    executor: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="threads or processes; for laplace.", autocompletion=key_of("executors")),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+    ] = None,
+    trust: Trust = False,
+    out: Out = None,
+    seed: Seed = 1,
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Threads or processes at most.", min=1)] = CORES,
+    json_: Json = False,
+) -> None:
+    """Draw the free parameters from their posterior: correlations, bounds, bent valleys, and the model's evidence.
+
+    The likelihood is as informative as the intervals of the fit say; the priors are the bounds of the project, and its
+    ``prior`` where it has one.  k̂ says whether the draws can be trusted.  Writes posterior.json, draws.npz and figures.
+    Interrupted, the same command resumes.  Exit code 0 if it is done, whether or not the draws can be trusted.
+    """
+    from fracid.workflows.posterior_draws import run_posterior
+
+    finished = run_posterior(
+        run, method=method, draws=draws, executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed,
+        jobs=jobs, observer=on_terminal(events=json_), command=sys.argv[1:],
+    )  # fmt: skip
+    if json_:
+        echo_json(finished.result)
+        return
+    console = new_console()
+    _show(finished, console)
+    if finished.posterior.trusted:
+        say_next(
+            console, (typed("profile", run, *["--trust"] * trust), "the same from another side: no prior, no draws")
+        )
+    elif method == "laplace":
+        again = typed("posterior", run, "--method", "nested", *["--trust"] * trust)
+        say_next(console, (again, "draws from the whole prior; minutes"))
+
+
+# ------------------------------------------------------------------ from results to text
+
+
+def _show(finished: FinishedPosterior, console: Console) -> None:
+    from rich.markup import escape
+
+    table = new_table("", "median", "95 % interval", "unit", "prior", fold=("",))
+    for name, row in finished.result["unknowns"].items():
+        low, high = row["interval95"]
+        cells = (f"{row['median']:.6g}", f"{low:.5g} … {high:.5g}", row["unit"], _prior(row["prior"]))
+        table.add_row(*map(escape, (name, *cells)))
+    console.print(table)
+    drawn = finished.posterior
+    mark = "" if drawn.trusted else "[yellow]![/yellow] "
+    console.print(f"{mark}{escape(drawn.sentence)}", soft_wrap=True)
+    if (evidence := finished.result["log_evidence"]) is not None:
+        error = finished.result["evidence_error"]
+        console.print(f"log evidence {evidence:.2f} ± {error:.2g} nats, relative to the greatest likelihood.")
+    for note in drawn.notes:
+        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
+    console.print(f"draws    {escape(str(finished.draws))}", soft_wrap=True)
+    for figure in (path for path in finished.figures if path.suffix == ".png"):
+        console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+
+
+def _prior(prior: dict[str, Any]) -> str:
+    low, high = (("−∞", "∞")[i] if v is None else f"{v:.3g}" for i, v in enumerate((prior["lower"], prior["upper"])))
+    if prior["kind"] == "normal":
+        return f"{prior['mean']:.3g} ± {prior['sd']:.2g}, {low} … {high}"
+    return f"{low} … {high}"

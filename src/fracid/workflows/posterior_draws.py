@@ -1,0 +1,167 @@
+"""The posterior of a run with its folder: ``fracid posterior``, to be called from Python too.
+
+Every batch of simulations goes into the folder's journal as it ends, and the same call continues from there.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid.bayes.inference import DRAWS, posterior
+from fracid.bayes.result import METHODS, Posterior
+from fracid.errors import InputError, unknown_name, unwritable
+from fracid.files import write_whole
+from fracid.runs.environment import versions
+from fracid.runs.folder import FIGURES, JOURNAL, open_folder
+from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.paths import refuse_mistaken
+from fracid.tasks.job import one_blas_thread
+from fracid.tasks.journal import Journal
+from fracid.workflows.observer import SILENT, Observer
+from fracid.workflows.records import command_of, json_document, write_files
+
+__all__ = ["FinishedPosterior", "run_posterior"]
+
+RESULT, DRAWN = "posterior.json", "draws.npz"
+
+PARTIAL = ("interrupted", "stopped as asked")
+"""In the outcome of a search that did not reach its end."""
+
+
+@dataclass(frozen=True)
+class FinishedPosterior:
+    """A posterior with its folder."""
+
+    posterior: Posterior
+    folder: Path
+    figures: tuple[Path, ...]
+    result: Mapping[str, Any]
+    """The content of posterior.json."""
+
+    @property
+    def path(self) -> Path:
+        """Of posterior.json."""
+        return self.folder / RESULT
+
+    @property
+    def draws(self) -> Path:
+        """Of draws.npz: ``points``, ``log_weights`` and ``names``."""
+        return self.folder / DRAWN
+
+
+def run_posterior(
+    run: str | Path,
+    *,
+    method: str = "laplace",
+    draws: int = DRAWS,
+    executor: str | None = None,
+    trust: bool = False,
+    out: str | Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    observer: Observer = SILENT,
+    command: Sequence[str] | None = None,
+) -> FinishedPosterior:
+    """Draw the posterior of a run and write it down: what ``fracid posterior`` does.
+
+    Parameters
+    ----------
+    run : str or Path
+        The folder of a fit.
+    method, draws
+        As of :func:`fracid.posterior`.
+    executor : str, optional
+        ``threads`` if left out; ``processes``, or a scheduler's address.
+    out : str or Path, optional
+        The folder; ``posterior`` in that of the run if left out.
+    seed : int
+        Random seed.
+    jobs : int
+        Threads or processes; the result is the same for any number.
+    trust, observer, command
+        As of :func:`fracid.run`.
+
+    Raises
+    ------
+    InputError
+        For a run or an option that is not possible, a fit that was interrupted or has no intervals, and a folder that
+        holds a fit or cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
+
+    Examples
+    --------
+    >>> run_posterior("nowhere/rig")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig. ...
+    """
+    run = Path(run)
+    refuse_mistaken(run, "run")
+    if method not in METHODS:
+        raise unknown_name("method", method, METHODS)
+    with one_blas_thread():
+        saved = load_run(run, trust=trust)
+        if any(word in str(saved.result.get("outcome", "")) for word in PARTIAL):
+            raise InputError(
+                f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
+                f"fracid fit {saved.project.path}."
+            )
+        folder = run / "posterior" if out is None else Path(out)
+        if (folder / "result.json").exists():
+            raise InputError(f"{folder} holds a fit; give the posterior a folder of its own: --out DIR.")
+        options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
+        words = command_of("posterior", run, {"out": out, **options}) if command is None else command
+        journal_file = open_folder(folder, words) / JOURNAL
+        with (
+            Journal(journal_file, _header(saved), _fault) as journal,
+            observer.progress("simulations") as tell,
+        ):
+            for note in journal.notes:
+                observer.notice(note)
+            drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads",
+                              journal=journal, progress=tell)  # fmt: skip
+    record = drawn.to_json() | {"source": str(run)}
+    return FinishedPosterior(drawn, folder, _written(drawn, record, folder), record)
+
+
+def _header(saved: SavedRun) -> dict[str, Any]:
+    """All that a batch depends on beside its key, which has the method, the draws and the seed."""
+    project = saved.project
+    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
+    return {
+        "kind": "posterior",
+        "project": sha256(b"".join(parts)).hexdigest()[:16],
+        "fit": dict(zip(saved.problem.names, saved.x.tolist(), strict=True)),
+        "data": {r.name: r.sha256 for r in project.recordings},
+        "versions": versions(),
+    }  # fmt: skip
+
+
+def _fault(_key: str, values: Any) -> str:
+    """What is wrong with a batch, as a line of the journal has it."""
+    numbers = isinstance(values, list) and all(v is None or isinstance(v, float | int) for v in values)
+    return "" if numbers else "expected a list of numbers"
+
+
+def _written(drawn: Posterior, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
+    """Write it; gives the figures."""
+    from fracid.plots import posterior_corner, posterior_predictive, save
+
+    write_files(folder, {RESULT: json_document(record)})
+    content = io.BytesIO()
+    np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
+    try:
+        write_whole(folder / DRAWN, content.getvalue())
+    except OSError as error:
+        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
+    corner = save(posterior_corner(drawn), folder / FIGURES, "posterior")
+    return (*corner, *save(posterior_predictive(drawn), folder / FIGURES, "posterior-predictive"))
