@@ -6,7 +6,7 @@ SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-all test-slow lint docs bench orders coverage claims benchmarks-public bench-peers scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint docs bench orders coverage designs claims benchmarks-public bench-peers scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -51,6 +51,10 @@ orders: $(READY)
 # short.  Writes its part of docs/uncertainty.md.
 coverage: $(READY)
 	$(BIN)/python benchmarks/intervals.py --write
+
+# Is what fracid design predicts what comes out?  200 twins of each of five plans: an hour on two cores.
+designs: $(READY)
+	$(BIN)/python benchmarks/designs.py
 
 # What fracid claims of rigs of known truth, made without its solver: hours; goes on where it was cut short.
 claims: $(READY)

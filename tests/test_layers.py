@@ -31,7 +31,7 @@ LAYERS = (
     {"fit"},
     {"identification"},
     {"plots", "runs"},
-    {"export"},
+    {"experiments", "export"},
     {"report"},
     {"workflows"},
     {"cli"},

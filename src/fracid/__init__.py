@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
     from fracid.estimation.cost_profile import Profile, Profiles, profile
     from fracid.estimation.parameter_verdicts import Verdict, identifiability
+    from fracid.experiments.choice import design
+    from fracid.experiments.excitation import Chirp, Multisine, Pulses
+    from fracid.experiments.plan import Plan
+    from fracid.experiments.space import DesignSpace
     from fracid.export import export_run
     from fracid.export.state_space import integer_model
     from fracid.fit import Fit
@@ -66,9 +70,11 @@ if TYPE_CHECKING:
 _HOME = {
     "AmplitudeTest": "selection.amplitude",
     "Bootstrap": "estimation.block_bootstrap",
+    "Chirp": "experiments.excitation",
     "Comparison": "selection.comparison",
     "CutCheck": "validation.unknown_past",
     "DataError": "errors",
+    "DesignSpace": "experiments.space",
     "Experiment": "problem",
     "FinishedComparison": "workflows.comparison",
     "FinishedNoiseStudy": "workflows.monte_carlo",
@@ -82,16 +88,19 @@ _HOME = {
     "InputError": "errors",
     "Journal": "tasks.journal",
     "Model": "models",
+    "Multisine": "experiments.excitation",
     "NoiseStudy": "validation.monte_carlo",
     "NotTrusted": "errors",
     "Observer": "workflows.observer",
     "Outcome": "solver.trajectory",
     "Parameter": "models",
+    "Plan": "experiments.plan",
     "Posterior": "bayes.result",
     "Problem": "problem",
     "Profile": "estimation.cost_profile",
     "Profiles": "estimation.cost_profile",
     "Project": "problem.project",
+    "Pulses": "experiments.excitation",
     "Recording": "recording",
     "Regression": "regression",
     "Reproduction": "runs.reproduction",
@@ -111,6 +120,7 @@ _HOME = {
     "compare": "selection.comparison",
     "cut_check": "validation.unknown_past",
     "derivative": "solver.operators",
+    "design": "experiments.choice",
     "draft_project": "problem.draft",
     "export_run": "export",
     "identifiability": "estimation.parameter_verdicts",
@@ -148,18 +158,19 @@ _HOME = {
 }
 """Which module each public name lives in."""
 
-__all__ = ["AmplitudeTest", "Bootstrap", "Comparison", "CutCheck", "DataError", "Experiment", "FinishedComparison",
-           "FinishedNoiseStudy", "FinishedPosterior", "FinishedProfiles", "FinishedResiduals", "FinishedRun", "Fit",
-           "FracidError", "Free", "InputError", "Journal", "Model", "NoiseStudy", "NotTrusted", "Observer",
-           "Outcome", "Parameter", "Posterior", "Problem", "Profile", "Profiles", "Project", "Recording",
-           "Regression", "Reproduction", "ResidualAnalysis", "SavedRun", "Sensitivities", "Sensor", "Spread",
-           "System", "Task", "Trajectory", "Twin", "Unfinished", "Verdict", "__version__", "amplitude_test",
-           "bootstrap", "compare", "cut_check", "derivative", "draft_project", "export_run", "identifiability",
-           "identify", "integer_model", "linear_multi_term", "linear_system", "load_project", "load_recording",
-           "load_run", "log_odds", "multi_term", "noise_study", "posterior", "profile", "regress", "reproduce",
-           "residual_analysis", "resume_run", "rotary_pendulum", "run", "run_comparison", "run_noise_study",
-           "run_posterior", "run_profiles", "run_residuals", "run_tasks", "save_recording", "sensitivities",
-           "simulate", "solve_fde", "solve_fde_batch", "spread", "write_report"]  # fmt: skip
+__all__ = ["AmplitudeTest", "Bootstrap", "Chirp", "Comparison", "CutCheck", "DataError", "DesignSpace", "Experiment",
+           "FinishedComparison", "FinishedNoiseStudy", "FinishedPosterior", "FinishedProfiles", "FinishedResiduals",
+           "FinishedRun", "Fit", "FracidError", "Free", "InputError", "Journal", "Model", "Multisine", "NoiseStudy",
+           "NotTrusted", "Observer", "Outcome", "Parameter", "Plan", "Posterior", "Problem", "Profile", "Profiles",
+           "Project", "Pulses", "Recording", "Regression", "Reproduction", "ResidualAnalysis", "SavedRun",
+           "Sensitivities", "Sensor", "Spread", "System", "Task", "Trajectory", "Twin", "Unfinished", "Verdict",
+           "__version__", "amplitude_test", "bootstrap", "compare", "cut_check", "derivative", "design",
+           "draft_project", "export_run", "identifiability", "identify", "integer_model", "linear_multi_term",
+           "linear_system", "load_project", "load_recording", "load_run", "log_odds", "multi_term", "noise_study",
+           "posterior", "profile", "regress", "reproduce", "residual_analysis", "resume_run", "rotary_pendulum",
+           "run", "run_comparison", "run_noise_study", "run_posterior", "run_profiles", "run_residuals", "run_tasks",
+           "save_recording", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread",
+           "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -53,8 +53,8 @@ def ran(path):
     return done.stdout
 
 
-ELSEWHERE = ("make_twins.py", "what_an_experiment_shows.py")
-"""What test_twins.py runs, and what takes a minute: its tables are a page's."""
+ELSEWHERE = ("make_twins.py", "what_an_experiment_shows.py", "which_experiment_next.py")
+"""What test_twins.py runs, and what takes minutes: their tables are a page's."""
 
 EXAMPLES = sorted(path.name for path in FOLDER.glob("*.py") if path.name not in ELSEWHERE)
 

@@ -69,3 +69,13 @@ def test_the_pictures_of_the_theory_show_what_it_says():
     assert np.max(np.abs(fractional.get_ydata() - damped.get_ydata())) < 0.1
     *raw, exact = (line.get_ydata()[-1] for line in pictures["raw_sums"]().axes[0].lines)
     assert exact > raw[0] > raw[1] > raw[2] > 0  # the smaller the step, the further off
+
+
+def test_the_table_of_the_design_page_knows_a_rig_with_a_clamped_arm():
+    script = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "which_experiment_next.py"))
+    row = script["row"]
+    row.__globals__["DESIGNS"] = {"habit": {"release": 90, "seconds": 4}}
+    name, _, λ, μ, correlation = row("stepper-freeswing")
+    assert (name, λ) == ("stepper-freeswing", "–")
+    assert float(μ) < 1e-2
+    assert float(correlation) > 0.5

@@ -20,6 +20,7 @@ import fracid
 from fracid import plots
 from fracid.errors import InputError
 from fracid.estimation.starts import Start
+from fracid.experiments.sheet import expected_curves
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
 from fracid.problem import Experiment, Free, Problem
@@ -67,6 +68,12 @@ def study():
 
 
 @cache
+def plan():
+    space = fracid.DesignSpace(release=(10, 30, 60), seconds=(1, 2), rate=100)
+    return fracid.design(rig(), space, experiments=2, of=("lambda", "mu"), free=("lambda", "mu", "b_alpha"))
+
+
+@cache
 def posterior():
     return fracid.posterior(replace(problem(), initial_state="held"), draws=200)
 
@@ -106,6 +113,8 @@ FIGURES = {
     "amplitudes": lambda **o: AmplitudeTest((), DRIFTS).plot(**o),
     "waterfall": lambda **o: plots.waterfall(STARTS, cost_name="rmse", **o),
     "noise_levels": lambda **o: study().plot(**o),
+    "design_landscape": lambda **o: plan().plot(**o),
+    "expected_curves": lambda **o: plots.expected_curves(expected_curves(plan()), rig(), **o),
     "posterior_corner": lambda **o: posterior().plot(**o),
     "posterior_predictive": lambda **o: posterior().plot_predictive(**o),
     "linear_response": lambda **o: plots.linear_response(integer(), "upright", **o),

@@ -4,6 +4,7 @@ from fracid.cli import check, demo, export, fit, noise, report, resume
 from fracid.cli import comparison as compare
 from fracid.cli import draft as init
 from fracid.cli import figures as draw
+from fracid.cli import planning as design
 from fracid.cli import posterior_draws as posterior
 from fracid.cli import profiles as profile
 from fracid.cli import regression as regress
@@ -13,13 +14,14 @@ from fracid.cli import simulation as simulate
 from fracid.cli.app import app, main
 from fracid.cli.completion import WithTables
 
-__all__ = ["app", "check", "compare", "demo", "draw", "export", "fit", "init", "main", "noise", "posterior", "profile",
-           "regress", "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
+__all__ = ["app", "check", "compare", "demo", "design", "draw", "export", "fit", "init", "main", "noise", "posterior",
+           "profile", "regress", "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
 
 PANELS = {
     "Look": ["check", "init"],
     "Identify": ["fit", "regress", "resume"],
     "Judge": ["resid", "profile", "posterior", "compare", "noise", "reproduce"],
+    "Plan": ["design"],
     "Take away": ["report", "draw", "export", "simulate"],
     "Try": ["demo"],
 }

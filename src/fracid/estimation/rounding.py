@@ -40,12 +40,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.problem import Experiment, Problem
 from fracid.signals.resolution import resolution
 
-__all__ = ["Edges", "edges", "half_widths", "noise_in_steps"]
+__all__ = ["Edges", "edges", "encoder_noise", "half_widths", "noise_in_steps", "scores_covariance"]
 
 HARMONICS = 40
 """Of the sawtooth, at most."""
@@ -158,13 +159,73 @@ def _channels(
         noise = noise_in_steps(r[scored], f[scored], q)
         if not noise < DITHERED:
             continue
-        moving = np.where(scored, np.minimum(np.abs(np.gradient(f)) / q, 1.0), 0.0)
-        moving /= moving.sum()
+        moving = _moving(f, q, scored)
         times = float(moving @ r**2) / (q**2 * (1 / 12 + noise**2))
         if times > NEARLY:
             continue
         yield _Channel(o, q, noise, 2 * np.pi * (f - measured[0]) / q, weights[:, o, None] * J[:, o],
                        float(moving @ psi(r) ** 2), times <= EXPLAINED)  # fmt: skip
+
+
+def _moving(fitted: FloatArray, step: float, scored: NDArray[np.bool_]) -> FloatArray:
+    """Weights of the samples that move by a part of a count, sum 1, shape (n_samples,)."""
+    moving = np.where(scored, np.minimum(np.abs(np.gradient(fitted)) / step, 1.0), 0.0)
+    moving /= moving.sum()
+    return moving
+
+
+def encoder_noise(residual: FloatArray, fitted: FloatArray, step: float) -> float | None:
+    """The noise σ beside an encoder's rounding, in its steps; None where the two are far from explaining the residual.
+
+    Parameters
+    ----------
+    residual, fitted : array, shape (n_samples,)
+    step : float
+        q
+
+    Examples
+    --------
+    >>> t, rng = np.arange(0, 20, 0.004), np.random.default_rng(1)
+    >>> f = 30 * np.exp(-t / 4) * np.cos(6 * t)
+    >>> y = np.round(f + 0.1 * rng.standard_normal(t.size))
+    >>> encoder_noise(y - f, f, 1.0) < 0.15, encoder_noise(y - f + 2 * np.sin(t), f, 1.0)
+    (True, None)
+    """
+    noise = noise_in_steps(residual, fitted, step)
+    if not math.isfinite(noise):
+        return None
+    moving = _moving(fitted, step, np.ones(len(fitted), bool))
+    return noise if float(moving @ residual**2) <= NEARLY * step**2 * (1 / 12 + noise**2) else None
+
+
+def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise: float) -> FloatArray:
+    """Covariance of Σ r_t score_t of one encoder: r its noise and rounding, over all edges, shape (n_free, n_free).
+
+    Parameters
+    ----------
+    fitted : array, shape (n_samples,)
+        The trajectory that the encoder reads.
+    score : array, shape (n_samples, n_free)
+    step : float
+        q; 0 for no rounding.
+    noise : float
+        σ, in the unit of `fitted`.
+
+    Examples
+    --------
+    A joint at rest: all its samples are one reading.
+
+    >>> rest, ones = np.zeros(500), np.ones((500, 1))
+    >>> once, each = (scores_covariance(rest, ones, 1.0, noise).item() for noise in (0.0, 1.0))
+    >>> round(12 * once / 500**2, 1), round(each / 500, 2)  # one reading of variance 1/12; 500 of variance 1 + 1/12
+    (1.0, 1.08)
+    """
+    variance = step**2 / 12 + noise**2
+    if step == 0 or noise >= DITHERED * step:
+        return np.asarray(variance * score.T @ score)
+    channel = _Channel(0, step, noise / step, 2 * np.pi * fitted / step, score, variance, explained=True)
+    table, periodic = _table(channel, np.asarray)
+    return np.asarray(table.T @ table / len(table) + max(variance - periodic, 0.0) * score.T @ score)
 
 
 def noise_in_steps(residual: FloatArray, fitted: FloatArray, step: float) -> float:

@@ -18,6 +18,8 @@ figure                        shows
 :func:`posterior_corner`      a posterior: each parameter's, and each pair's
 :func:`posterior_predictive`  how far simulations with draws of a posterior differ from the fitted one
 :func:`linear_response`       a linear model about a posture: Bode's plots and the step response
+:func:`design_landscape`      the interval to expect of one experiment more, against its release and duration
+:func:`expected_curves`       what the experiments of a plan should show, with a band
 ============================  ============================================================================
 
 Every one takes ``style``, of which there are ``screen`` and ``journal`` (:mod:`fracid.figures`).  :func:`save` writes
@@ -43,6 +45,7 @@ from fracid.plots.linear import linear_response
 from fracid.plots.noise import noise_levels
 from fracid.plots.overview import recording_overview
 from fracid.plots.plane import cost_plane
+from fracid.plots.planned import design_landscape, expected_curves
 from fracid.plots.posterior_draws import posterior_corner, posterior_predictive
 from fracid.plots.residuals import residual_diagnostics, residual_plots
 from fracid.plots.rig import rig_drawing
@@ -55,6 +58,8 @@ __all__ = [
     "amplitudes",
     "cost_plane",
     "cut_shifts",
+    "design_landscape",
+    "expected_curves",
     "fitted_over_time",
     "ladder",
     "linear_response",
@@ -74,6 +79,8 @@ FIGURES = {
     "amplitudes": amplitudes,
     "cost_plane": cost_plane,
     "cut_shifts": cut_shifts,
+    "design_landscape": design_landscape,
+    "expected_curves": expected_curves,
     "fitted_over_time": fitted_over_time,
     "ladder": ladder,
     "linear_response": linear_response,

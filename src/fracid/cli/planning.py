@@ -1,0 +1,191 @@
+"""``fracid design RUN|PROJECT|RIG``: which experiments next, and what intervals to expect of them."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import table as new_table
+from fracid.cli.completion import from_run, one_of
+from fracid.cli.progress import on_terminal
+from fracid.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from fracid.workflows.planning import FinishedDesign
+
+__all__ = ["design"]
+
+DESIGN_EXAMPLE = (
+    "[bold]Examples[/bold]",
+    "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim](narrow these; writes runs/rig/design)"
+    "[/dim]",
+    "fracid design runs/rig --against integer  [dim](tell the orders from friction)[/dim]",
+    "fracid design runs/rig --release 5,150 --voltage multisine,0.2,8,6 --limit theta=2.5 --out next",
+    "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim](before any recording)[/dim]",
+    "fracid design runs/rig --for mu --json | jq '.expected.mu.interval95'",
+)
+
+
+@app.command(epilog="\n\n".join(DESIGN_EXAMPLE))
+def design(
+    source: Annotated[
+        str, typer.Argument(metavar="RUN|PROJECT|RIG", help="A run folder, a project file to fit, or a rig's name.")
+    ],
+    of: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="NAME,NAME",
+            help="Values to narrow; all if left out.",
+            autocompletion=from_run("orders", "parameters"),
+        ),
+    ] = None,
+    experiments: Annotated[int, typer.Option(metavar="N", help="How many.", min=1, max=1000)] = 3,
+    release: Annotated[
+        str, typer.Option(metavar="DEG,DEG", help="Angles of release: two are a range; 0 for none.")
+    ] = "5,150",
+    seconds: Annotated[str, typer.Option(metavar="S,S", help="Durations to choose from.")] = "20",
+    rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Samples a second to choose from.")] = "500",
+    arm: Annotated[str, typer.Option(metavar="NAME,NAME", help="The arm: free, clamped, or both.")] = "free",
+    voltage: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND,A,B,PEAK", help="multisine or chirp from A to B Hz, pulses of A to B s; again."),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s; again."),
+    ] = None,
+    sensors: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Outputs recorded; all if left out.")] = None,
+    counts: Annotated[
+        float | None, typer.Option(metavar="N", help="Counts a turn; those of the recordings if left out.", min=0)
+    ] = None,
+    criterion: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="D, A, Ds (of --for) or T (of --against).", autocompletion=one_of("D", "A", "Ds", "T")
+        ),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="integer: tell the orders from integer-order models.", autocompletion=one_of("integer")
+        ),
+    ] = None,
+    order: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a rig: an order, mu=0.95; again for more.")
+    ] = None,
+    friction: Annotated[
+        bool, typer.Option("--friction", help="For a rig: with the friction that was found on real recordings of it.")
+    ] = False,
+    robust: Annotated[
+        int, typer.Option(metavar="N", help="Average over N draws from the intervals.", min=0, max=1000)
+    ] = 0,
+    trust: Trust = False,
+    out: Out = None,
+    seed: Seed = 1,
+    jobs: Jobs = CORES,
+    json_: Json = False,
+) -> None:
+    """Choose the next experiments, and predict the intervals that they will give.
+
+    The information of each candidate is computed with the noise that the run shows, added to that of the recordings so
+    far, and the best set is found by exchange.  What exceeds a limit is excluded.  Writes project files with the
+    recordings' places empty, voltages, expected curves with a band, plan.json and figures.  Exit code 0 if it is done.
+    """
+    orders, limits = _assigned("--order", order, "mu=0.95"), _assigned("--limit", limit, "theta=2.5")
+    angles, durations, rates = _numbers("--release", release), _numbers("--seconds", seconds), _numbers("--rate", rate)
+    from fracid.experiments.space import DesignSpace
+    from fracid.workflows.planning import run_design
+
+    space = DesignSpace(
+        release=angles, arm=_names(arm), seconds=durations, rate=rates, counts=counts, sensors=_names(sensors),
+        voltage=tuple(_voltage(text) for text in voltage or ()) or None, limits=limits,
+    )  # fmt: skip
+    finished = run_design(
+        source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
+        orders=orders or None, friction=friction, robust=robust, trust=trust, out=out, seed=seed, jobs=jobs,
+        observer=on_terminal(events=json_),
+    )  # fmt: skip
+    if json_:
+        echo_json(finished.result)
+    else:
+        console = new_console()
+        _show(finished, console)
+        project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)
+        say_next(console, (typed("fit", project, *["--trust"] * trust), "when the recordings are there"))
+
+
+# ------------------------------------------------------------------ from text to a space
+
+
+def _names(text: str | None) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip()) if text else ()
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    """The numbers of a list with commas."""
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or not all(map(isfinite, values)):
+        raise InputError(f"{option} {text!r} is not possible; expected numbers with commas: {option} 5,150.")
+    return values
+
+
+def _assigned(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
+    """Parse ``NAME=VALUE`` of an option that may be given again."""
+    values: list[tuple[str, float]] = []
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"{option} {text!r} is not possible; expected NAME=VALUE: {option} {example}.")
+        values.append((name.strip(), _numbers(option, value)[0]))
+    return each_once(option, values)
+
+
+def _voltage(text: str) -> Any:
+    """``multisine,0.2,8,6``."""
+    from fracid.experiments.excitation import Chirp, Multisine, Pulses
+
+    kinds = {"multisine": Multisine, "chirp": Chirp, "pulses": Pulses}
+    kind, _, rest = text.partition(",")
+    numbers = _numbers("--voltage", rest) if rest else ()
+    if kind not in kinds or len(numbers) != 3:
+        raise InputError(f"--voltage {text!r} is not possible; expected multisine,0.2,8,6 (from Hz, to Hz, peak), "
+                         "chirp,0.3,4,6 or pulses,0.1,1,6 (shortest s, longest s, peak).")  # fmt: skip
+    low, high, peak = numbers
+    return kinds[kind](low, high, peak)
+
+
+# ------------------------------------------------------------------ from results to text
+
+
+def _show(finished: FinishedDesign, console: Console) -> None:
+    from rich.markup import escape
+
+    plan = finished.plan
+    excluded = f", {plan.excluded} more are excluded" if plan.excluded else ""
+    count = len(plan.experiments)
+    console.print(f"[bold]{count} experiment{'s' * (count > 1)}[/bold] of {plan.candidates} candidates{excluded}; "
+                  f"criterion {plan.criterion}", soft_wrap=True)  # fmt: skip
+    for c, count in plan.repetitions.items():
+        console.print(f"  {count} × {escape(str(c))}", soft_wrap=True)
+    table = new_table("", "value", "95 % to expect", "narrower by", "unit")
+    gains = plan.gain_over()
+    for name, v in plan.expected.items():
+        ends = "not shown" if v.interval95 is None else f"± {(v.interval95[1] - v.interval95[0]) / 2:.2g}"
+        gain = gains.get(name)
+        narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.3g}"
+        mark = "*" if name in plan.of else ""
+        table.add_row(*map(escape, (f"{name}{mark}", f"{v.value:.5g}", ends, narrower, v.unit)))
+    console.print(table)
+    for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
+        console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
+                      "deviations away.", soft_wrap=True)  # fmt: skip
+    console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)

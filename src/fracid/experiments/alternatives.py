@@ -1,0 +1,268 @@
+r"""How far the best integer-order model stays from each candidate, in standard deviations of the noise.
+
+With :math:`r = y - y_1`, what an integer-order model misses of the simulated experiment, and J the derivatives of its
+outputs, the least :math:`\sum_e (r_e - J_e p)'W_e(r_e - J_e p)` over one p for all experiments is
+
+.. math::  T = c - b'A^{-1}b, \qquad c = \sum_e r_e'W_er_e, \quad b = \sum_e J_e'W_er_e, \quad A = \sum_e J_e'W_eJ_e ,
+
+initial states eliminated from each.  It is linear about the integer-order model that fits a first set of experiments
+best, by least squares, and again about the one that fits the chosen set.
+
+The alternatives are those of the claim that cost no further state: viscous and dry friction free, and beside them one
+at a time what :data:`fracid.selection.integer_alternatives.ELEMENTS` has, a delay, a low-pass, a scale, drag, a cable,
+a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not count, since its
+residual may be what the plan is to explain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure, InputError
+from fracid.estimation.covariance import jacobian
+from fracid.experiments.criteria import distance
+from fracid.experiments.exchange import averaged, exchange
+from fracid.experiments.space import Candidate, DesignSpace, by_motion
+from fracid.experiments.subject import Subject
+from fracid.optimise import least_squares, minimise
+from fracid.problem import Free, Problem
+from fracid.problem.unknowns import Value
+from fracid.selection.integer_alternatives import ELEMENTS, Element
+from fracid.selection.integer_rival import freed_friction, integer_values, moving
+
+__all__ = ["Alternatives", "alternatives_of"]
+
+FRICTION = "friction"
+"""The alternative with every order integer and friction free."""
+
+SHORTLIST = 60
+"""Candidates that are looked at again about the alternative that fits the chosen set."""
+
+CLOSE = 1e-6
+"""An order that is nearer to an integer is one."""
+
+AT_BOUND = 1e-3
+"""Part of its range within which a parameter is held by a bound: no alternative may go beyond."""
+
+VAGUE = 1e-8
+"""Curvature of what no experiment shows, in typical sizes."""
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """Sums of T for each candidate."""
+
+    names: tuple[str, ...]
+    """Of the alternatives."""
+    columns: tuple[tuple[int, ...], ...]
+    """Which parameters each of them may move."""
+    scale: FloatArray
+    """Typical size of each parameter, shape (n,)."""
+    parts: tuple[FloatArray, ...]
+    """c, b and A of each candidate, shapes (1, n_candidates), (1, n_candidates, n) and (1, n_candidates, n, n)."""
+    base: tuple[FloatArray, ...]
+    """The same without any candidate, shapes (1,), (1, n) and (1, n, n)."""
+    allowed: tuple[int, ...]
+    """Which of the candidates the parts are of."""
+
+    def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
+        """−log T of the nearest alternative."""
+        return np.asarray(-np.log(np.maximum(distance(sums, self.columns, self.scale).min(axis=-1), 1e-300)))
+
+    def chosen(self, count: int) -> tuple[int, ...]:
+        """The set whose nearest alternative is furthest."""
+        return tuple(self.allowed[i] for i in exchange(self.objective, self.parts, self.base, count))
+
+    def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
+        """Alternative → its distance from a set of experiments, in standard deviations."""
+        at = [self.allowed.index(i) for i in chosen]
+        sums = tuple((b + p[:, at].sum(axis=1))[0] for p, b in zip(self.parts, self.base, strict=True))
+        return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
+
+
+def alternatives_of(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], count: int, *, jobs: int = 1
+) -> Alternatives:
+    """Linearise the integer-order alternatives of each candidate, twice: about a first fit, and about the chosen set's.
+
+    Parameters
+    ----------
+    subject : Subject
+        Of a fractional model.
+    space : DesignSpace
+    candidates : sequence of Candidate
+    count : int
+        How many experiments are chosen.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    InputError
+        If every order is an integer already, or no run of the integer-order model ends.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.experiments.choice import subject_of
+    >>> space = DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
+    >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
+    >>> alternatives = alternatives_of(subject, space, space.candidates, 1)
+    >>> alternatives.names[0], alternatives.parts[0].shape
+    ('friction', (1, 3))
+    """
+    orders = subject.problem.parametrisation.order_starts
+    integers = integer_values(subject.problem)
+    if all(isinstance(v, float | int) and abs(v - orders[n]) < CLOSE for n, v in integers.items() if n in orders):
+        raise InputError("Every order is an integer, so that nothing is to be told from an integer-order model; give "
+                         "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
+    first = _linearised(subject, space, candidates, range(len(candidates)), _few(candidates), jobs)
+    chosen = first.chosen(count)
+    alone = averaged(first.objective, first.parts, first.base)
+    short = sorted({*chosen, *(first.allowed[int(i)] for i in np.argsort(alone)[:SHORTLIST])})
+    return _linearised(subject, space, candidates, short, [candidates[i] for i in dict.fromkeys(chosen)], jobs)
+
+
+def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Two that differ most in their release, as a first set."""
+    nearest_first = sorted(candidates, key=lambda c: (c.arm == "clamped", c.voltage is not None, abs(c.release)))
+    free = [c for c in nearest_first if c.arm == nearest_first[0].arm and c.voltage == nearest_first[0].voltage]
+    return [*dict.fromkeys((free[0], free[-1]))]
+
+
+def _linearised(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], which: Sequence[int],
+    fitted: Sequence[Candidate], jobs: int,
+) -> Alternatives:  # fmt: skip
+    """The alternatives about the integer-order model that fits some experiments best."""
+    rival = _rival(subject, space, fitted)
+
+    def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:
+        at = [which[i] for i in group]
+        longest = max((candidates[i] for i in at), key=lambda c: c.seconds)
+        problem = _simulated(subject, space, longest, "planned")
+        return [] if problem is None else _sums(subject, rival, problem, [candidates[i].samples for i in at])
+
+    groups = by_motion([candidates[i] for i in which])
+    with ThreadPoolExecutor(jobs) as pool:
+        rows = {which[i]: row for group, found in zip(groups, pool.map(sums, groups), strict=True)
+                for i, row in zip(group, found, strict=False)}  # fmt: skip
+    if not rows:
+        raise InputError("No run of the integer-order model reaches the end of a candidate.")
+    allowed = tuple(sorted(rows))
+    parts = tuple(np.array([part]) for part in zip(*(rows[i] for i in allowed), strict=True))
+    vague = VAGUE * np.diag(rival.scale**-2.0)
+    base = np.zeros(1), np.zeros((1, len(rival.names))), vague[None]
+    return Alternatives((FRICTION, *rival.extra), rival.columns, rival.scale, parts, base, allowed)
+
+
+@dataclass(frozen=True)
+class _Rival:
+    """The integer-order model that fits some experiments best, and what it may have beside."""
+
+    orders: Mapping[str, Value]
+    parameters: Mapping[str, Value]
+    """Starting at the best."""
+    names: tuple[str, ...]
+    """Of what is free, and then of what the elements free."""
+    scale: FloatArray
+    """Typical size of each, shape (n,)."""
+    shared: int
+    """How many of the names are the model's."""
+    extra: Mapping[str, tuple[str, ...]]
+    """Element → what it frees."""
+
+    @property
+    def columns(self) -> tuple[tuple[int, ...], ...]:
+        """Which of the names each alternative may move."""
+        own = tuple(range(self.shared))
+        return (own, *((*own, *(self.names.index(n) for n in names)) for names in self.extra.values()))
+
+    def of(self, problem: Problem) -> Problem:
+        """This model of the experiments of another problem; a clamped arm stays clamped."""
+        clamped = {n: v for n, v in problem.parameters.items() if n == "J_theta" and not isinstance(v, Free)}
+        return replace(problem, orders=self.orders, parameters={**self.parameters, **clamped}, memo=None)
+
+
+def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> _Rival:
+    """Fit the integer-order model, friction free, to what the fractional one does."""
+    simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
+    problems = [p for p, c in zip(simulated, experiments, strict=True)
+                if p is not None and c.arm == experiments[0].arm]  # fmt: skip
+    if not problems:
+        raise InputError("No run of the model reaches the end of a candidate.")
+    data = tuple(p.experiments[0] for p in problems)
+    joint = replace(problems[0], experiments=data, substeps=max(p.substeps for p in problems))
+    joints, kinds = ("", *moving(joint)), joint.model.friction
+    friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
+    joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
+    best = minimise(joint.evaluate, least_squares(joint.space, None)).best
+    joint = replace(joint, parameters=_starting(joint, best.point))
+    elements = {e.name: e.problem for e in _elements(joint)}
+    extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
+    unknowns = {u.name: u for p in (joint, *elements.values()) for u in p.unknowns}
+    width = joint.space.upper - joint.space.lower
+    inside = np.minimum(best.point - joint.space.lower, joint.space.upper - best.point) > AT_BOUND * width
+    own = tuple(u.name for u, free in zip(joint.unknowns, inside, strict=True) if u.experiment is None and free)
+    names = (*own, *(n for more in extra.values() for n in more))
+    sizes = [(abs(u.range.start), u.range.upper - u.range.lower) for u in map(unknowns.__getitem__, names)]
+    scale = np.array([max(value, 1e-2 * min(width, 1.0)) for value, width in sizes])
+    return _Rival(joint.orders, joint.parameters, names, scale, len(own), extra)
+
+
+def _starting(problem: Problem, x: FloatArray) -> dict[str, Value]:
+    """The parameters of a problem, starting at x."""
+    values = {u.target: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.experiment is None}
+    return {n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
+            for n, v in problem.parameters.items()}  # fmt: skip
+
+
+def _elements(problem: Problem) -> Iterator[Element]:
+    """What costs no further state, one at a time."""
+    for change in ELEMENTS:
+        for element in change(problem):
+            if element.possible and not element.slow and element.whole is None and element.names:
+                yield element
+
+
+def _simulated(subject: Subject, space: DesignSpace, c: Candidate, name: str) -> Problem | None:
+    """A candidate's problem with the fractional model's outputs for what is measured; None where its run fails."""
+    p = subject.problem_of(c, space)
+    outputs = p.fitted(p.start, p.experiments[0])
+    if isinstance(outputs, Failure):
+        return None
+    return replace(p, experiments=(replace(p.experiments[0], name=name, measured=np.ascontiguousarray(outputs)),))
+
+
+def _sums(subject: Subject, rival: _Rival, problem: Problem, samples: Sequence[int]) -> list[tuple[FloatArray, ...]]:
+    """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
+    here = rival.of(problem)
+    errors, J = here.errors(here.start), jacobian(here, here.start, np.arange(len(here.names)))
+    if isinstance(errors, Failure) or isinstance(J, Failure):
+        return []
+    columns = {u.name: J[0][..., i] for i, u in enumerate(here.unknowns)}
+    own = [n for n, u in zip(here.names, here.unknowns, strict=True) if u.experiment is not None]
+    for element in _elements(here):
+        names = [n for n in rival.extra.get(element.name, ()) if n in element.problem.names]
+        at = np.array([element.problem.names.index(n) for n in names], dtype=np.intp)
+        more = jacobian(element.problem, element.problem.start, at)
+        if not isinstance(more, Failure):
+            columns |= {n: more[0][..., k] for k, n in enumerate(names)}
+    still = np.zeros(errors[0].shape)
+    root = np.array([1 / math.sqrt(subject.noise_of(n).variance) for n in problem.outputs])
+    rows = np.stack([-columns.get(n, still) for n in (*rival.names, *own)], axis=-1) * root[:, None]
+    missed, n = errors[0] * root, len(rival.names)
+    worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
+    sums: list[tuple[FloatArray, ...]] = []
+    for count in samples:
+        flat, r = rows[:count].reshape(-1, rows.shape[-1]), missed[:count].ravel()
+        q, _ = np.linalg.qr(flat[:, n:] / np.maximum(np.linalg.norm(flat[:, n:], axis=0), 1e-300))
+        shared, r = flat[:, :n] - q @ (q.T @ flat[:, :n]), r - q @ (q.T @ r)
+        sums.append((np.asarray(worth * r @ r), worth * shared.T @ r, worth * shared.T @ shared))
+    return sums

@@ -1,0 +1,353 @@
+"""``fracid.design``: the next experiments on a rig, and the intervals to expect of them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure, InputError, at_least
+from fracid.estimation.covariance import jacobian
+from fracid.estimation.search import search
+from fracid.experiments.alternatives import Alternatives, alternatives_of
+from fracid.experiments.criteria import CRITERIA, Objective, objective_named
+from fracid.experiments.exchange import averaged, exchange
+from fracid.experiments.information import Information, of_samples
+from fracid.experiments.plan import Plan, Value
+from fracid.experiments.space import Candidate, DesignSpace, by_motion
+from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
+from fracid.fit import Fit
+from fracid.models import Model
+from fracid.optimise import optimiser_from_name
+from fracid.problem import Problem
+from fracid.problem.project import Project
+from fracid.runs.saved import SavedRun
+from fracid.tasks.job import Progress
+
+__all__ = ["Source", "Tell", "design", "informations", "subject_of"]
+
+Source = Fit | SavedRun | Project | Problem | Model
+
+Tell = Callable[[Progress], None]
+
+VAGUE = 100.0
+"""Standard deviation, in typical sizes, of what nothing is known of: it keeps a curvature from being singular."""
+
+SHORTLIST = 60
+"""Candidates that are looked at again with other values, or about another alternative."""
+
+BEYOND = "beyond the limits"
+"""Why a candidate is excluded that would travel too far or too fast."""
+
+NOMINAL = 0.1
+"""Standard deviation of a constant of which no interval is known, in typical sizes."""
+
+
+def design(
+    source: Source,
+    space: DesignSpace,
+    *,
+    experiments: int = 3,
+    criterion: str | None = None,
+    of: Sequence[str] = (),
+    against: str | None = None,
+    free: Sequence[str] = (),
+    orders: Mapping[str, float] | None = None,
+    robust: int = 0,
+    seed: int = 1,
+    jobs: int = 1,
+    progress: Tell | None = None,
+) -> Plan:
+    """Choose the next experiments on a rig.
+
+    For each candidate the derivatives of its outputs by all free values give its information; what it has for itself,
+    its initial state, is eliminated.  Information adds up, that of the recordings so far included, and the best set,
+    repetition allowed, is found by exchange.
+
+    Parameters
+    ----------
+    source : Fit, SavedRun, Project, Problem or Model
+        What is known: a run's values, noise and recordings; a project, which is searched first, or a problem at its
+        start; or a rig's constants alone.
+    space : DesignSpace
+        What can be done.
+    experiments : int
+        How many.
+    criterion : {"D", "A", "Ds", "T"}, optional
+        Ds where `of` names values, T with `against`, else D.
+    of : sequence of str
+        The values to narrow: ``("lambda", "mu")``.
+    against : "integer", optional
+        Choose what tells the orders from the best integer-order alternative.
+    free, orders
+        Of a model: the names that fits are to find, and the values of its orders.
+    robust : int
+        Draws of the values from their intervals, over which the criterion is averaged; 0 for the values alone.
+    seed : int
+        Of the draws.
+    jobs : int
+        Threads.
+    progress : function, optional
+        Gets how many candidates are done.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InputError
+        For what cannot be designed: an unknown name, a space in which no candidate stays within its limits.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> space = fracid.DesignSpace(release=(10, 45, 90), seconds=5, rate=100)
+    >>> plan = fracid.design(fracid.rotary_pendulum("qube-servo2"), space, experiments=2, of=("mu",),
+    ...                      free=("mu", "b_alpha"))
+    >>> len(plan.experiments), plan.expected["mu"].interval95[0] < 1.0 < plan.expected["mu"].interval95[1]
+    (2, True)
+    """
+    at_least("experiments", experiments, 1, 1000)
+    at_least("robust", robust, 0, 1000)
+    if against not in (None, "integer"):
+        raise InputError(f"against = {against!r} is not possible; expected 'integer'.")
+    if isinstance(of, str):
+        of = (of,)
+    name = criterion or ("T" if against else "Ds" if of else "D")
+    if name not in CRITERIA:
+        raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
+    subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
+    subject.check(space)
+    places = subject.places(of)
+    candidates = _some(space)
+    tables = informations(subject, space, candidates, jobs=jobs, progress=progress)
+    possible = [i for i, t in enumerate(tables) if isinstance(t, Information)]
+    if not possible:
+        raise InputError(_excluded(tables))
+    candidates = tuple(candidates[i] for i in possible)
+    information = [t for t in tables if isinstance(t, Information)]
+    parts, base = _stacked([information]), _base(subject)
+    alternatives: Alternatives | None = None
+    if name == "T":
+        alternatives = alternatives_of(subject, space, candidates, experiments, jobs=jobs)
+        chosen = alternatives.chosen(experiments)
+    else:
+        objective = objective_named(name, subject.scale, places)
+        chosen = exchange(objective, parts, base, experiments)
+        if robust:
+            chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
+    return _plan(subject, space, name, tuple(subject.names[i] for i in places),
+                 _Table(candidates, information, chosen, len(tables) - len(possible)), alternatives)  # fmt: skip
+
+
+def subject_of(
+    source: Source, space: DesignSpace, *, free: Sequence[str] = (), orders: Mapping[str, float] | None = None,
+    of: Sequence[str] = (), jobs: int = 1,
+) -> Subject:  # fmt: skip
+    """What a design is about, from whatever is there.
+
+    Raises
+    ------
+    InputError
+        For another type, for a search without a result, and where `free` or `orders` are given beside a run.
+    """
+    if isinstance(source, Model):
+        return subject_of_model(source, space, free=free, orders=orders)
+    if free or orders:
+        raise InputError("free and orders are of a model alone; a run and a project have their own.")
+    if isinstance(source, Fit):
+        return subject_of_problem(source.problem, source.x, space, precision=source.uncertainty, also=of, jobs=jobs)
+    if isinstance(source, SavedRun):
+        return subject_of_problem(source.problem, source.x, space, name=source.folder.name,
+                                  table=_tables(source.project), also=of, jobs=jobs)  # fmt: skip
+    if isinstance(source, Problem):
+        return subject_of_problem(source, source.start, space, also=of, jobs=jobs)
+    if isinstance(source, Project):
+        rng = np.random.default_rng(source.seed)
+        result, _ = search(source.problem, optimiser_from_name(source.optimiser), rng, jobs=jobs, starts=source.starts)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        if not np.isfinite(result.best.cost):
+            raise InputError(f"{source.path}: no run reached its end: {result.best.reason}. There is no model to plan "
+                             "with.")  # fmt: skip
+        return subject_of_problem(source.problem, result.best.point, space, name=source.path.stem,
+                                  table=_tables(source), also=of, jobs=jobs)  # fmt: skip
+    raise InputError(f"{type(source).__name__} is nothing to design from; expected a fit, a run that fracid.load_run "
+                     "read, a project or a model.")  # fmt: skip
+
+
+def _tables(project: Project) -> dict[str, Any]:
+    """The tables of a project file that a plan's own projects begin with."""
+    content = tomllib.loads(project.text)
+    return {"model": content.get("model", {}), "recording": content["recording"][0]}
+
+
+# --- the information of candidates -----------------------------------------------------------------------
+
+
+def informations(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], *, jobs: int = 1,
+    progress: Tell | None = None,
+) -> list[Information | str]:  # fmt: skip
+    """The information of each candidate, or why it is excluded.
+
+    Those that differ in their duration alone are the beginnings of one simulation.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> space = DesignSpace(release=(10, 150, 30), seconds=2, rate=100, limits={"alpha": 1.0})
+    >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, free=("mu", "b_alpha"))
+    >>> [t if isinstance(t, str) else t.curvature.shape for t in informations(subject, space, space.candidates)]
+    [(2, 2), 'beyond the limits', (2, 2)]
+    """
+
+    groups = by_motion(candidates)
+    tables: list[Information | str] = [""] * len(candidates)
+    begun, done = perf_counter(), 0
+
+    def of_group(group: list[int]) -> None:
+        nonlocal done
+        for i, table in zip(group, _of_motion(subject, space, [candidates[i] for i in group]), strict=True):
+            tables[i] = table
+        done += len(group)
+        if progress is not None:
+            progress(Progress(done, len(candidates), 0, perf_counter() - begun))
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for _ in pool.map(of_group, groups):
+            pass
+    return tables
+
+
+def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candidate]) -> list[Information | str]:
+    """The information of one motion, for each of its durations."""
+    longest = max(durations, key=lambda c: c.seconds)
+    problem = subject.problem_of(longest, space)
+    outputs = problem.fitted(problem.start, problem.experiments[0])
+    if isinstance(outputs, Failure):
+        return [str(outputs) for _ in durations]
+    within = [space.within_limits(dict(zip(problem.outputs, outputs[: c.samples].T, strict=True)), c.rate)
+              for c in durations]  # fmt: skip
+    if not any(within):
+        return [BEYOND for _ in durations]
+    J = jacobian(problem, problem.start, np.arange(len(problem.names)))
+    if isinstance(J, Failure):
+        return [str(J) for _ in durations]
+    own = np.array([u.experiment is not None for u in problem.unknowns])
+    shared = np.zeros((*outputs.shape, len(subject.names)))
+    for column, u in zip(np.moveaxis(J[0], -1, 0), problem.unknowns, strict=True):
+        if u.experiment is None:
+            shared[..., subject.names.index(u.name)] = column
+    noise = [subject.noise_of(n) for n in problem.outputs]
+    return [
+        of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise, problem.weights,
+                   subject.excess) if possible else BEYOND
+        for c, possible in zip(durations, within, strict=True)
+    ]  # fmt: skip
+
+
+def _some(space: DesignSpace) -> tuple[Candidate, ...]:
+    candidates = space.candidates
+    if not candidates:
+        raise InputError("There is no candidate: nothing is released and nothing is applied. Give release = (5, 150), "
+                         "degrees, or a voltage.")  # fmt: skip
+    return candidates
+
+
+def _excluded(tables: Sequence[Information | str]) -> str:
+    reasons = [t for t in tables if isinstance(t, str)]
+    common = max(set(reasons), key=reasons.count)
+    return (f"None of the {len(tables)} candidates is possible; of {reasons.count(common)} the reason is: {common}. "
+            "Widen the limits, release from nearer, or apply less.")  # fmt: skip
+
+
+def _stacked(draws: Sequence[Sequence[Information]]) -> tuple[FloatArray, FloatArray]:
+    """Curvatures and scatters, shape (n_draws, n_candidates, n, n)."""
+    return (np.array([[i.curvature for i in draw] for draw in draws]),
+            np.array([[i.scatter for i in draw] for draw in draws]))  # fmt: skip
+
+
+def _base(subject: Subject) -> tuple[FloatArray, FloatArray]:
+    """What is known before, vaguely of everything, shape (1, n, n)."""
+    vague = np.diag((VAGUE * subject.scale) ** -2.0)
+    return (subject.recorded.curvature + vague)[None], (subject.recorded.scatter + vague)[None]
+
+
+# --- robust -----------------------------------------------------------------------------------------------
+
+
+def _robust(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate],
+    nominal: tuple[Objective, tuple[FloatArray, ...], tuple[FloatArray, ...]], chosen: tuple[int, ...], draws: int,
+    seed: int, jobs: int,
+) -> tuple[int, ...]:  # fmt: skip
+    """The best set on average over values from their intervals, of the candidates that are good at the estimates."""
+    objective, parts, base = nominal
+    alone = averaged(objective, parts, base)
+    beside = averaged(objective, parts, tuple(b + p[:, list(chosen[1:])].sum(axis=1)
+                                              for p, b in zip(parts, base, strict=True)))  # fmt: skip
+    best = [*np.argsort(alone)[: SHORTLIST // 2], *np.argsort(beside)[: SHORTLIST // 2], *chosen]
+    short = sorted({int(i) for i in best})
+    tables = [[*informations(subject.at(v), space, [candidates[i] for i in short], jobs=jobs)]
+              for v in _drawn(subject, draws, seed)]  # fmt: skip
+    usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
+    if not usable:
+        return chosen
+    kept = [[i for k in usable if isinstance(i := t[k], Information)] for t in tables]
+    each = tuple(np.repeat(b, draws, axis=0) for b in base)
+    return tuple(sorted(short[usable[i]] for i in exchange(objective, _stacked(kept), each, len(chosen))))
+
+
+def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
+    """Values from their intervals, or from a tenth around a constant of which none is known; within their bounds."""
+    rng = np.random.default_rng(seed)
+    vague = np.diag((NOMINAL * subject.scale) ** -2.0)
+    covariance = (subject.recorded + Information(vague, vague)).covariance(subject.scale)
+    ranges = [u.range for u in subject.problem.unknowns if u.experiment is None]
+    lower, upper = np.array([r.lower for r in ranges]), np.array([r.upper for r in ranges])
+    return [np.clip(rng.multivariate_normal(subject.values, covariance, method="eigh"), lower, upper)
+            for _ in range(draws)]  # fmt: skip
+
+
+# --- the plan ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Table:
+    """All candidates that are possible, and which are chosen."""
+
+    candidates: Sequence[Candidate]
+    information: Sequence[Information]
+    chosen: tuple[int, ...]
+    excluded: int
+
+
+def _plan(
+    subject: Subject, space: DesignSpace, criterion: str, of: tuple[str, ...], table: _Table,
+    alternatives: Alternatives | None,
+) -> Plan:  # fmt: skip
+    base = Information(*(b[0] for b in _base(subject)))
+    total = base
+    for i in table.chosen:
+        total += table.information[i]
+    before, after = (np.sqrt(np.diag(i.covariance(subject.scale))) for i in (base, total))
+    expected = {n: Value(v, u, e if e < s else None, b if b < s else None) for n, v, u, e, b, s
+                in zip(subject.names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
+                       subject.scale.tolist(), strict=True)}  # fmt: skip
+    alone = [np.sqrt(np.diag((base + i).covariance(subject.scale))) for i in table.information]
+    landscape = tuple((c, dict(zip(subject.names, e.tolist(), strict=True)))
+                      for c, e in zip(table.candidates, alone, strict=True))  # fmt: skip
+    return Plan(
+        subject, space, criterion, of, tuple(table.candidates[i] for i in table.chosen), expected,
+        len(table.candidates), table.excluded, landscape,
+        Information(total.curvature, total.scatter).covariance(subject.scale),
+        None if alternatives is None else alternatives.distances(table.chosen),
+    )  # fmt: skip

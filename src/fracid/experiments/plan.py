@@ -1,0 +1,201 @@
+"""A Plan: the experiments to do next, and the intervals to expect of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, estimate_text, listed
+from fracid.errors import InputError
+from fracid.estimation.covariance import NORMAL_95
+from fracid.experiments.sheet import write_sheet
+from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.subject import Subject
+from fracid.figures import Style, draw
+from fracid.fit import Fit
+from fracid.runs.saved import SavedRun
+from fracid.units import GREEK
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Plan", "Value"]
+
+MOST_ROWS = 3
+"""Of experiments on a card's text."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A free value, with what is known of it now and what is to be expected.
+
+    Examples
+    --------
+    >>> [round(end, 4) for end in Value(0.9, "", 0.01, None).interval95]
+    [0.8804, 0.9196]
+    """
+
+    value: float
+    unit: str
+    standard_error: float | None
+    """To be expected after the plan; None where the plan does not show it."""
+    standard_error_now: float | None
+    """Of what has been recorded, predicted in the same way; None where that does not show it."""
+
+    @property
+    def interval95(self) -> tuple[float, float] | None:
+        """To be expected after the plan."""
+        if self.standard_error is None:
+            return None
+        half = NORMAL_95 * self.standard_error
+        return self.value - half, self.value + half
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {"value": self.value, "unit": self.unit, "standard_error": self.standard_error,
+                "interval95": self.interval95, "standard_error_now": self.standard_error_now}  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(CardDisplay):
+    """What :func:`fracid.design` gives."""
+
+    subject: Subject
+    space: DesignSpace
+    criterion: str
+    """``D``, ``A``, ``Ds`` or ``T`` (:mod:`fracid.experiments.criteria`)."""
+    of: tuple[str, ...]
+    """The values to narrow; empty for all."""
+    experiments: tuple[Candidate, ...]
+    """Repetitions stand there as often as they are to be done."""
+    expected: Mapping[str, Value]
+    """Name of each free value → what is to be expected."""
+    candidates: int
+    """Candidates that are possible."""
+    excluded: int
+    """Candidates that exceed a limit, or whose simulation fails."""
+    landscape: tuple[tuple[Candidate, Mapping[str, float]], ...]
+    """Each candidate with the standard errors that it alone would leave."""
+    covariance: FloatArray
+    """Of the free values after the plan, shape (n, n)."""
+    distances: Mapping[str, float] | None = None
+    """Integer-order alternative → its distance in standard deviations, of a plan against them."""
+
+    def gain_over(self, run: Fit | SavedRun | None = None) -> dict[str, float]:
+        """By what factor the interval of each value becomes narrower.
+
+        Parameters
+        ----------
+        run : Fit or SavedRun, optional
+            Compares with its intervals; without, with those that the recordings so far predict.
+
+        Returns
+        -------
+        dict
+            Infinite where there is no interval now; values that the plan does not show are left out.
+
+        Raises
+        ------
+        InputError
+            If the run shares no free value with the plan.
+        """
+        now = {n: v.standard_error_now for n, v in self.expected.items()}
+        if run is not None:
+            now = {n: None if i is None else (i[1] - i[0]) / 2 / NORMAL_95
+                   for n, i in _intervals(run).items() if n in self.expected}  # fmt: skip
+            if not now:
+                raise InputError(f"The run and the plan share no free value; the plan has {', '.join(self.expected)}.")
+        return {n: math.inf if (before := now[n]) is None else before / v.standard_error
+                for n, v in self.expected.items() if n in now and v.standard_error is not None}  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the landscape, as plain values."""
+        return {
+            "for": self.subject.name, "criterion": self.criterion, "of": list(self.of),
+            "experiments": [c.to_json() | {"text": str(c)} for c in self.experiments],
+            "expected": {n: v.to_json() for n, v in self.expected.items()},
+            "gain": {n: g if math.isfinite(g) else None for n, g in self.gain_over().items()},
+            "candidates": self.candidates, "excluded": self.excluded,
+            "distances": None if self.distances is None else dict(self.distances),
+        }  # fmt: skip
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Draw the expected interval against angle of release and duration."""
+        return draw("design_landscape", self, style=style)
+
+    def write(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write the sheet for the laboratory: project files, voltages, expected curves, the figure, plan.json.
+
+        Parameters
+        ----------
+        folder : str or Path
+            Made if it is not there.
+
+        Returns
+        -------
+        tuple of Path
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be written.
+        """
+        return write_sheet(self, Path(folder))
+
+    def summary(self) -> str:
+        """The card, and the intervals to expect of all free values, in lines."""
+        lines = [repr(self), "", "Intervals to expect, 95 %"]
+        for n, v in self.expected.items():
+            ends = (
+                "(not shown by this plan)"
+                if v.interval95 is None
+                else f"± {(v.interval95[1] - v.interval95[0]) / 2:.2g}"
+            )
+            lines.append(f"  {n:<20} {v.value:.5g} {ends} {v.unit}".rstrip())
+        return "\n".join(lines)
+
+    @property
+    def repetitions(self) -> dict[Candidate, int]:
+        """Each experiment with how often it is done."""
+        return {c: self.experiments.count(c) for c in dict.fromkeys(self.experiments)}
+
+    def _card(self) -> Card:
+        named = self.of or tuple(self.expected)
+        rows = [(f"{count} ×", str(c)) for c, count in self.repetitions.items()]
+        shown = rows if len(rows) <= MOST_ROWS else [*rows[: MOST_ROWS - 1], ("…", "more experiments")]
+        texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + ("" if v.interval95 else " (not shown)")
+                 for n, v in self.expected.items()}  # fmt: skip
+        excluded = f", {self.excluded} more excluded" if self.excluded else ""
+        tail = [("expected", listed(texts[n] for n in named)), *self._comparisons(named),
+                ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}")]  # fmt: skip
+        details = [*(rows[MOST_ROWS - 1 :] if len(rows) > MOST_ROWS else []),
+                   *((n, text) for n, text in texts.items() if n not in named)]  # fmt: skip
+        count = len(self.experiments)
+        title = f"Plan of {count} experiment{'s' * (count > 1)} for {self.subject.name}"
+        return Card(title, (*shown, *tail), tuple(details))
+
+    def _comparisons(self, named: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+        """With what is known now, and with the integer-order alternatives."""
+        gains = self.gain_over()
+        if any(math.isfinite(g) for g in gains.values()):
+            yield "narrower", listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
+        if self.distances:
+            nearest = min(self.distances, key=self.distances.__getitem__)
+            away = f"stays {self.distances[nearest]:.3g} standard deviations away"
+            yield "alternative", f"the nearest, with {nearest}, {away}"
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.3g}×" if math.isfinite(factor) else "from no interval"
+
+
+def _intervals(run: Fit | SavedRun) -> dict[str, tuple[float, float] | None]:
+    """Name → 95 % interval, of orders and parameters."""
+    if isinstance(run, Fit):
+        return {n: e.interval95 for n, e in {**run.orders, **run.parameters}.items()}
+    blocks = {**run.result["orders"], **run.result["parameters"]}
+    return {n: entry.get("interval95") for n, entry in blocks.items()}

@@ -1,0 +1,190 @@
+"""What can be done on a rig: the decisions of a design, and the limits that exclude a candidate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, is_number
+from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
+from fracid.problem.unknowns import InitialState
+
+__all__ = ["ARMS", "SPEED", "Candidate", "DesignSpace", "by_motion"]
+
+ARMS = ("free", "clamped")
+
+SPEED = "_speed"
+"""Behind an output's name in `limits`: the limit of its rate."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One experiment that could be done.
+
+    Examples
+    --------
+    >>> str(Candidate(90.0, 20.0, 500.0))
+    'release from 90°, 20 s at 500 Hz'
+    """
+
+    release: float
+    """Angle from rest at which it is let go [°]."""
+    seconds: float
+    """Duration [s]."""
+    rate: float
+    """Samples a second [Hz]."""
+    arm: str = "free"
+    """``free`` or ``clamped``."""
+    voltage: Excitation | None = None
+    """None for nothing applied."""
+
+    @property
+    def samples(self) -> int:
+        """How many."""
+        return round(self.seconds * self.rate) + 1
+
+    def __str__(self) -> str:
+        """One line."""
+        parts = [f"release from {self.release:.4g}°" if self.release else "from rest"]
+        parts += ["arm clamped"] if self.arm == "clamped" else []
+        parts += [str(self.voltage)] if self.voltage is not None else []
+        return ", ".join([*parts, f"{self.seconds:.4g} s at {self.rate:.4g} Hz"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {"release": self.release, "seconds": self.seconds, "rate": self.rate, "arm": self.arm,
+                "voltage": None if self.voltage is None else
+                {"kind": type(self.voltage).__name__.lower(), **vars(self.voltage)}}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """The decisions of a design: each a value, or those among which :func:`fracid.design` chooses.
+
+    Raises
+    ------
+    InputError
+        For a value that no experiment can have.
+
+    Examples
+    --------
+    >>> space = DesignSpace(release=(5, 150), arm=("free", "clamped"), seconds=20, rate=500, counts=4096,
+    ...                     voltage=Multisine(0.2, 8.0, peak=6.0), limits={"theta": 2.5})
+    >>> candidates = space.candidates
+    >>> len(candidates), str(candidates[0])
+    (220, 'release from 5°, 20 s at 500 Hz')
+    """
+
+    release: float | Sequence[float] = 0.0
+    """Angle from rest [°]: one, a pair for a range, or three and more for the angles themselves."""
+    arm: str | Sequence[str] = "free"
+    """``free``, ``clamped`` (a rotary pendulum's arm, so that θ stands still), or both."""
+    seconds: float | Sequence[float] = 20.0
+    """Duration, or durations [s]."""
+    rate: float | Sequence[float] = 500.0
+    """Samples a second, or several rates [Hz]."""
+    counts: float | None = None
+    """Counts a turn of the encoders, 0 for no rounding; None as in the recordings, or 4096 without any."""
+    voltage: Excitation | Sequence[Excitation] | None = None
+    """What may be applied to the motor beside nothing; None where nothing can."""
+    sensors: Sequence[str] = ()
+    """Outputs that are recorded; empty for those of the run, or all of the model."""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Output → its largest magnitude [rad]; ``theta_speed``, its largest rate [rad/s].  What exceeds it is excluded."""
+    noise: float | None = None
+    """Standard deviation beside rounding [rad]; None as in the recordings, or a tenth of a count without any."""
+    initial_state: InitialState = "rest"
+    """``rest``: at rest, at an angle that each fit finds; ``held``: at exactly that angle; ``estimate``: in motion."""
+    moment: float = 0.05
+    """Each fit looks for the moment of release within this time of its first sample [s]; 0 where it is known."""
+    levels: int = 20
+    """How many angles a range is divided into, and how many frequencies a sine's band."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no experiment can have."""
+        for name, least in (("release", -360.0), ("seconds", 0.0), ("rate", 0.0)):
+            values = _several(getattr(self, name))
+            if not values or not all(is_number(v) and math.isfinite(v) and v >= least for v in values):
+                raise InputError(f"{name} = {getattr(self, name)!r} is not possible; expected numbers, {least:g} or "
+                                 "more.")  # fmt: skip
+        if min(_several(self.seconds)) * min(_several(self.rate)) < 10:
+            raise InputError(f"{min(_several(self.seconds)):g} s at {min(_several(self.rate)):g} Hz are fewer than 10 "
+                             "samples; give a longer duration or a higher rate.")  # fmt: skip
+        for arm in _several(self.arm):
+            if arm not in ARMS:
+                raise InputError(f"arm = {arm!r} is not possible; expected {' or '.join(map(repr, ARMS))}, or both.")
+        for u in _several(self.voltage):
+            if not isinstance(u, Multisine | Chirp | Pulses | None):
+                raise InputError(f"voltage = {u!r} is not possible; expected fracid.Multisine(0.2, 8.0, peak=6.0), "
+                                 "a fracid.Chirp or fracid.Pulses.")  # fmt: skip
+        if self.counts is not None and (self.counts < 0 or 0 < self.counts < 3):
+            raise InputError(f"counts = {self.counts:g} is not possible; expected counts a turn, such as 4096, or 0.")
+        if self.noise is not None and not 0 <= self.noise < math.inf:
+            raise InputError(f"noise = {self.noise!r} is not possible; expected a standard deviation, 0 or more [rad].")
+        for name, limit in self.limits.items():
+            if not limit > 0:
+                raise InputError(f"limits: {name} = {limit!r} is not possible; expected a magnitude above 0.")
+        if self.initial_state not in ("rest", "held", "estimate"):
+            raise InputError(f"initial_state = {self.initial_state!r}; expected 'rest', 'held' or 'estimate'.")
+        if not 0 <= self.moment < math.inf:
+            raise InputError(f"moment = {self.moment!r} is not possible; expected a time, 0 s or more.")
+        if self.levels < 1:
+            raise InputError(f"levels = {self.levels}; expected 1 or more.")
+
+    @property
+    def angles(self) -> tuple[float, ...]:
+        """The angles of release [°]."""
+        values = _several(self.release)
+        if len(values) == 2:
+            return tuple(np.linspace(*values, self.levels).round(6).tolist())
+        return tuple(map(float, values))
+
+    @property
+    def voltages(self) -> tuple[Excitation | None, ...]:
+        """What may be applied, nothing among it where a release moves the rig."""
+        signals = [v for u in _several(self.voltage) if u is not None for v in u.variants(self.levels)]
+        return tuple(signals) if signals and not any(self.angles) else (None, *signals)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every combination; a clamped arm needs a release and no voltage."""
+        return tuple(self._candidates())
+
+    def _candidates(self) -> Iterator[Candidate]:
+        decisions = product(_several(self.arm), self.voltages, self.angles, _several(self.rate), _several(self.seconds))
+        for arm, voltage, release, rate, seconds in decisions:
+            if (arm == "free" or (voltage is None and release != 0.0)) and (release != 0.0 or voltage is not None):
+                yield Candidate(release, float(seconds), float(rate), arm, voltage)
+
+    def within_limits(self, outputs: Mapping[str, FloatArray], rate: float) -> bool:
+        """Whether simulated outputs stay within the limits."""
+        for name, limit in self.limits.items():
+            y = outputs[name.removesuffix(SPEED)]
+            y = np.diff(y) * rate if name.endswith(SPEED) else y
+            if not np.max(np.abs(y)) <= limit:
+                return False
+        return True
+
+
+def by_motion(candidates: Sequence[Candidate]) -> list[list[int]]:
+    """Which candidates differ in their duration alone: the beginnings of one simulation.
+
+    Examples
+    --------
+    >>> by_motion(DesignSpace(release=(10, 20, 30), seconds=(5, 10)).candidates)
+    [[0, 1], [2, 3], [4, 5]]
+    """
+    groups: dict[Candidate, list[int]] = {}
+    for i, c in enumerate(candidates):
+        groups.setdefault(replace(c, seconds=0.0), []).append(i)
+    return [*groups.values()]
+
+
+def _several(value: Any) -> tuple[Any, ...]:
+    return tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)

@@ -1,0 +1,375 @@
+"""What a design is about: a model with its values, the noise of its sensors, and what has been recorded already.
+
+====================  =============================================================================================
+from                  values, noise, and what is recorded
+====================  =============================================================================================
+a fit, a saved run    the values as fitted; the noise of the residuals; the information of its recordings
+a project             the same, after a search
+a model               its constants as they are, encoders of 4096 counts with a tenth of a count of noise; nothing
+====================  =============================================================================================
+
+The noise of an output is that of its encoder where rounding and white noise explain the residual, or a quarter of its
+power at least: of one recording that rests, the unknown edge of a count leaves as much.  Else it is the
+residual's own level, and since residuals of that kind are correlated, the information about each parameter is divided
+by the ratio of its samples to its effective samples (:attr:`fracid.estimation.covariance.Uncertainty`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.covariance import Uncertainty, jacobian, uncertainty
+from fracid.estimation.rounding import encoder_noise
+from fracid.experiments.information import Information, Noise, nothing, of_samples
+from fracid.experiments.space import Candidate, DesignSpace
+from fracid.models import Model
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.unknowns import Value
+from fracid.signals.resolution import resolution
+from fracid.units import GREEK
+
+__all__ = ["Subject", "subject_of_model", "subject_of_problem"]
+
+COUNTS, QUIET = 4096, 0.1
+"""Of an encoder of which nothing is known: counts a turn, and noise in counts."""
+
+FINE = 1e-3
+"""Step of a mechanical model of which no fit has chosen one [s]; of others a step is a sample."""
+
+CLAMPED = 1e3
+"""Inertia of a clamped arm [kg m²]."""
+
+WIDE = 10.0
+"""A constant of a model is free from this part of its value to so many times it."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is to be determined, and what is known of it."""
+
+    problem: Problem
+    """Every free value starts where it is; one recording at least, as a pattern of the sensors."""
+    names: tuple[str, ...]
+    """The free values that all experiments share."""
+    values: FloatArray
+    """Shape (n_names,)."""
+    units: tuple[str, ...]
+    noise: Mapping[str, Noise]
+    """Output → its noise."""
+    excess: FloatArray
+    """By what the variance of each value exceeds that of white noise, shape (n_names,)."""
+    step: float
+    """Largest step of the solver [s]."""
+    recorded: Information
+    """About the shared values, of what has been recorded."""
+    intervals: Mapping[str, tuple[float, float]]
+    """95 % intervals as the run states them."""
+    name: str
+    """What the plan is for, in words."""
+    table: Mapping[str, Any]
+    """The project file's tables ``model`` and ``recording`` (the first), as far as there is one."""
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Typical size of each value, shape (n_names,)."""
+        ranges = [u.range for u in self.problem.unknowns if u.experiment is None]
+        return np.array([max(abs(v), 1e-2 * min(r.upper - r.lower, 1.0))
+                         for v, r in zip(self.values.tolist(), ranges, strict=True)])  # fmt: skip
+
+    def places(self, names: Sequence[str]) -> tuple[int, ...]:
+        """Where some of the shared values are.
+
+        Raises
+        ------
+        InputError
+            For a name that is no free value.
+        """
+        names = [next((n for n in self.names if name in (n, GREEK.get(n))), name) for name in names]
+        for name in names:
+            if name not in self.names:
+                fixed = name in (*self.problem.orders, *self.problem.model.parameter_names)
+                what = f"{name} is fixed, at a bound, or of one recording alone" if fixed else f"there is no {name!r}"
+                raise InputError(f"{what}; the design can narrow {', '.join(self.names)}.")
+        return tuple(self.names.index(n) for n in names)
+
+    def at(self, values: FloatArray) -> Subject:
+        """The same rig with other values of what is free."""
+        start = dict(zip(self.names, values.tolist(), strict=True))
+        return replace(self, problem=_starting_at(self.problem, start), values=values)
+
+    def noise_of(self, output: str) -> Noise:
+        """The noise of an output; that of a sensor that is added is the largest of the others."""
+        return self.noise.get(output) or max(self.noise.values(), key=lambda n: n.variance)
+
+    # --- one experiment ------------------------------------------------------------------------------
+
+    def experiment(self, c: Candidate, space: DesignSpace) -> Experiment:
+        """The recording that a candidate would give, without its samples: they stay where they begin."""
+        model, pattern = self.problem.model, self.problem.experiments[0]
+        first = np.array([self._first_value(n, c) for n in self.problem.outputs])
+        time = np.arange(c.samples) / c.rate
+        inputs = np.zeros((1, max(1, len(model.inputs))))
+        if c.voltage is not None:
+            inputs = np.zeros((c.samples, len(model.inputs)))
+            inputs[:, 0] = c.voltage.signal(time)
+        initial = {} if space.initial_state != "held" else {
+            model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
+            if (i := model.output_states.get(n)) is not None
+        }  # fmt: skip
+        moment = space.moment if c.release else 0.0
+        return Experiment(
+            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, off=pattern.off,
+            units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
+            between=dict.fromkeys(model.inputs, "hold") if c.voltage is not None else {},
+            release_time=Free(0.0, -moment, moment) if moment else 0.0,
+        )  # fmt: skip
+
+    def problem_of(self, c: Candidate, space: DesignSpace) -> Problem:
+        """The problem of one candidate alone, every free value at its own."""
+        p = self.problem
+        parameters = {**p.parameters, "J_theta": CLAMPED} if c.arm == "clamped" else p.parameters
+        outputs = tuple(space.sensors) or p.outputs
+        e = replace(self, problem=replace(p, outputs=outputs, memo=None)).experiment(c, space)
+        return replace(
+            p, experiments=(e,), parameters=parameters, outputs=outputs, initial_state=space.initial_state,
+            substeps=max(1, math.ceil(1 / c.rate / self.step - 1e-9)), memo=None,
+        )  # fmt: skip
+
+    def _first_value(self, output: str, c: Candidate) -> float:
+        """Where an output begins: the released one at the angle of release from its rest."""
+        model = self.problem.model
+        angle = model.angles.get(output)
+        upright = angle is not None and angle.of_zero and model.zero == "upright"
+        rest = self.problem.parameter_starts.get(angle.rest, 0.0) if angle is not None and angle.rest else 0.0
+        return rest + (math.pi if upright else 0.0) + math.radians(c.release) * (output == self.released)
+
+    @property
+    def released(self) -> str:
+        """The output that is released: the pendulum, or else the last that is a state."""
+        model = self.problem.model
+        return model.pendulum or next(reversed(model.output_states), "")
+
+    def check(self, space: DesignSpace) -> None:
+        """Refuse what this rig cannot do.
+
+        Raises
+        ------
+        InputError
+        """
+        model = self.problem.model
+        for name in space.sensors:
+            if name not in model.outputs:
+                raise unknown_name("sensor", name, tuple(model.outputs))
+        for name in space.limits:
+            if name.removesuffix("_speed") not in (tuple(space.sensors) or self.problem.outputs):
+                raise unknown_name("output in limits", name, tuple(space.sensors) or self.problem.outputs)
+        if any(u is not None for u in space.voltages) and not model.inputs:
+            raise InputError(f"voltage: nothing drives the model {model.name}; leave it out.")
+        if any(u is not None for u in space.voltages) and model.drive:
+            gain = self.problem.parameter_starts.get(model.drive, model.parameter(model.drive).value)
+            if gain == 0.0:
+                raise InputError(f"voltage: {model.drive} is 0, so that no voltage moves the rig; give its value, or "
+                                 "leave the voltage out.")  # fmt: skip
+        if any(c.arm == "clamped" for c in space.candidates) and "J_theta" not in model.parameter_names:
+            raise InputError(f"arm = 'clamped' is of a rotary pendulum; the model {model.name} has no arm.")
+        if any(space.angles) and not self.released:
+            raise InputError(f"release: the model {model.name} has no output that is a state; leave it out.")
+
+
+def subject_of_problem(
+    problem: Problem, x: FloatArray, space: DesignSpace, *, precision: Uncertainty | Failure | None = None,
+    name: str = "", table: Mapping[str, Any] | None = None, also: Sequence[str] = (), jobs: int = 1,
+) -> Subject:  # fmt: skip
+    """What a fit knows: its values, its noise, its recordings' information.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    space : DesignSpace
+        Its `counts` and `noise` replace what the residuals show.
+    precision : Uncertainty, optional
+        Computed where it is not given.
+    name : str
+        What the plan is for.
+    table : mapping, optional
+        The project file's tables.
+    also : sequence of str
+        Values that stay free although they lie at a bound.
+    jobs : int
+        Threads.
+
+    Raises
+    ------
+    InputError
+        If the model's run fails there, nothing is free, or a recording has standard deviations of its own.
+    """
+    if any(e.deviation is not None for e in problem.experiments):
+        raise InputError("The recordings state a standard deviation for each sample (sd = ...), which no planned "
+                         "recording has; leave it out of the project.")  # fmt: skip
+    precision = uncertainty(problem, x, jobs=jobs) if precision is None else precision
+    errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(precision, Failure) or isinstance(errors, Failure) or isinstance(J, Failure):
+        reason = next(r for r in (precision, errors, J) if isinstance(r, Failure))
+        raise InputError(f"There is nothing to design with: {reason}.")
+    unknowns = problem.unknowns
+    shared = np.array([u.experiment is None and (not precision.at_bound[i] or u.target in also)
+                       for i, u in enumerate(unknowns)])  # fmt: skip
+    if not shared.any():
+        raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
+    noise, encoder_alone = _noises(problem, errors, space)
+    excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
+    values = dict(zip((u.target for u in unknowns), x.tolist(), strict=True))
+    held = {u.target: values[u.target] for i, u in enumerate(unknowns) if u.experiment is None and not shared[i]}
+    recorded = nothing(int(shared.sum()))
+    for e, error, j in zip(problem.experiments, errors, J, strict=True):
+        own = np.array([u.experiment == e.name for u in unknowns])
+        fitted = e.measured - error
+        recorded += of_samples(fitted, j[..., shared], j[..., own], _noise_of(noise, problem), problem.weights, excess)
+    for k, i in enumerate(np.flatnonzero(shared)):
+        prior = unknowns[i].prior
+        recorded += _of_prior(math.inf if prior is None else prior.sd, k, int(shared.sum()))
+    fixed = replace(
+        problem, memo=None,
+        orders={n: held.get(n, v) for n, v in problem.orders.items()},
+        parameters={n: held.get(n, v) for n, v in problem.parameters.items()},
+    )  # fmt: skip
+    names = tuple(u.name for u, k in zip(unknowns, shared, strict=True) if k)
+    intervals = {n: interval for k, n in enumerate(problem.names)
+                 if n in names and (interval := precision.interval(x, k)) is not None}  # fmt: skip
+    start = {n: v for n, v in values.items() if n in names or n in problem.per_recording}
+    return Subject(
+        _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
+        noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
+        name or problem.model.name, table or {},
+    )  # fmt: skip
+
+
+def subject_of_model(
+    model: Model, space: DesignSpace, *, free: Sequence[str] = (), orders: Mapping[str, float] | None = None
+) -> Subject:
+    """What a rig's constants alone say, before any recording.
+
+    Parameters
+    ----------
+    model : Model
+    space : DesignSpace
+    free : sequence of str
+        The constants and orders that fits are to find; empty for all that friction, inertia and drive have, and every
+        order.
+    orders : mapping, optional
+        Their values; an integer model's for those left out.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, and where nothing is free.
+    """
+    values = {n: (orders or {}).get(n, float(model.integer_order(n) or 1.0)) for n in model.order_names}
+    model.state_orders(values)
+    names = tuple(free) or (*model.order_names, *_usually_free(model, driven=any(space.voltages)))
+    for n in names:
+        if n not in model.order_names:
+            model.parameter(n)
+    outputs = tuple(space.sensors) or tuple(model.outputs)
+    still = Experiment("nothing yet", 0.1, np.zeros((10, len(outputs))), np.zeros((1, max(1, len(model.inputs)))))
+    ranges = {n: _around(model.parameter(n).value, n, model) for n in names if n not in model.order_names}
+    problem = Problem(
+        model, (still,), {n: Free(q, min(0.5, q / 2), max(1.2, q)) if n in names else q for n, q in values.items()},
+        ranges, outputs=outputs, initial_state="held",
+    )  # fmt: skip
+    step = 2 * math.pi / COUNTS if space.counts is None else 2 * math.pi / space.counts if space.counts else 0.0
+    noise = QUIET * step if space.noise is None else space.noise
+    if step == 0.0 and noise == 0.0:
+        raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
+    count, finest = len(problem.names), FINE if model.angles else math.inf
+    return Subject(
+        problem, problem.names, problem.start, tuple(u.unit for u in problem.unknowns),
+        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name, {},
+    )  # fmt: skip
+
+
+def _usually_free(model: Model, driven: bool) -> tuple[str, ...]:
+    """The constants of a rig that a project leaves free: not the one that a free response takes as known."""
+    terms = model.linear_terms
+    mechanics = {p.name for p in model.parameters} if terms is None else {*terms.lumped} - {terms.gauge}
+    friction = {n for n, kind in model.friction.items() if kind.off == 0.0}
+    secondary = {*model.friction} - friction  # such as a Stribeck speed, which acts beside its friction alone
+    wanted = (mechanics | friction) - secondary - {*model.rests, model.drive} | ({model.drive} if driven else set())
+    return tuple(p.name for p in model.parameters if p.name in wanted and p.value != 0.0)
+
+
+def _around(value: float, name: str, model: Model) -> Free:
+    p = model.parameter(name)
+    ends = sorted((value / WIDE, value * WIDE)) if value else (-1e-3, 1e-3)
+    return Free(value, max(ends[0], p.lower), min(ends[1], p.upper))
+
+
+def _starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """The same problem with its free values starting at others; bounds that exclude one are moved."""
+
+    def moved(name: str, value: Value) -> Value:
+        if not isinstance(value, Free) or name not in values:
+            return value
+        v = values[name]
+        return replace(value, start=v, lower=min(value.lower, v), upper=max(value.upper, v), prior=None)
+
+    return replace(
+        problem, memo=None, orders={n: moved(n, v) for n, v in problem.orders.items()},
+        parameters={n: moved(n, v) for n, v in problem.parameters.items()},
+    )  # fmt: skip
+
+
+# --- noise -------------------------------------------------------------------------------------------
+
+
+def _noises(problem: Problem, errors: list[FloatArray], space: DesignSpace) -> tuple[dict[str, Noise], bool]:
+    """Output → its noise, and whether encoders and white noise explain all residuals."""
+    noises, alone = {}, True
+    for o, name in enumerate(problem.outputs):
+        found = [_noise(e, error[:, o], o) for e, error in zip(problem.experiments, errors, strict=True)]
+        deviation = math.sqrt(float(np.mean([n.deviation**2 for n, _ in found])))
+        step = max(n.step for n, _ in found) if all(explained for _, explained in found) else 0.0
+        alone &= all(explained for _, explained in found)
+        if space.counts is not None and step:
+            deviation, step = deviation, 2 * math.pi / space.counts if space.counts else 0.0
+        noises[name] = Noise(deviation if space.noise is None else space.noise, step)
+    return noises, alone
+
+
+def _noise(e: Experiment, error: FloatArray, output: int) -> tuple[Noise, bool]:
+    """The noise of one output of one recording, and whether rounding and white noise explain its residual."""
+    scored = np.ones(len(error), bool) if e.scored is None else e.scored
+    r, measured = error[scored], e.measured[scored, output]
+    step = resolution(measured)
+    noise = None if step is None else encoder_noise(r, measured - r, step)
+    if step is None or noise is None:
+        return Noise(math.sqrt(float(np.mean(r**2))), 0.0), False
+    return Noise(noise * step, step), True
+
+
+def _noise_of(noise: Mapping[str, Noise], problem: Problem) -> tuple[Noise, ...]:
+    return tuple(noise[n] for n in problem.outputs)
+
+
+def _excess(precision: Uncertainty) -> FloatArray:
+    """By what each variance exceeds that of white noise; the typical one where a value has no interval."""
+    samples = precision.samples / precision.effective_samples
+    finite = samples[np.isfinite(samples) & (samples > 0)]
+    typical = float(np.exp(np.mean(np.log(finite)))) if len(finite) else 1.0
+    return np.asarray(np.maximum(np.where(np.isfinite(samples) & (samples > 0), samples, typical), 1.0))
+
+
+def _of_prior(sd: float, place: int, count: int) -> Information:
+    information = np.zeros((count, count))
+    information[place, place] = sd**-2 if math.isfinite(sd) else 0.0
+    return Information(information, information)

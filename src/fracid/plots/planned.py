@@ -1,0 +1,121 @@
+"""A plan of experiments: the interval to expect against angle of release and duration, and the curves to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fracid.errors import InputError
+from fracid.plots import appearance
+from fracid.units import shown_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.figures import Style
+    from fracid.models import Model
+
+__all__ = ["design_landscape", "expected_curves"]
+
+MOST = 4
+"""Panels of values, at most."""
+
+COLOURS = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE)
+
+MARKERS = ("o", "s", "D", "^")
+
+HALF = 1.96
+
+
+def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
+    """Draw the half-width of each value's 95 % interval that one candidate alone would leave, over its release.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of :func:`fracid.design`.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each of the values to narrow, a line for each duration, of the best voltage, rate and arm; the
+        chosen experiments are marked.  Where one release alone was possible, durations are on the axis.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> space = fracid.DesignSpace(release=(10, 30, 60), seconds=(1, 2), rate=100)
+    >>> plan = fracid.design(fracid.rotary_pendulum("qube-servo2"), space, of=("mu",), free=("mu", "b_alpha"))
+    >>> [axes.get_xlabel() for axes in design_landscape(plan).axes]
+    ['release [°]']
+    """
+    names = [*(plan.of or plan.expected)][:MOST]
+    figure = appearance.new(max(6.4, 3.6 * len(names)), 3.6, style)
+    panels = figure.subplots(1, len(names), squeeze=False)[0]
+    candidates = [c for c, _ in plan.landscape]
+    by_release = len({c.release for c in candidates}) > 1
+    for axes, name in zip(panels, names, strict=True):
+        unit, factor = shown_unit(plan.expected[name].unit)
+        half = factor * HALF * np.array([errors[name] for _, errors in plan.landscape])
+        lines = sorted({c.seconds for c in candidates}) if by_release else [None]
+        for k, seconds in enumerate(lines):
+            best: dict[float, float] = {}
+            for c, h in zip(candidates, half.tolist(), strict=True):
+                if seconds in (None, c.seconds):
+                    at = c.release if by_release else c.seconds
+                    best[at] = min(best.get(at, np.inf), h)
+            x = sorted(best)
+            label = f"{seconds:g} s" if seconds is not None else "one experiment"
+            axes.plot(x, [best[v] for v in x], color=COLOURS[k % 4], marker=MARKERS[k % 4], ms=4, label=label)
+        for c, h in zip(candidates, half.tolist(), strict=True):
+            if c in plan.experiments:
+                axes.plot([c.release if by_release else c.seconds], [h], "*", color=appearance.INK, ms=12,
+                          label="chosen", zorder=4)  # fmt: skip
+        axes.set_yscale("log")
+        axes.set_xlabel("release [°]" if by_release else "duration [s]")
+        symbol = appearance.symbol(name) if name in appearance.SYMBOLS else appearance.plain(name)
+        axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(unit or '–')}]")
+    appearance.finish(figure, "Interval to expect after one experiment more")
+    return figure
+
+
+def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style = "screen") -> Figure:
+    """Draw what each experiment of a plan should show, with its 95 % band.
+
+    Parameters
+    ----------
+    curves : sequence of Expected
+        Of :func:`fracid.experiments.sheet.expected_curves`.
+    model : Model
+        Says which outputs are angles, and where the pendulum's is zero.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Raises
+    ------
+    InputError
+        If there is no curve.
+    """
+    if not curves:
+        raise InputError("There is nothing to draw: no experiment of the plan could be simulated.")
+    names = [*curves[0].outputs]
+    figure = appearance.new(8.2, 1.0 + 1.9 * len(curves), style)
+    grid = figure.subplots(len(curves), len(names), squeeze=False)
+    for row, curve in zip(grid, curves, strict=True):
+        for axes, name in zip(row, names, strict=True):
+            unit, factor = shown_unit("rad" if name in model.angles else "")
+            y, half = factor * curve.outputs[name], factor * curve.half[name]
+            shown = np.unique(np.linspace(0, len(y) - 1, 4000).astype(int))
+            axes.fill_between(curve.time[shown], (y - half)[shown], (y + half)[shown], color=appearance.ORANGE,
+                              alpha=0.4, lw=0, label="95 % band")  # fmt: skip
+            axes.plot(curve.time[shown], y[shown], color=appearance.BLUE, lw=1.0, label="expected")
+            axes.set_ylabel(appearance.angle_label(name, unit or "–", model.zero if name == model.pendulum else ""))
+        appearance.title(row[0], appearance.plain(str(curve.candidate), 90), "left")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    appearance.finish(figure, "Curves to expect")
+    return figure

@@ -1,0 +1,104 @@
+"""The next experiments, of a run, a project or a rig, with their sheet: ``fracid design``, to be called from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fracid.experiments.choice import design
+from fracid.experiments.plan import Plan
+from fracid.experiments.space import DesignSpace
+from fracid.models import RIGS, Model, rotary_pendulum
+from fracid.problem.project import Project, load_project
+from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.paths import refuse_mistaken
+from fracid.tasks.job import one_blas_thread
+from fracid.workflows.observer import SILENT, Observer
+
+__all__ = ["FinishedDesign", "run_design"]
+
+
+@dataclass(frozen=True)
+class FinishedDesign:
+    """A plan with its folder."""
+
+    plan: Plan
+    folder: Path
+    files: tuple[Path, ...]
+    """What was written."""
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The content of plan.json, and the files."""
+        return self.plan.to_json() | {"files": [str(path) for path in self.files]}
+
+
+def run_design(
+    source: str | Path,
+    space: DesignSpace,
+    *,
+    experiments: int = 3,
+    criterion: str | None = None,
+    of: Sequence[str] = (),
+    against: str | None = None,
+    orders: Mapping[str, float] | None = None,
+    friction: bool = False,
+    robust: int = 0,
+    trust: bool = False,
+    out: str | Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    observer: Observer = SILENT,
+) -> FinishedDesign:
+    """Choose the next experiments and write their sheet: what ``fracid design`` does.
+
+    Parameters
+    ----------
+    source : str or Path
+        A run folder, a project file, which is searched first, or a rig's name.
+    space, experiments, criterion, of, against, robust, seed, jobs
+        As of :func:`fracid.design`.
+    orders : mapping, optional
+        Of a rig alone: the values of its orders.
+    friction : bool
+        Of a rig alone: with the friction that was found on real recordings of it.
+    trust, observer
+        As of :func:`fracid.run`.
+    out : str or Path, optional
+        The folder; ``design`` in that of the run, ``runs/rig-design`` of ``rig.toml`` if left out.
+
+    Raises
+    ------
+    InputError
+        For what cannot be designed, and for a folder that cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+
+    Examples
+    --------
+    >>> run_design("nowhere/rig.toml", DesignSpace(release=90))
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig.toml. ...
+    """
+    with one_blas_thread(), observer.progress("candidates") as tell:
+        plan = design(
+            _loaded(source, friction, trust), space, experiments=experiments, criterion=criterion, of=of,
+            against=against, orders=orders, robust=robust, seed=seed, jobs=jobs, progress=tell,
+        )  # fmt: skip
+    path = Path(source)
+    folder = (
+        Path(out) if out is not None else path / "design" if path.is_dir() else Path("runs") / f"{path.stem}-design"
+    )
+    return FinishedDesign(plan, folder, plan.write(folder))
+
+
+def _loaded(source: str | Path, friction: bool, trust: bool) -> SavedRun | Project | Model:
+    """A run, a project, or a rig."""
+    if str(source) in RIGS and not Path(source).exists():
+        return rotary_pendulum(str(source)).with_parameters(**(RIGS[str(source)].fitted_friction if friction else {}))
+    path = Path(source)
+    if path.suffix != ".toml":
+        refuse_mistaken(path, "run")
+    return load_run(path, trust=trust) if path.is_dir() else load_project(path, trust=trust)

@@ -1,0 +1,88 @@
+"""``fracid design``: of a run, of a project and of a rig; as a table, JSON and a sheet; refusals."""
+
+import json
+
+import pytest
+
+import fracid
+from program import fit_in, run
+from twins import write_release
+
+PROJECT = """
+[model.parameters]
+b_alpha = { start = 3e-4, lower = 0.0, upper = 1e-2 }
+[model.orders]
+lambda = 0.9
+mu = { start = 1.0, lower = 0.5, upper = 1.2 }
+[[recording]]
+name = "release 20°"
+file = "swing.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+initial = { theta = 0.0, alpha = 0.35 }
+[fit]
+initial_state = "held"
+substeps = 2
+"""
+
+QUICK = ("--release", "20,60,100", "--seconds", "2", "--rate", "200")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A project with a twin of 2 s, and its run."""
+    folder = tmp_path_factory.mktemp("design")
+    write_release(folder / "swing.csv", alpha=0.35, step=5e-3, end=2.0)
+    fit_in(folder, PROJECT)
+    return folder
+
+
+def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, folder):
+    code, out, err = run(capsys, "design", folder / "run", "--for", "mu", "--experiments", "2", *QUICK)
+    assert (code, err) == (0, "")
+    (row,) = [line for line in out.splitlines() if "mu*" in line]
+    assert float(row.split()[-1]) > 1.5  # narrower by
+    assert "release from 100°" in out
+    assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
+
+
+def test_a_plan_compares_with_the_intervals_that_the_run_states(folder):
+    saved = fracid.load_run(folder / "run")
+    plan = fracid.design(saved, fracid.DesignSpace(release=60, seconds=2, rate=200), experiments=1)
+    low, high = saved.result["orders"]["mu"]["interval95"]
+    expected = plan.expected["mu"].interval95
+    gain = plan.gain_over(saved)
+    assert gain["mu"] == pytest.approx((high - low) / (expected[1] - expected[0]))
+    assert gain["mu"] > 1
+    assert set(gain) <= {"mu", "b_alpha"}
+
+
+@pytest.mark.broad
+def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp_path):
+    code, out, err = run(capsys, "design", folder / "rig.toml", "--for", "mu", *QUICK, "--out", tmp_path, "--json")
+    record = json.loads(out)
+    assert code == 0
+    assert all(json.loads(line)["event"] == "progress" for line in err.splitlines())
+    low, high = record["expected"]["mu"]["interval95"]
+    assert (low + high) / 2 == pytest.approx(0.95, abs=1e-3)
+    assert high - low < 1e-3
+    assert len(record["experiments"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--for", "beta"), "there is no 'beta'"),
+        (("--release", "far"), "--release 'far' is not possible"),
+        (("--voltage", "square,1,2,3"), "expected multisine,0.2,8,6"),
+        (("--limit", "theta"), "expected NAME=VALUE: --limit theta=2.5"),
+        (("--arm", "loose"), "expected 'free' or 'clamped'"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_sentence(capsys, tmp_path, options, told):
+    code, out, err = run(
+        capsys, "design", "qube-servo2", "--seconds", "1", "--rate", "100", "--out", tmp_path, *options
+    )
+    assert (code, out) == (2, "")
+    assert told in err
+    assert len(err.splitlines()) == 1

@@ -1,0 +1,253 @@
+"""Plans of experiments: what is chosen, what is predicted, what is written, what is refused."""
+
+import json
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.estimation.covariance import jacobian
+from fracid.experiments.alternatives import alternatives_of
+from fracid.experiments.choice import informations, subject_of
+from fracid.experiments.criteria import objective_named
+from fracid.experiments.exchange import exchange
+from fracid.experiments.information import Information
+from fracid.optimise import least_squares, minimise
+from fracid.selection.integer_rival import freed_friction, integer_values
+from fracid.twins.encoder import encoder, simulated
+
+RIG = fracid.rotary_pendulum("qube-servo2", coulomb_theta=1e-3, coulomb_alpha=1e-4)
+FREE = ("lambda", "mu", "b_alpha", "coulomb_alpha")
+ORDERS = {"lambda": 0.95, "mu": 0.97}
+SPACE = fracid.DesignSpace(release=(10, 40, 80, 120), seconds=(2, 4), rate=100, moment=0)
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return fracid.design(RIG, SPACE, experiments=2, of=("lambda", "mu"), free=FREE, orders=ORDERS)
+
+
+def joint(plan):
+    """The plan's experiments as one problem, with the model's outputs for what is measured."""
+    problems = [plan.subject.problem_of(c, plan.space) for c in plan.experiments]
+    problem = replace(problems[0], experiments=tuple(
+        replace(p.experiments[0], name=f"{k}") for k, p in enumerate(problems)))  # fmt: skip
+    return simulated(problem, problem.start, finer=1)
+
+
+def read(problem, noise, rng):
+    """The same problem with what encoders read."""
+    twins = [replace(e, measured=np.column_stack([
+        encoder(e.measured[:, [o]], noise[n].deviation, noise[n].step, rng)[:, 0] for o, n in
+        enumerate(problem.outputs)])) for e in problem.experiments]  # fmt: skip
+    return replace(problem, experiments=tuple(twins))
+
+
+# --- what is predicted -------------------------------------------------------------------------------------
+
+
+def test_the_predicted_scatter_is_that_of_twins(plan):
+    problem, rng = joint(plan), np.random.default_rng(1)
+    J = np.concatenate([j.reshape(-1, len(problem.names))
+                        for j in jacobian(problem, problem.start, np.arange(len(problem.names)))])  # fmt: skip
+    size = np.linalg.norm(J, axis=0)
+    solve = np.linalg.pinv(J / size) / size[:, None]
+    estimates = np.array([
+        solve @ np.concatenate([(e.measured - clean.measured).ravel() for e, clean in
+                                zip(read(problem, plan.subject.noise, rng).experiments, problem.experiments,
+                                    strict=True)]) for _ in range(800)
+    ])  # fmt: skip
+    for name in FREE:
+        realised = estimates[:, problem.names.index(name)].std()
+        assert realised == pytest.approx(plan.expected[name].standard_error, rel=0.1), name
+
+
+def test_an_experiment_that_is_repeated_four_times_halves_the_interval():
+    space = fracid.DesignSpace(release=80, seconds=4, rate=100)
+    one, four = (fracid.design(RIG, space, experiments=n, free=FREE, orders=ORDERS) for n in (1, 4))
+    for name in FREE:
+        assert four.expected[name].standard_error == pytest.approx(one.expected[name].standard_error / 2, rel=1e-3)
+
+
+def test_a_rest_tail_tells_nothing_about_friction():
+    space = fracid.DesignSpace(release=40, seconds=(10, 40), rate=100, noise=0.0)
+    subject = subject_of(RIG, space, free=FREE, orders=ORDERS)
+    short, long = (t.covariance(subject.scale)[3, 3] for t in informations(subject, space, space.candidates))
+    assert long > 0.9 * short  # white noise would promise a quarter
+
+
+def test_what_is_recorded_already_counts(plan):
+    problem = read(joint(plan), plan.subject.noise, np.random.default_rng(2))
+    more = fracid.design(problem, SPACE, experiments=2, of=("mu",))
+    for name in FREE:
+        assert more.expected[name].standard_error_now == pytest.approx(plan.expected[name].standard_error, rel=0.35)
+    gain = more.gain_over()
+    assert set(gain) == set(FREE)
+    assert gain["mu"] > 1.25
+
+
+def test_correlated_residuals_count_as_their_effective_samples(plan):
+    problem, rng = joint(plan), np.random.default_rng(3)
+    slow = [replace(e, measured=e.measured + np.cumsum(1e-3 * rng.standard_normal(e.measured.shape), axis=0))
+            for e in problem.experiments]  # fmt: skip
+    subject = subject_of(replace(problem, experiments=tuple(slow)), SPACE)
+    assert np.all(subject.excess >= 1.0)
+    assert subject.excess.max() > 3.0
+    assert all(n.step == 0.0 for n in subject.noise.values())
+
+
+def test_a_clamped_arm_shows_no_lambda():
+    space = fracid.DesignSpace(release=40, arm="clamped", seconds=2, rate=100)
+    plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
+    assert plan.expected["lambda"].interval95 is None
+    assert plan.expected["mu"].interval95 is not None
+
+
+# --- what is chosen ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "Ds"])
+def test_exchange_finds_the_best_of_all_sets(plan, criterion):
+    subject = plan.subject
+    tables = informations(subject, SPACE, SPACE.candidates)
+    parts = (np.array([[t.curvature for t in tables]]), np.array([[t.scatter for t in tables]]))
+    vague = np.diag((100 * subject.scale) ** -2.0)[None]
+    objective = objective_named(criterion, subject.scale, (0, 1))
+    chosen = exchange(objective, parts, (vague, vague), 3)
+
+    def value(at):
+        return objective(tuple((vague + p[:, [*at]].sum(axis=1))[:, None] for p in parts)).item()
+
+    best = min(combinations_with_replacement(range(len(tables)), 3), key=value)
+    assert value(chosen) == pytest.approx(value(best), rel=1e-9)
+
+
+def test_what_exceeds_a_limit_is_excluded():
+    space = replace(SPACE, limits={"alpha": np.radians(60)})
+    plan = fracid.design(RIG, space, free=FREE)
+    assert (plan.candidates, plan.excluded) == (4, 4)
+    assert all(c.release < 60 for c in plan.experiments)
+    speed = replace(SPACE, limits={"alpha_speed": 3.0})
+    assert all(c.release == 10 for c in fracid.design(RIG, speed, free=FREE).experiments)
+
+
+def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative():
+    subject = subject_of(RIG, SPACE, free=FREE, orders=ORDERS)
+    table = alternatives_of(subject, SPACE, SPACE.candidates, 2)
+    (chosen,) = [table.chosen(2)]
+    nearest = {pair: min(table.distances(pair).values())
+               for pair in combinations_with_replacement(table.allowed, 2)}  # fmt: skip
+    assert nearest[chosen] == pytest.approx(max(nearest.values()), rel=1e-9)
+    assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
+    every = table.distances(chosen)
+    assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does
+
+
+@pytest.mark.broad
+def test_the_distance_is_that_of_a_fit_of_the_integer_order_model():
+    """Linear about its own minimum, the distance is what least squares leaves there."""
+    space = fracid.DesignSpace(release=60, seconds=4, rate=100, moment=0)
+    plan = fracid.design(RIG, space, experiments=1, against="integer", orders=ORDERS)
+    problem = joint(plan)
+    friction = freed_friction(problem)
+    integer = replace(problem, orders=integer_values(problem), parameters={**problem.parameters, **friction})
+    best = minimise(integer.evaluate, least_squares(integer.space, None)).best
+    deviation = np.sqrt(plan.subject.noise["alpha"].variance)
+    distance = np.linalg.norm(integer.errors(best.point)[0]) / deviation
+    assert plan.distances["friction"] == pytest.approx(distance, rel=0.02)
+
+
+def test_a_robust_plan_is_the_same_for_any_number_of_threads():
+    one, two = (fracid.design(RIG, SPACE, experiments=2, of=("mu",), free=FREE, robust=2, jobs=jobs) for jobs in (1, 2))
+    assert one.experiments == two.experiments
+    assert one.expected == two.expected
+
+
+# --- what is shown and written -----------------------------------------------------------------------------
+
+
+def test_a_plan_shows_itself_in_eight_lines_and_as_a_table(plan):
+    text = repr(plan)
+    assert len(text.splitlines()) <= 8
+    assert "λ = 0.95" in text
+    assert plan._repr_html_().startswith("<table")
+    assert json.loads(json.dumps(plan.to_json()))["criterion"] == "Ds"
+
+
+def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
+    space = replace(SPACE, moment=0.05)
+    plan = fracid.design(RIG, space, experiments=2, of=("mu",), free=("mu", "b_alpha"), orders=ORDERS)
+    files = {path.name for path in plan.write(tmp_path)}
+    assert {"sheet.txt", "next.toml", "plan.json", "expected-1.csv", "expected.png", "intervals.png"} <= files
+    problem = read(joint(plan), plan.subject.noise, np.random.default_rng(4))
+    for k, e in enumerate(problem.experiments, 1):
+        held = np.vstack([np.tile(e.measured[0], (50, 1)), e.measured])  # until it is let go
+        signals = dict(zip(problem.outputs, held.T, strict=True))
+        recording = fracid.Recording.of("twin", 0.01 * np.arange(len(held)), signals)
+        fracid.save_recording(recording, tmp_path / f"recording-{k}.csv")
+    fitted = replace(fracid.load_project(tmp_path / "next.toml").problem, substeps=10)
+    best = minimise(fitted.evaluate, least_squares(fitted.space, None)).best
+    expected, mu = plan.expected["mu"], dict(zip(fitted.names, best.point, strict=True))["mu"]
+    assert abs(mu - expected.value) < 4 * expected.standard_error
+    assert best.cost < 1.2 * np.sqrt(plan.subject.noise["alpha"].variance)
+
+
+def test_a_voltage_is_written_as_it_is_applied(tmp_path):
+    voltage = fracid.Pulses(0.3, 0.3, peak=2.0)
+    space = fracid.DesignSpace(seconds=2, rate=100, voltage=voltage)
+    plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
+    plan.write(tmp_path)
+    (c,) = plan.experiments
+    table = np.loadtxt(tmp_path / "voltage-1.csv", delimiter=",", skiprows=2)
+    assert table[:, 1] == pytest.approx(c.voltage.signal(table[:, 0]))
+    assert np.max(np.abs(table[:, 1])) <= 2.0
+    assert 'voltage = { column = "voltage", unit = "V", between = "hold" }' in (tmp_path / "next.toml").read_text(
+        "utf-8"
+    )
+
+
+# --- what is refused ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"release": ()}, "release = "),
+        ({"seconds": 0.01}, "fewer than 10 samples"),
+        ({"arm": "loose"}, "expected 'free' or 'clamped'"),
+        ({"voltage": 6.0}, r"fracid\.Multisine"),
+        ({"counts": 2}, "counts a turn"),
+        ({"noise": -1.0}, "0 or more"),
+        ({"limits": {"theta": 0.0}}, "above 0"),
+        ({"initial_state": "moving"}, "'rest', 'held' or 'estimate'"),
+    ],
+)
+def test_what_no_experiment_can_have_is_refused(change, told):
+    with pytest.raises(InputError, match=told):
+        fracid.DesignSpace(**{"release": 90, **change})
+
+
+@pytest.mark.parametrize(
+    ("space", "options", "told"),
+    [
+        ({}, {"of": ("muu",)}, "there is no 'muu'"),
+        ({}, {"of": ("C4",)}, "C4 is fixed"),
+        ({}, {"against": "friction"}, "expected 'integer'"),
+        ({}, {"criterion": "E"}, "expected one of D, A, Ds, T"),
+        ({}, {"against": "integer", "orders": {"lambda": 1.0, "mu": 1.0}}, "Every order is an integer"),
+        ({"limits": {"beta": 1.0}}, {}, "unknown output in limits"),
+        ({"limits": {"alpha": 1e-3}}, {}, "None of the 8 candidates is possible"),
+        ({"release": 0.0}, {}, "There is no candidate"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(space, options, told):
+    with pytest.raises(InputError, match=told):
+        fracid.design(RIG, replace(SPACE, **space), **{"free": FREE, "orders": ORDERS, **options})
+
+
+def test_a_sum_of_information_is_that_of_independent_experiments():
+    one = Information(np.diag([1.0, 4.0]), np.diag([1.0, 4.0]))
+    assert (one + one).covariance(np.ones(2)) == pytest.approx(np.diag([0.5, 0.125]))
