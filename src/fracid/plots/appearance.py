@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -161,6 +162,7 @@ def _brief(label: str) -> str:
     return label
 
 
+@lru_cache(1000)
 def text_width(text: str, size: float) -> float:
     """How long a line of text is [pt], formulas included."""
     from matplotlib.textpath import TextPath
