@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from fracid.solver.trajectory import Outcome, Trajectory
     from fracid.tasks.job import Task
     from fracid.tasks.journal import Journal
+    from fracid.tasks.observer import Observer
     from fracid.tasks.tasks import run_tasks
     from fracid.twins.twin import Twin
     from fracid.validation.monte_carlo import NoiseStudy, noise_study
@@ -61,7 +62,6 @@ if TYPE_CHECKING:
     from fracid.workflows.comparison import FinishedComparison, run_comparison
     from fracid.workflows.fit import FinishedRun, run
     from fracid.workflows.monte_carlo import FinishedNoiseStudy, run_noise_study
-    from fracid.workflows.observer import Observer
     from fracid.workflows.posterior_draws import FinishedPosterior, run_posterior
     from fracid.workflows.profiles import FinishedProfiles, run_profiles
     from fracid.workflows.residuals import FinishedResiduals, run_residuals
@@ -91,7 +91,7 @@ _HOME = {
     "Multisine": "experiments.excitation",
     "NoiseStudy": "validation.monte_carlo",
     "NotTrusted": "errors",
-    "Observer": "workflows.observer",
+    "Observer": "tasks.observer",
     "Outcome": "solver.trajectory",
     "Parameter": "models",
     "Plan": "experiments.plan",

@@ -68,6 +68,7 @@ FORMER = {
     "fracid.triangle": "qr",
     "fracid.twin_recording": "twins.twin recording.writing",
     "fracid.uncertainty": "estimation.covariance signals.correlation",
+    "fracid.workflows.observer": "tasks.observer",
 }
 """Former module → the modules of :mod:`fracid` that hold what was in it."""
 

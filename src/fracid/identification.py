@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +71,10 @@ from fracid.selection.integer_rival import Alternative, claimable, in_proportion
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.solver.methods import METHODS
+from fracid.tasks.display import unless_given
+from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
+from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.validation.after_search import after, failed
 from fracid.validation.before_search import before
@@ -107,6 +111,7 @@ def identify(
     options: Mapping[str, Any] | None = None,
     alternatives: Mapping[str, Problem] | None = None,
     fixed_step: bool | None = None,
+    observer: Observer | None = None,
 ) -> Fit:
     """Identify the unknowns of a problem.
 
@@ -128,7 +133,7 @@ def identify(
     log : EvaluationLog, optional
         Gets each evaluation as it ends.
     callback : function (best evaluation so far, number of evaluations) -> None
-        Called after each batch.
+        Called after each batch of the search; the cost is infinite as long as a part of the record is fitted.
     cut : bool
         Also find how far the orders move with where the record begins: about as many more searches as there are
         treatments of its past (:func:`fracid.cut_check`).
@@ -144,6 +149,8 @@ def identify(
     fixed_step : bool, optional
         Whether the step stays as it is; else it is halved until the discretisation check is quiet.  A problem's
         stays if nothing is said, a project's where it says ``substeps``.
+    observer : Observer, optional
+        Hears each stage as it begins, and how far the search is; in a notebook it is shown if left out.
 
     Returns
     -------
@@ -184,25 +191,56 @@ def identify(
     executor_from_name(executor)
     entry = optimiser_from_name(optimiser or "multistart")
     fixed_step = (project is None or project.fixed_step) if fixed_step is None else fixed_step
-    clock, watch, rng = _Clock(), Watch(log, callback), np.random.default_rng(seed)
     whole = whole_records(project) if cut and project is not None else {}
     reports = None if project is None else {r.name: r.report for r in project.recordings}
+    rng, options, starts = np.random.default_rng(seed), dict(options or {}), 1 if starts is None else starts
+    watching = unless_given(observer)
+    clock = _Clock(watching.stage)
+    clock.begin("checks of the data", "look")
     seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
-    clock.lap("look")
+    clock.begin("search", "search")
     work = problem if entry.keeps_its_own else coarse_problem(problem)
-    result, attempts = search(work, entry, rng, jobs=jobs, starts=1 if starts is None else starts, watch=watch,
-                              options=dict(options or {}), executor=executor, journal=journal)  # fmt: skip
-    clock.lap("search")
+    with _counted(work, entry, watching, callback) as tell:
+        watch = Watch(log, tell)
+        result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
+                                  executor=executor, journal=journal)  # fmt: skip
     analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
-                         alternatives=alternatives or {}, multi_start=1 if starts is None else starts,
-                         fixed_step=fixed_step, sampled=problem)  # fmt: skip
-    if not np.isfinite(result.best.cost):
+                         alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
+                         sampled=problem)  # fmt: skip
+    if result.interrupted:
+        watching.interrupted()
+    elif not np.isfinite(result.best.cost):
         analysis.known = Failure(FailureReason.RUN, "every run failed")
         analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
         analysis.seen += failed(work, result.best.point)
-    elif not result.interrupted:
+    else:
         _examine(analysis, validation, whole if cut else None, jobs, clock)
+    if analysis.interrupted:
+        watching.interrupted()
+    clock.end()
+    watching.stage("")
     return _fit(analysis, watch.count, clock.laps)
+
+
+@contextmanager
+def _counted(
+    problem: Problem, entry: Entry, observer: Observer, callback: Callable[[Evaluation, int], None] | None
+) -> Iterator[Callable[[Evaluation, int], None]]:
+    """Evaluations, time and the best cost so far, for an observer; and for the caller's own callback."""
+    start_time = time.perf_counter()
+    units = {e.units.get(n, "rad") if e.deviation is None else "" for e in problem.experiments for n in problem.outputs}
+    unit = units.pop() if problem.cost_function.name == "rmse" and len(units) == 1 else ""
+    with observer.progress("evaluations") as tell:
+
+        def count(best: Evaluation, evaluations: int) -> None:
+            if callback is not None:
+                callback(best, evaluations)
+            if tell is not None:
+                seconds, finite = time.perf_counter() - start_time, math.isfinite(best.cost)
+                tell(Progress(evaluations, entry.evaluations, 0, seconds, best.cost if finite else None, unit,
+                              "" if finite else best.reason))  # fmt: skip
+
+        yield count
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
@@ -320,56 +358,57 @@ def _examine(
     """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
     unpolished = analysis.optimiser.keeps_its_own
     try:
+        clock.begin("bounds", "bounds")
         analysis.open_bounds(jobs)
-        clock.lap("bounds")
+        clock.begin("all samples", "correction")
         analysis.correct(jobs)
-        clock.lap("correction")
+        clock.begin("intervals", "uncertainty")
         analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
-        clock.lap("uncertainty")
+        clock.begin("check of the step", "discretisation")
         analysis.with_quiet_step(jobs)
-        clock.lap("discretisation")
         problem, x = analysis.problem, analysis.result.best.point
+        clock.begin("identifiability", "uncertainty")
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
-        clock.lap("uncertainty")
+        clock.begin("checks of the fit", "honesty")
         analysis.seen += [
             f for f in after(problem, x, analysis.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
         ]  # whose polishing says more, below
         if analysis.restarts < RESTARTS and (lower := _onward(analysis, jobs)) is not None:
             analysis.restart(lower)
             return _examine(analysis, validation, whole, jobs, clock)
-        clock.lap("honesty")
+        clock.begin("validation", "validation")
         for e in validation:
             analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, jobs)
             analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
-        clock.lap("validation")
         if analysis.check is not None:
             analysis.warnings.append(analysis.check.warning)
             analysis.seen += coarse_step(problem, analysis.check)
+        clock.begin("each recording alone", "spread")
         if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
             analysis.spread = spread(problem, x, jobs=jobs)
             analysis.warnings += analysis.spread.sentences()
-        clock.lap("spread")
+        clock.begin("least squares from the best point", "polish")
         if unpolished and problem.cost_function.loss is not None:
             polished = uninterrupted(refined(problem, x, jobs, Watch())).best
             analysis.warnings.append(_stopped_short(problem, analysis.result.best, polished, analysis.known))
-        clock.lap("polish")
+        clock.begin("integer-order alternative", "alternative")
         _claim(analysis, jobs)
-        clock.lap("alternative")
+        clock.begin("search from the integer-order model", "nested")
         if (lower := _from_nested(analysis, jobs)) is not None:
             if analysis.restarts < RESTARTS:
                 analysis.restart(lower)
                 return _examine(analysis, validation, whole, jobs, clock)
             # converged is only what nothing nested in it beats
             analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
-        clock.lap("nested")
+        clock.end()
         if whole is not None:
+            clock.begin("where the record begins", "cut")
             analysis.cut = cut_check(analysis.at_every_sample(problem), x, analysis.known, whole=whole, jobs=jobs)
             analysis.warnings += (
                 [f"The cut was not checked: {analysis.cut}."]
                 if isinstance(analysis.cut, Failure)
                 else analysis.cut.warnings
             )
-            clock.lap("cut")
     except KeyboardInterrupt:
         analysis.interrupted = True
 
@@ -510,15 +549,23 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
 
 
 class _Clock:
-    """Seconds per stage."""
+    """Says which stage begins, and counts the seconds of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[str], None]) -> None:
         self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self._tell, self._stage, self._last = tell, "", time.perf_counter()
 
-    def lap(self, stage: str) -> None:
+    def begin(self, name: str, key: str) -> None:
+        """A stage, and where its seconds count."""
+        self.end()
+        self._stage = key
+        self._tell(name)
+
+    def end(self) -> None:
         now = time.perf_counter()
-        self.laps[stage], self._last = self.laps.get(stage, 0.0) + now - self._last, now
+        if self._stage:
+            self.laps[self._stage] = self.laps.get(self._stage, 0.0) + now - self._last
+        self._stage, self._last = "", now
 
 
 # --- what the minimum says -------------------------------------------------------------------------

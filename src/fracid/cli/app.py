@@ -45,6 +45,8 @@ __all__ = [
     "one_place",
     "open_page",
     "print_claim",
+    "print_entry",
+    "say",
     "say_next",
     "table",
     "typed",
@@ -207,12 +209,37 @@ def one_place(executor: str | None, scheduler: str | None) -> str | None:
     return scheduler or executor
 
 
+def say(console: Any, text: str, first: str = "", indent: int = 0) -> None:
+    """Print a sentence, in rich's markup: broken between words on a terminal, in one line where programs read.
+
+    `first` stands before it, such as a mark; further lines begin `indent` columns in.
+    """
+    from rich.padding import Padding
+    from rich.table import Table
+
+    if not console.is_terminal or not indent:
+        console.print(f"{first}{text}", soft_wrap=not console.is_terminal)
+        return
+    grid = Table.grid(padding=0)
+    grid.add_column(width=indent, no_wrap=True)
+    grid.add_column()
+    grid.add_row(first, text)
+    console.print(Padding(grid, 0, expand=False))
+
+
+def print_entry(console: Any, heading: str, text: str) -> None:
+    """Print a line with a heading in its first nine columns, as ``result   runs/rig/result.json``."""
+    from rich.markup import escape
+
+    say(console, escape(text), f"{heading:9}", 9)
+
+
 def print_claim(console: Any, claim: str, reasons: Sequence[str]) -> None:
     """Print what is claimed of the rig, and why."""
     from rich.markup import escape
 
     colour = {"fractional": "green", "integer": "green"}.get(claim, "yellow")
-    console.print(f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(reasons))}", soft_wrap=True)
+    say(console, f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(reasons))}")
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:

@@ -12,6 +12,7 @@ import typer
 from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,19 +67,23 @@ def check(
     Exit code 0 if it is good or usable, 3 if it is unfit.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
-    from fracid.recording import inspect_recording
-    from fracid.workflows.overview import write_overview
+    with shown() as observer:
+        observer.stage("recording")
+        from fracid.recording import inspect_recording
+        from fracid.workflows.overview import write_overview
 
-    recording = inspect_recording(
-        file,
-        columns_from_texts(column),
-        time=time_from_text(time, rate),
-        start=start_from_text(start),
-        stop=stop,
-        variable=variable,
-        guess_units=True,
-    )
-    figure = write_overview(recording, out) if out is not None else None
+        recording = inspect_recording(
+            file,
+            columns_from_texts(column),
+            time=time_from_text(time, rate),
+            start=start_from_text(start),
+            stop=stop,
+            variable=variable,
+            guess_units=True,
+        )
+        if out is not None:
+            observer.stage("figure")
+        figure = write_overview(recording, out) if out is not None else None
     if json_:
         _print_json(recording, figure)
     else:

@@ -25,8 +25,8 @@ from fracid.cli.app import (
 )
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
-from fracid.cli.progress import on_terminal
 from fracid.errors import DataError
+from fracid.tasks.display import shown
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -97,11 +97,12 @@ def compare(
     from fracid.workflows.comparison import run_comparison
 
     place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
-    finished = run_comparison(
-        project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, starts=multi_start, keep=keep or (),
-        rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs,
-        observer=on_terminal(events=json_), command=sys.argv[1:],
-    )  # fmt: skip
+    with shown(events=json_) as observer:
+        finished = run_comparison(
+            project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, starts=multi_start, keep=keep or (),
+            rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs, observer=observer,
+            command=sys.argv[1:],
+        )  # fmt: skip
     if json_:
         typer.echo(finished.path.read_text(encoding="utf-8").rstrip("\n"))
     else:

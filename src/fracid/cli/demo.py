@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
-from fracid.cli.fit import say_undrawn, show_fit
-from fracid.cli.progress import on_terminal
+from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from fracid.workflows.fit import FinishedRun
 
 __all__ = ["TRUE_ORDERS", "demo"]
@@ -52,7 +55,6 @@ def demo(
     Ctrl-C ends it (exit code 1).
     """
     from fracid.report import write_index
-    from fracid.workflows.fit import run
 
     folder = out or Path("runs") / "demo"
     console = new_console(file=sys.stderr if json_ else sys.stdout)
@@ -62,12 +64,14 @@ def demo(
         twin = "paper" if name == "paper-on-paper" else "reference"
         project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
-        ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs,
-                  observer=on_terminal(events=json_), command=sys.argv[1:])  # fmt: skip
+        with beginning(), shown(events=json_, result=partial(_show, console=console)) as observer:
+            observer.stage("recording")
+            from fracid.workflows.fit import run  # here: it takes a second to import
+
+            ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs, observer=observer,
+                      command=sys.argv[1:])  # fmt: skip
         results[name] = ran.result
-        show_fit(ran, console)
-        for sentence in _truth(ran):
-            console.print(f"  {sentence}", soft_wrap=True)
+        show_figures(ran, console)
         if ran.undrawn:
             say_undrawn(ran)
         if ran.interrupted:
@@ -79,6 +83,12 @@ def demo(
     else:
         open_page(page, open_)
         say_next(console, (typed("check", "FILE"), "a recording of your own"))
+
+
+def _show(run: FinishedRun, console: Console) -> None:
+    show_fit(run, console)
+    for sentence in _truth(run):
+        console.print(f"  {sentence}", soft_wrap=True)
 
 
 def _truth(run: FinishedRun) -> list[str]:

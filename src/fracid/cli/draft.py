@@ -13,6 +13,7 @@ from fracid.cli.check import column_from_text, columns_from_texts, time_from_tex
 from fracid.cli.completion import COLUMNS, key_of, one_of
 from fracid.errors import InputError
 from fracid.safety.text import printable
+from fracid.tasks.display import shown
 
 __all__ = ["init"]
 
@@ -50,8 +51,6 @@ def init(
     Asks what the columns are, with what it guesses as the answer; with --column, --yes or without a terminal it takes
     the guess and says so.
     """
-    from fracid.workflows.draft import write_draft
-
     target = out or Path(f"{file.stem}.toml")
     if target.exists() and not force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
@@ -59,7 +58,12 @@ def init(
     columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
     if columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
-    for note in write_draft(file, target, columns, time=clock, variable=variable, rig=rig).notes:
+    with shown() as observer:
+        observer.stage("project")
+        from fracid.workflows.draft import write_draft  # here: it takes a second to import
+
+        draft = write_draft(file, target, columns, time=clock, variable=variable, rig=rig)
+    for note in draft.notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))
     say_next(new_console(), (typed("fit", target), "after a look at every line of it"))

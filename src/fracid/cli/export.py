@@ -10,6 +10,7 @@ import typer
 
 from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next
 from fracid.cli.completion import key_of
+from fracid.tasks.display import shown
 
 __all__ = ["export"]
 
@@ -55,10 +56,12 @@ def export(
     state-space: the model of integer order, by Oustaloup's filter, as matrices, with its poles and its linear models
     about hanging and upright.
     """
-    from fracid.export import export_run
-    from fracid.runs.saved import load_run
+    with shown() as observer:
+        observer.stage("files")
+        from fracid.export import export_run  # here: it takes a second to import
+        from fracid.runs.saved import load_run
 
-    bundle = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
+        bundle = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:
         record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
         echo_json(record)

@@ -9,6 +9,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Out, Trust, app
 from fracid.cli.completion import key_of, one_of
 from fracid.safety.text import printable
+from fracid.tasks.display import shown
 
 __all__ = ["draw"]
 
@@ -65,7 +66,10 @@ def draw(
     a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig itself, to scale,
     with the zeros and positive senses of both angles.
     """
-    from fracid.workflows.redrawing import redraw
+    with shown() as observer:
+        observer.stage("figures")
+        from fracid.workflows.redrawing import redraw  # here: it takes a second to import
 
-    for path in redraw(source, style=style, formats=formats or ("pdf",), zero=zero, trust=trust, out=out, jobs=jobs):
+        paths = redraw(source, style=style, formats=formats or ("pdf",), zero=zero, trust=trust, out=out, jobs=jobs)
+    for path in paths:
         typer.echo(printable(f"figure   {path}"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,14 +22,16 @@ from fracid.cli.app import (
     new_console,
     one_place,
     print_claim,
+    print_entry,
+    say,
     say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
-from fracid.cli.progress import on_terminal
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
+from fracid.tasks.display import shown
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.workflows.fit import FinishedRun
 
-__all__ = ["fit", "say_undrawn", "show_fit", "tell_fit"]
+__all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_fit"]
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
@@ -97,24 +101,36 @@ def fit(
     Ctrl-C keeps the best so far; the same command, or fracid resume, goes on.  Exit code 0 if the search ended, 1 if it
     was interrupted, 3 if no run of the model reached the end of the recording.
     """
-    from fracid.workflows.fit import run
+    place = one_place(executor, scheduler)
+    with beginning(), shown(events=json_, result=None if json_ else show_fit) as observer:
+        observer.stage("recordings")
+        from fracid.workflows.fit import run  # here: it takes a second to import
 
-    finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
-                   cut=cut, executor=one_place(executor, scheduler), trust=trust,
-                   observer=on_terminal(events=json_), command=sys.argv[1:])  # fmt: skip
+        finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
+                       cut=cut, executor=place, trust=trust, observer=observer, command=sys.argv[1:])  # fmt: skip
     tell_fit(finished, json_=json_)
+
+
+@contextmanager
+def beginning() -> Iterator[None]:
+    """Ctrl-C in a search keeps its best, and in what follows the result; what comes out of a fit was before both."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write("Interrupted before the search: nothing was written.\n")
+        raise typer.Exit(Unfinished.exit_code) from None
 
 
 # ------------------------------------------------------------------ from results to text
 
 
 def tell_fit(run: FinishedRun, *, json_: bool) -> None:
-    """Print the result, and end with the command's exit code."""
+    """Print what came after the result, or all of it as JSON, and end with the command's exit code."""
     if json_:
         echo_json(run.result)
     else:
         console = new_console()
-        show_fit(run, console)
+        show_figures(run, console)
         if isfinite(run.fit.cost) and not run.interrupted and not run.undrawn:
             _say_next(run, console)
     if run.undrawn:
@@ -148,11 +164,27 @@ def _say_next(run: FinishedRun, console: Console) -> None:
     )
 
 
-def show_fit(run: FinishedRun, console: Console) -> None:
-    """Print the tables, the warnings and where everything is."""
+def show_figures(run: FinishedRun, console: Console) -> None:
+    """Print where the figures are, in one line, and the page."""
     from rich.markup import escape
 
+    figures = [path for path in run.figures if path.suffix == ".png"]
+    if figures:
+        names = ", ".join(path.stem for path in figures)
+        print_entry(console, "figures", f"{figures[0].parent}: {names}; PNG and SVG")
+    for path in run.figures:
+        if path.suffix == ".html":
+            console.print(f"report   {escape(str(path))}", soft_wrap=True)
+
+
+def show_fit(run: FinishedRun, console: Console | None = None) -> None:
+    """Print the tables, the warnings and where the result is; the figures and the page are yet to come."""
+    from rich.markup import escape
+
+    console = console or new_console()
     p, fit = run.fit.problem, run.fit
+    if run.interrupted:
+        say(console, "[bold yellow]PARTIAL[/]: the fit was interrupted. These are the best values so far, no result.")
     print_claim(console, fit.claim, fit.claim_reasons)
     console.print(
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
@@ -181,10 +213,6 @@ def show_fit(run: FinishedRun, console: Console) -> None:
             soft_wrap=True,
         )
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
-    for path in run.figures:
-        if path.suffix in (".png", ".html"):
-            what = "report" if path.suffix == ".html" else "figure"
-            console.print(f"{what}   {escape(str(path))}", soft_wrap=True)
 
 
 def _print_estimates(console: Console, fit: Fit) -> None:

@@ -12,8 +12,8 @@ import typer
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
-from fracid.cli.progress import on_terminal
 from fracid.errors import InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -85,11 +85,12 @@ def noise(
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
     from fracid.workflows.monte_carlo import run_noise_study
 
-    finished = run_noise_study(
-        source, levels=grid[0], resolutions=grid[1], seeds=seeds, cost=cost, optimiser=optimiser,
-        executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
-        observer=on_terminal(events=json_), command=sys.argv[1:],
-    )  # fmt: skip
+    with shown(events=json_) as observer:
+        finished = run_noise_study(
+            source, levels=grid[0], resolutions=grid[1], seeds=seeds, cost=cost, optimiser=optimiser,
+            executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
+            observer=observer, command=sys.argv[1:],
+        )  # fmt: skip
     if json_:
         echo_json(finished.result)
     else:

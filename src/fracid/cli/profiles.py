@@ -12,6 +12,7 @@ from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, echo_json, 
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import Failure, InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,8 +57,9 @@ def profile(
     """
     from fracid.workflows.profiles import run_profiles
 
-    finished = run_profiles(source, parameters=parameter, joint=_pair(joint), points=points, trust=trust, out=out,
-                            seed=seed, jobs=jobs)  # fmt: skip
+    with shown(events=json_) as observer:
+        finished = run_profiles(source, parameters=parameter, joint=_pair(joint), points=points, trust=trust, out=out,
+                                seed=seed, jobs=jobs, observer=observer)  # fmt: skip
     if json_:
         echo_json(finished.result)
     else:

@@ -13,6 +13,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import ZEROS, key_of, one_of
 from fracid.errors import DataError, InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -103,18 +104,20 @@ def regress(
     identified, 3 if none was.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
-    from fracid.workflows.regression import run_regression
-
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
     if source.suffix == ".toml" and (options_used := [n for n, v in options.items() if v is not None]):
         raise InputError(f"--{options_used[0]} is for a recording; the project file says it of each of its own.")
-    finished = run_regression(
-        source, known=each_once("--known", map(_value_of("known"), known or ())),
-        orders=each_once("--order", map(_value_of("order"), order or ())), terms=term or (),
-        estimator=estimator.value, cutoff=cutoff, each=each, start=start_from_text(start), stop=stop,
-        columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable, rig=rig, zero=zero,
-        trust=trust, out=out,
-    )  # fmt: skip
+    with shown() as observer:
+        observer.stage("regression")
+        from fracid.workflows.regression import run_regression  # here: it takes a second to import
+
+        finished = run_regression(
+            source, known=each_once("--known", map(_value_of("known"), known or ())),
+            orders=each_once("--order", map(_value_of("order"), order or ())), terms=term or (),
+            estimator=estimator.value, cutoff=cutoff, each=each, start=start_from_text(start), stop=stop,
+            columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable, rig=rig, zero=zero,
+            trust=trust, out=out,
+        )  # fmt: skip
     if json_:
         echo_json(finished.result)
     else:

@@ -9,6 +9,7 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
+from fracid.tasks.display import shown
 
 __all__ = ["report"]
 
@@ -37,9 +38,11 @@ def report(
     The page is one file and loads nothing from the network.  Profiles and the ladder of structures are on it
     where fracid profile and fracid compare wrote them into the folder.
     """
-    from fracid.report import INDEX, write_report
+    with shown() as observer:
+        observer.stage("page")
+        from fracid.report import INDEX, write_report  # here: it takes a second to import
 
-    path = write_report(run, jobs=jobs, out=out, trust=trust)
+        path = write_report(run, jobs=jobs, out=out, trust=trust)
     typer.echo(printable(f"report   {path}"))
     if open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)

@@ -15,8 +15,8 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console
 from fracid.cli.app import table as new_table
-from fracid.cli.progress import on_terminal
 from fracid.safety.environment import ignore_settings
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -54,9 +54,8 @@ def reproduce(
     from fracid.workflows.reproduction import reproduce_run
 
     start_time = time.perf_counter()
-    reproduction = reproduce_run(
-        run, trust=trust, out=out, jobs=jobs, observer=on_terminal(events=json_), typed=_typed_again
-    )
+    with shown(events=json_) as observer:
+        reproduction = reproduce_run(run, trust=trust, out=out, jobs=jobs, observer=observer, typed=_typed_again)
     if json_:
         echo_json(reproduction.to_json())
     else:

@@ -12,6 +12,7 @@ from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_ne
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
+from fracid.tasks.display import shown
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -55,7 +56,8 @@ def resid(
     """
     from fracid.workflows.residuals import run_residuals
 
-    finished = run_residuals(run, recordings=recording, outputs=output, trust=trust, out=out)
+    with shown(events=json_) as observer:
+        finished = run_residuals(run, recordings=recording, outputs=output, trust=trust, out=out, observer=observer)
     if json_:
         echo_json(finished.result)
     else:

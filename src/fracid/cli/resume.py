@@ -16,10 +16,10 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
 from fracid.cli.completion import key_of
-from fracid.cli.fit import tell_fit
-from fracid.cli.progress import on_terminal
+from fracid.cli.fit import show_fit, tell_fit
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
+from fracid.tasks.display import shown
 
 __all__ = ["resume"]
 
@@ -61,8 +61,8 @@ def resume(
         _typed_again(run, jobs, executor, scheduler, json_, trust)
         return
     if not state.finished:
-        finished = resume_run(run, executor=executor or scheduler, jobs=jobs, trust=trust,
-                              observer=on_terminal(events=json_))  # fmt: skip
+        with shown(events=json_, result=None if json_ else show_fit) as observer:
+            finished = resume_run(run, executor=executor or scheduler, jobs=jobs, trust=trust, observer=observer)
         tell_fit(finished, json_=json_)
         return
     result = finished_result(run)

@@ -14,8 +14,8 @@ from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_js
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text
 from fracid.cli.completion import ZEROS, from_run, key_of, one_of
-from fracid.cli.progress import on_terminal
 from fracid.errors import InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -122,8 +122,9 @@ def simulate(
                    released=input_ is None and not initial)  # fmt: skip
     twin = _changed(twin, order, set_, initial, end=end, step=step, hold=hold, method=method, substeps=substeps)
     twin = twin if input_ is None else _driven(twin, input_, end)
-    simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states, to=to,
-                              out=out, force=force, observer=on_terminal(events=json_))  # fmt: skip
+    with shown(events=json_) as observer:
+        simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states,
+                                  to=to, out=out, force=force, observer=observer)  # fmt: skip
     if json_:
         echo_json({**simulated.result, "files": [str(path) for path in simulated.files]})
     else:

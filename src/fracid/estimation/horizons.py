@@ -54,6 +54,14 @@ class Watch:
     log: EvaluationLog | None = None
     callback: Callable[[Evaluation, int], None] | None = None
     count: int = 0
+    best: Evaluation | None = None
+    """The lowest on the whole record."""
+
+    def lowest(self, best: Evaluation, part: str) -> Evaluation:
+        """What the callback gets: costs of a part of the record are lower, and would make the best so far rise."""
+        if not part and (self.best is None or best.cost < self.best.cost):
+            self.best = best
+        return self.best or replace(best, cost=np.inf, residuals=None, reason=part)
 
 
 def growing(problem: Problem, x: FloatArray, jobs: int, watch: Watch, also: Sequence[FloatArray] = ()) -> Result:
@@ -66,13 +74,13 @@ def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options:
     return minimised(problem, _descent(problem, x, **options), jobs, watch)
 
 
-def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch) -> Result:
-    """Run an optimiser on a problem, watched."""
+def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, part: str = "") -> Result:
+    """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
     before = watch.count
 
     def callback(best: Evaluation, evaluations: int) -> None:
         if watch.callback is not None:
-            watch.callback(best, before + evaluations)
+            watch.callback(watch.lowest(best, part), before + evaluations)
 
     result = minimise(
         problem.evaluate, optimiser, jobs=jobs,
@@ -115,7 +123,8 @@ def grown_horizon(
         options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
         paths = [Path() for _ in live]
         descents = [_descent(at, w.x, **options) for w in live]
-        result = minimised(at, lockstep(descents, paths), jobs, watch)
+        part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
+        result = minimised(at, lockstep(descents, paths), jobs, watch, part)
         for way, path in zip(live, paths, strict=True):
             _advance(way, path, live, number == 0, last, f"{horizon:.3g} s")
         if result.interrupted and not last:

@@ -164,7 +164,7 @@ def _sobol_starts(
         evaluations.extend((yield points))
         return Outcome.GENERATIONS_DONE
 
-    minimised(problem.until(next(horizons(problem))), score(), jobs, watch)
+    minimised(problem.until(next(horizons(problem))), score(), jobs, watch, "starts on the first swing")
     order = sorted(range(len(evaluations)), key=lambda i: evaluations[i].cost)  # an interrupted one has scored nothing
     return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
 

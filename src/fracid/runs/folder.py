@@ -27,7 +27,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -56,6 +56,7 @@ __all__ = [
     "Run",
     "RunState",
     "cut_short",
+    "discard",
     "inputs_of",
     "moved_project",
     "open_folder",
@@ -384,6 +385,28 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
         except OSError as error:
             raise _unwritable(folder, error) from None
     return folder
+
+
+def discard(folder: Path) -> None:
+    """Remove what an interrupted run wrote before it had anything to keep, and the folder where nothing else is in it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()) / "rig"
+    >>> with open_run(folder, "fit", {}):
+    ...     pass
+    >>> discard(folder)
+    >>> folder.exists()
+    False
+    """
+    for path in (*(folder / name for name in (RUN, "environment.json", EVALUATIONS, MEMO)), *_figures(folder)):
+        path.unlink(missing_ok=True)
+    with suppress(OSError):  # what others put there stays
+        for place in (folder / FIGURES, folder):
+            if place.is_dir() and {path.name for path in place.iterdir()} <= {".lock"}:
+                (place / ".lock").unlink(missing_ok=True)
+                place.rmdir()
 
 
 def _unwritable(folder: Path, error: OSError) -> FracidError:

@@ -19,6 +19,7 @@ be written, nothing is kept.
 from __future__ import annotations
 
 import hashlib
+import logging
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
@@ -32,6 +33,10 @@ from numba import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 __all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "helper", "kept", "when_called"]
+
+LOG = logging.getLogger("fracid.compilation")
+"""Hears when something has to be compiled."""
+LOG.setLevel(logging.INFO)
 
 SOURCES = ("solver/*.py", "models/*.py", "export/recursion.py")
 """The modules that loops are made of; ``tests/solver/test_compilation.py`` looks for others."""
@@ -127,10 +132,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        try:
-            return super().load_overload(signature, target)
-        except Exception:  # what was read is whole, and yet cannot be used
-            return None
+        overload = None
+        with suppress(Exception):  # what was read is whole, and yet cannot be used
+            overload = super().load_overload(signature, target)
+        if overload is None:
+            LOG.info("compiling")
+        return overload
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         with suppress(OSError):  # no room, no right to write: it is compiled again the next time

@@ -71,6 +71,10 @@ class Progress:
     """Since this process began [s]."""
     best: float | None = None
     """The lowest ``cost`` among the results, where they have one."""
+    unit: str = ""
+    """Of `best`, where it has one."""
+    note: str = ""
+    """What is being done, where that changes."""
 
     @property
     def rate(self) -> float:

@@ -20,12 +20,13 @@ from fracid.schemas.result import AlternativeBlock
 from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import Comparison, compare
 from fracid.selection.ladder import BUILT_IN, ladder
+from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.journal import Journal
+from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.fit import loaded
-from fracid.workflows.observer import SILENT, Observer
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def run_comparison(
     jobs: int = 1,
     executor: str = "threads",
     trust: bool = False,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
     command: Sequence[str] | None = None,
 ) -> FinishedComparison:
     """Fit every structure to a project's recordings, and write the folder: what ``fracid compare`` does.
@@ -110,6 +111,8 @@ def run_comparison(
     Traceback (most recent call last):
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
+    watching = unless_given(observer)
+    watching.stage("recordings")
     project = loaded(project, preset, trust)
     folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
     options: dict[str, Any] = {
@@ -123,16 +126,20 @@ def run_comparison(
     study = _study(project, options)
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
+    watching.stage("fits")
     with (
         one_blas_thread(),
         Journal(folder / JOURNAL, study, _fault(project, options)) as journal,
-        observer.progress("fits") as tell,
+        watching.progress("fits") as tell,
     ):
         for note in journal.notes:
-            observer.notice(note)
+            watching.notice(note)
         comparison = compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
-    return FinishedComparison(project, comparison, folder, _written(comparison, project, record, folder), record)
+    watching.stage("figures")
+    figures = _written(comparison, project, record, folder)
+    watching.stage("")
+    return FinishedComparison(project, comparison, folder, figures, record)
 
 
 def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from fracid.errors import InputError
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import file_stems
+from fracid.tasks.observer import Observer
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -37,7 +38,7 @@ Figures = Iterator[tuple[str, "Figure"]]
 
 
 @contextmanager
-def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
+def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit, Observer], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
     from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
     from multiprocessing import get_context
@@ -52,9 +53,9 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
     with deaf_to_ctrl_c():
         rig = _submitted(beside, _draw_rig, model, folder)  # starts it
 
-    def draw(fit: Fit) -> tuple[Path, ...]:
+    def draw(fit: Fit, observer: Observer) -> tuple[Path, ...]:
         with _ended_with_this(beside):
-            return _draw(fit, project, folder, jobs, beside, rig)
+            return _draw(fit, project, folder, jobs, beside, rig, observer)
 
     try:
         with _ended_with_this(beside):
@@ -95,20 +96,26 @@ def _draw(
     jobs: int,
     beside: ProcessPoolExecutor | None,
     rig: Future[tuple[Path, ...]] | None,
+    observer: Observer,
 ) -> tuple[Path, ...]:
     """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
     from fracid.estimation.cost_plane import cost_plane, reaches
     from fracid.report import write_report
 
     recordings = fit.recordings, project.resolutions, folder
+    observer.stage("figures")
     future = _submitted(beside, _draw_recordings, *recordings)
     rest = saved(of_search(fit), folder)
     if isfinite(fit.cost):
         two = len(fit.problem.order_indices) >= 2
+        if two:
+            observer.stage("cost over the orders")
         reach = reaches(fit.problem, fit.x, fit.orders) if two else 0.0
         plane = cost_plane(fit.problem, fit.x, reach=reach, jobs=jobs) if two else None
         rest += saved(of_plane(fit, plane, folder), folder) if plane is not None else ()
+        observer.stage("page")
         rest += (write_report(folder, fit, project, plane=plane, jobs=jobs),)
+    observer.stage("figures of the recordings")
     first = _awaited(rig, _draw_rig, fit.problem.model, folder)
     return first + _awaited(future, _draw_recordings, *recordings) + rest
 

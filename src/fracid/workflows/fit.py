@@ -15,13 +15,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
 from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, Unfinished, at_least
-from fracid.optimise import MOST_STARTS, Evaluation, EvaluationLog, Outcome, optimiser_from_name
+from fracid.findings import Finding
+from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
     EVALUATIONS,
@@ -29,18 +29,20 @@ from fracid.runs.folder import (
     STARTS,
     Run,
     cut_short,
+    discard,
     inputs_of,
     open_run,
     refuse_anothers,
     write_result,
 )
 from fracid.schemas.run_record import fault_of_end
-from fracid.tasks.job import Progress, free_memory, one_blas_thread
+from fracid.tasks.display import unless_given
+from fracid.tasks.job import free_memory, one_blas_thread
 from fracid.tasks.journal import Journal
+from fracid.tasks.observer import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.figures import drawing
-from fracid.workflows.observer import SILENT, Observer
 from fracid.workflows.records import command_of
 
 if TYPE_CHECKING:
@@ -90,7 +92,7 @@ def run(
     resume: bool = False,
     trust: bool = False,
     figures: bool = True,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
     command: Sequence[str] | None = None,
 ) -> FinishedRun:
     """Identify what a project leaves free, and write the run folder: what ``fracid fit`` does.
@@ -122,7 +124,8 @@ def run(
     figures : bool
         Draw the figures and write the report, as the command does; ``fracid draw`` and ``fracid report`` do it later.
     observer : Observer, optional
-        Hears notices, and how far the search is.
+        Hears notices, each stage, how far the search is, and the result before its figures; in a notebook they are
+        shown if it is left out.
     command : sequence of str, optional
         What environment.json says was typed; if left out, the command that does the same.
 
@@ -162,7 +165,8 @@ def run(
     >>> finished.result["optimiser"], sorted(path.name for path in finished.folder.glob("*.json"))
     ('least-squares', ['environment.json', 'result.json', 'run.json'])
     """
-    start_time = time.perf_counter()
+    start_time, watching = time.perf_counter(), unless_given(observer)
+    watching.stage("recordings")
     if isinstance(project, Project):
         preset = preset or project.preset
     project = loaded(project, preset, trust)
@@ -174,34 +178,44 @@ def run(
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
     if not resume and cut_short(folder, "fit", request, inputs):
-        observer.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
+        watching.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
         resume = True
     words = _command(project, out, request) if command is None else command
+    with one_blas_thread():
+        laps = {"load": time.perf_counter() - start_time}
+        findings = _checked(project, jobs, watching)
+        laps["look"] = time.perf_counter() - start_time - laps["load"]
+    searching = True
     with (
         one_blas_thread(),
+        _nothing_left(folder, lambda: searching and not resume),
         open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
         drawing(project, folder, jobs) if figures else nullcontext(_undrawn) as draw,
     ):
-        laps = {"load": time.perf_counter() - start_time}
-        fit = _identified(project, opened, jobs, observer, optimiser=name, seed=seed, starts=starts, cut=cut,
+        fit = _identified(project, opened, jobs, watching, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip
-        laps |= fit.timing
+        searching = False
+        laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
         interrupted = Outcome.INTERRUPTED.value in fit.outcome
+        seconds = time.perf_counter() - start_time
+        watching.result(FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume))
         pictures: tuple[Path, ...] = ()
         undrawn = ""
         try:
             write_time = time.perf_counter()
-            pictures = draw(fit)
+            pictures = draw(fit, watching)
             laps["figures"] = time.perf_counter() - write_time
             laps["total"] = time.perf_counter() - start_time
             result = write_result(folder, fit, project, laps)
             if not interrupted:
                 opened.finish()
         except KeyboardInterrupt:
+            watching.interrupted()
             interrupted, undrawn = True, "Interrupted while the figures were drawn."
         except (InputError, Unfinished, OSError, MemoryError) as error:
             undrawn = str(error) or "There is not enough memory for the figures."
+    watching.stage("")
     seconds = laps.get("total", time.perf_counter() - start_time)
     return FinishedRun(project, fit, folder, pictures, result, interrupted, seconds, undrawn, resume)
 
@@ -248,32 +262,52 @@ def _command(project: Project, out: str | Path | None, request: Mapping[str, Any
     return command_of("fit", project.path, {"out": out, **options, **more})
 
 
-def _undrawn(_fit: Fit) -> tuple[Path, ...]:
+@contextmanager
+def _nothing_left(folder: Path, nothing: Callable[[], bool]) -> Iterator[None]:
+    """Ctrl-C before the search has simulated anything leaves no folder behind."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if nothing():
+            discard(folder)
+        raise
+
+
+def _undrawn(_fit: Fit, _observer: Observer) -> tuple[Path, ...]:
     return ()
 
 
-def _identified(project: Project, run: Run, jobs: int, observer: Observer, *, optimiser: str, **options: Any) -> Fit:
-    """Identify; what was simulated before a resumption is read from the folder."""
-    from fracid.identification import identify  # not above: the process that draws starts while this is imported
-    from fracid.validation.before_search import before
+def _checked(project: Project, jobs: int, observer: Observer) -> tuple[Finding, ...]:
+    """Faults of the data, said now, for a search may take its time to find nothing; before an earlier run is lost."""
+    from fracid.validation.before_search import before  # here: numba takes a second to import
 
+    observer.stage("checks of the data")
     reports = {r.name: r.report for r in project.recordings}
     findings = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    for finding in findings:
+        observer.notice(str(finding))
+    return findings
+
+
+def _identified(
+    project: Project, run: Run, jobs: int, observer: Observer, findings: tuple[Finding, ...], *, optimiser: str,
+    **options: Any,
+) -> Fit:  # fmt: skip
+    """Identify; what was simulated before a resumption is read from the folder."""
+    from fracid.identification import identify  # not above: the process that draws starts while this is imported
+
     for note in _short_of_room(project, run.folder):
         observer.notice(note)
-    for finding in findings:  # now, for a search may take its time to find nothing
-        observer.notice(str(finding))
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
-        _counted(optimiser, observer) as callback,
         Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
         _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
             observer.notice(note)
         remembering = replace(project, problem=replace(project.problem, memo=memo))
-        fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, callback=callback,
-                       journal=journal, seen=findings, **options)  # fmt: skip
+        fit = identify(remembering, optimiser=optimiser, jobs=jobs, log=log, journal=journal, seen=findings,
+                       observer=observer, **options)  # fmt: skip
     return replace(fit, problem=replace(fit.problem, memo=project.problem.memo))
 
 
@@ -314,18 +348,3 @@ def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
             f"What {run.folder} had simulated cannot be used: the program has changed, or the machine was restarted, "
             "since. It begins again."
         )
-
-
-@contextmanager
-def _counted(optimiser: str, observer: Observer) -> Iterator[Callable[[Evaluation, int], None]]:
-    """Evaluations, time and the best cost so far."""
-    start_time = time.perf_counter()
-    total = optimiser_from_name(optimiser).evaluations  # most stop when they have converged
-    with observer.progress("evaluations") as tell:
-
-        def callback(best: Evaluation, evaluations: int) -> None:
-            if tell is not None:
-                cost = best.cost if isfinite(best.cost) else None
-                tell(Progress(evaluations, total, 0, time.perf_counter() - start_time, cost))
-
-        yield callback

@@ -26,10 +26,11 @@ from fracid.runs.folder import FIGURES, JOURNAL, open_folder
 from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
 from fracid.schemas.study import fault_of_repetition
+from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.journal import Journal
+from fracid.tasks.observer import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
-from fracid.workflows.observer import SILENT, Observer
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
 
 __all__ = ["FinishedNoiseStudy", "run_noise_study"]
@@ -79,7 +80,7 @@ def run_noise_study(
     seed: int = 1,
     jobs: int = 1,
     angles: bool = False,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
     command: Sequence[str] | None = None,
 ) -> FinishedNoiseStudy:
     """Identify a model's own noisy simulations many times, and write the folder: what ``fracid noise`` does.
@@ -130,8 +131,9 @@ def run_noise_study(
     source = Path(source)
     options = {"seeds": seeds, "cost": cost, "optimiser": optimiser, "executor": executor, "seed": seed}
     words = _command(source, out, levels, resolutions, options | {"trust": trust}) if command is None else command
+    watching = unless_given(observer)
     with one_blas_thread():
-        truth = _truth_of(source, jobs, trust)
+        truth = _truth_of(source, jobs, trust, watching)
         if angles:
             _refuse_other_units(truth.problem)
         folder = _folder(source) if out is None else Path(out)
@@ -139,9 +141,13 @@ def run_noise_study(
             truth.problem, truth.x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, cost=cost,
             optimiser=optimiser or truth.optimiser, starts=truth.starts,
         )  # fmt: skip
-        study = _studied(plan, truth, folder, executor, jobs, observer, words)
+        watching.stage("repetitions")
+        study = _studied(plan, truth, folder, executor, jobs, watching, words)
+    watching.stage("figures")
     record = study.to_json() | {"source": str(source)}
-    return FinishedNoiseStudy(study, folder, _written(study, record, folder), record)
+    figures = _written(study, record, folder)
+    watching.stage("")
+    return FinishedNoiseStudy(study, folder, figures, record)
 
 
 def _folder(source: Path) -> Path:
@@ -186,18 +192,21 @@ class _Truth:
     """Of the project file, with its own code."""
 
 
-def _truth_of(source: Path, jobs: int, trust: bool) -> _Truth:
+def _truth_of(source: Path, jobs: int, trust: bool, observer: Observer) -> _Truth:
     if source.suffix != ".toml":
         refuse_mistaken(source, "run")
     if not source.is_dir():
-        return _of_project(source, jobs, trust)
+        return _of_project(source, jobs, trust, observer)
+    observer.stage("run")
     run = load_run(source, trust=trust)
     return _truth(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
 
 
-def _of_project(path: Path, jobs: int, trust: bool) -> _Truth:
+def _of_project(path: Path, jobs: int, trust: bool, observer: Observer) -> _Truth:
     """Fit a project, without what comes after the search."""
+    observer.stage("recordings")
     project = load_project(path, trust=trust)
+    observer.stage("search")
     rng = np.random.default_rng(project.seed)
     result, _ = search(project.problem, optimiser_from_name(project.optimiser), rng, jobs=jobs, starts=project.starts)
     if result.interrupted:

@@ -24,8 +24,10 @@ from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import LikelihoodBlock
+from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
+from fracid.tasks.observer import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.workflows.records import json_document, write_files
 
@@ -63,6 +65,7 @@ def run_profiles(
     out: str | Path | None = None,
     seed: int = 1,
     jobs: int = 1,
+    observer: Observer | None = None,
 ) -> FinishedProfiles:
     """Profile unknowns, look at them in every other way, and write it down: what ``fracid profile`` does.
 
@@ -82,6 +85,8 @@ def run_profiles(
         Of the bootstrap.
     jobs : int
         Threads; the result is the same for any number.
+    observer : Observer, optional
+        Hears each stage as it begins.
 
     Raises
     ------
@@ -102,15 +107,20 @@ def run_profiles(
     if source.suffix != ".toml":
         refuse_mistaken(source, "run")
     folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
+    watching = unless_given(observer)
     with one_blas_thread():
-        fitted, x = _fitted(source, seed, jobs, trust)
+        fitted, x = _fitted(source, seed, jobs, trust, watching)
+    watching.stage("profiles")
     with one_blas_thread(), _remembered(folder) as memo:
         problem = replace(fitted, memo=memo)
         likelihood = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
+        watching.stage("intervals")
         precision = uncertainty(problem, likelihood.x, jobs=jobs)
+        watching.stage("bootstrap")
         resampling = (
             precision if isinstance(precision, Failure) else bootstrap(problem, likelihood.x, seed=seed, jobs=jobs)
         )
+        watching.stage("identifiability")
         verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
         record = as_json(LikelihoodBlock, likelihood.to_json() | {
@@ -120,9 +130,11 @@ def run_profiles(
             "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
             "seed": seed,
         })  # fmt: skip
+        watching.stage("figures")
         figures = _written(likelihood, record, folder)
         if isinstance(memo, Memo):
             memo.remove()
+    watching.stage("")
     return FinishedProfiles(replace(likelihood, problem=fitted), resampling, verdicts, folder, figures, record)
 
 
@@ -140,12 +152,13 @@ def _remembered(folder: Path) -> Iterator[Memo | None]:
         yield memo
 
 
-def _fitted(source: Path, seed: int, jobs: int, trust: bool) -> tuple[Problem, FloatArray]:
+def _fitted(source: Path, seed: int, jobs: int, trust: bool, observer: Observer) -> tuple[Problem, FloatArray]:
     """A run's problem and its values; a project's, fitted now."""
     if source.is_dir():
+        observer.stage("run")
         loaded_run = load_run(source, trust=trust)
         return loaded_run.problem, loaded_run.x
-    fit = identify(load_project(source, trust=trust), seed=seed, jobs=jobs)
+    fit = identify(load_project(source, trust=trust), seed=seed, jobs=jobs, observer=observer)
     if not isfinite(fit.cost):
         raise DataError(f"{source}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
     return fit.problem, fit.x

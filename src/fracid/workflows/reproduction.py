@@ -6,7 +6,6 @@ again by whom the caller names, for only a command line reads them.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,14 +17,15 @@ from fracid.runs.reproduction import Reproduction, compared, reproduce
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import Block, lines_of, read_as
 from fracid.schemas.run_record import StudyLine
+from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
-from fracid.tasks.job import Progress, one_blas_thread
-from fracid.workflows.observer import SILENT, Observer
+from fracid.tasks.job import one_blas_thread
+from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 
 if TYPE_CHECKING:
-    from fracid.optimise import Evaluation
+    pass
 
 __all__ = ["reproduce_run"]
 
@@ -43,7 +43,7 @@ def reproduce_run(
     trust: bool = False,
     out: Path | None = None,
     jobs: int = 1,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
 ) -> Reproduction:
     """Do a run or a study again, and compare the results value by value.
 
@@ -79,7 +79,7 @@ def reproduce_run(
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is not None and not (run / "result.json").exists():
         return _study_again(run, study, typed, trust, out, jobs)
-    rerun = _fit_again(run, trust, jobs, observer)
+    rerun = _fit_again(run, trust, jobs, unless_given(observer))
     if out is not None:
         words = command_of("reproduce", run, {"out": out})
         write_files(open_folder(out, words), {"result.json": json_document(rerun.result)})
@@ -87,14 +87,8 @@ def reproduce_run(
 
 
 def _fit_again(run: Path, trust: bool, jobs: int, observer: Observer) -> Reproduction:
-    start_time = time.perf_counter()
-    with one_blas_thread(), observer.progress("evaluations") as tell:
-
-        def callback(_best: Evaluation, evaluations: int) -> None:
-            if tell is not None:
-                tell(Progress(evaluations, None, 0, time.perf_counter() - start_time, None))
-
-        return reproduce(run, trust=trust, jobs=jobs, callback=callback)
+    with one_blas_thread():
+        return reproduce(run, trust=trust, jobs=jobs, observer=observer)
 
 
 def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | None, jobs: int) -> Reproduction:

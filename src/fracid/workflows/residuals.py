@@ -13,7 +13,9 @@ from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import as_json
 from fracid.safety.text import file_stems
 from fracid.schemas.residuals import ResidualsBlock
+from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
+from fracid.tasks.observer import Observer
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.records import json_document, write_files
@@ -58,6 +60,7 @@ def run_residuals(
     outputs: Sequence[str] | None = None,
     trust: bool = False,
     out: str | Path | None = None,
+    observer: Observer | None = None,
 ) -> FinishedResiduals:
     """Test the residuals of a fit, and write the result: what ``fracid resid`` does.
 
@@ -71,6 +74,8 @@ def run_residuals(
         Run Python code that the project refers to.  Review it first.
     out : str or Path, optional
         The folder; that of the run if left out.
+    observer : Observer, optional
+        Hears each stage as it begins.
 
     Raises
     ------
@@ -85,7 +90,8 @@ def run_residuals(
     Traceback (most recent call last):
     fracid.errors.InputError: ...
     """
-    source = Path(run)
+    source, watching = Path(run), unless_given(observer)
+    watching.stage("run")
     with one_blas_thread():
         loaded_run = load_run(source, trust=trust)
         for what, names, there in (
@@ -95,13 +101,17 @@ def run_residuals(
             for name in names or ():
                 if name not in there:
                     raise unknown_name(f"{what} of {source}", name, there)
+        watching.stage("tests of the residuals")
         analyses = {
             name: {n: residual_analysis(loaded_run.recordings[name], n, loaded_run.resolutions[name])
                    for n in loaded_run.problem.outputs if not outputs or n in outputs}
             for name in loaded_run.recordings if not recordings or name in recordings
         }  # fmt: skip
     folder = source if out is None else Path(out)
-    return FinishedResiduals(loaded_run, analyses, folder, _written(loaded_run, analyses, folder))
+    watching.stage("figures")
+    figures = _written(loaded_run, analyses, folder)
+    watching.stage("")
+    return FinishedResiduals(loaded_run, analyses, folder, figures)
 
 
 def _record(run: SavedRun, analyses: Analyses) -> dict[str, Any]:

@@ -27,8 +27,8 @@ from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
+from fracid.tasks.observer import Observer
 from fracid.workflows.fit import FinishedRun, run
-from fracid.workflows.observer import SILENT, Observer
 
 __all__ = [
     "ADDRESS",
@@ -56,7 +56,7 @@ def resume_run(
     executor: str | None = None,
     jobs: int = 1,
     trust: bool = False,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
 ) -> FinishedRun:
     """Resume an interrupted fit: no finished work is repeated, and the result is the same.
 

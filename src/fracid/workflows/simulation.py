@@ -22,8 +22,9 @@ from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import load_run
 from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.solver.trajectory import Trajectory
+from fracid.tasks.display import unless_given
+from fracid.tasks.observer import Observer
 from fracid.twins.twin import Twin
-from fracid.workflows.observer import SILENT, Observer
 from fracid.workflows.records import json_document, write_files
 
 __all__ = ["SimulatedRecording", "driven", "simulate_twin", "twin_of"]
@@ -167,7 +168,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
 
 def simulate_twin(
     twin: Twin, source: str, *, noise: Mapping[str, float], counts: int, seed: int, states: bool, to: Path | None,
-    out: Path | None, force: bool, observer: Observer = SILENT,
+    out: Path | None, force: bool, observer: Observer | None = None,
 ) -> SimulatedRecording:  # fmt: skip
     """Simulate a twin and write what its encoders would have recorded, a figure, and the truth.
 
@@ -198,16 +199,21 @@ def simulate_twin(
     file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
     assert file is not None
     _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))
+    watching = unless_given(observer)
+    watching.stage("simulation")
     run, warned = _run(twin)
     for sentence in warned:
-        observer.notice(sentence)
+        watching.notice(sentence)
     if not run.completed:
         advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
                         f"{advice}")  # fmt: skip
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
-    return SimulatedRecording(twin, run, recording, record, _written(recording, record, file, folder))
+    watching.stage("figure")
+    paths = _written(recording, record, file, folder)
+    watching.stage("")
+    return SimulatedRecording(twin, run, recording, record, paths)
 
 
 def _stem(source: str) -> str:

@@ -1,19 +1,24 @@
-"""What a workflow says while it works: notices, and how far it is."""
+"""What long work says before it ends: notices, the stage that it is in, how far it is, and its result."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 from fracid.tasks.job import Progress
 
-__all__ = ["SILENT", "Observer"]
+__all__ = ["SILENT", "Observer", "Tell"]
 
 Tell = Callable[[Progress], None]
 
 
-def _unheard(_notice: str) -> None:
+def _unheard(_: Any) -> None:
+    pass
+
+
+def _unasked() -> None:
     pass
 
 
@@ -25,12 +30,14 @@ def _unseen(_what: str) -> AbstractContextManager[Tell | None]:
 class Observer:
     """Who hears what a workflow has to say before it ends; nobody, where nothing is given.
 
+    In a notebook the workflows and :func:`fracid.identify` show their stages below the cell if no observer is given.
+
     Examples
     --------
     >>> Observer(notice=print).notice("The last line of the log was cut off in writing.")
     The last line of the log was cut off in writing.
 
-    A bar of ``tqdm`` in a notebook:
+    A bar of ``tqdm``:
 
     >>> from contextlib import contextmanager
     >>> @contextmanager
@@ -41,10 +48,16 @@ class Observer:
     """
 
     notice: Callable[[str], None] = _unheard
-    """Gets each sentence that should be read now: a fault of the data, a fit that is gone on with."""
+    """Gets each sentence that should be read now: a fault of the data, a fit that is resumed."""
     progress: Callable[[str], AbstractContextManager[Tell | None]] = _unseen
     """Gets what is counted, ``evaluations``, ``fits`` or ``repetitions``; gives a context that lasts as long as the
     counting, and in it the function that gets each progress, with ``done``, ``total``, ``seconds`` and ``best``."""
+    stage: Callable[[str], None] = _unheard
+    """Gets the name of each stage as it begins: ``search``, ``intervals``, ``figures``; the one before has ended."""
+    interrupted: Callable[[], None] = _unasked
+    """Called when Ctrl-C has ended the stage."""
+    result: Callable[[Any], None] = _unheard
+    """Gets the finished run as soon as its result is written, before its figures and its page."""
 
 
 SILENT = Observer()

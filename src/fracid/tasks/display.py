@@ -1,0 +1,387 @@
+"""Stages and counts of long work, shown: on a terminal, in a notebook, or as one JSON object a line.
+
+On a terminal the stage that runs is a line at its foot; one that has ended stays above, with what it came to::
+
+    ✓ search · 556 evaluations · 0.056° · 1.8 s
+    ⠋ integer-order alternative · 3 s
+
+The time left is there only where the number of what is counted is known.  A stage of less than :data:`BRIEF` seconds
+that counts nothing is not shown.  Terminals get it on standard error, which leaves standard output to the result.
+
+An event is one of::
+
+    {"event": "stage", "name": "search", "seconds": 1.1}
+    {"event": "progress", "what": "repetitions", "done": 12, "total": 300, "earlier": 0,
+     "seconds": 3.2, "rate": 3.75, "left": 76.8, "best": null}
+
+with ``earlier`` of `done` from before a resumption, ``rate`` a second, ``left`` seconds, and ``best`` the lowest cost
+so far; null for what is not known.  Progress comes once a second at most, and once at the end.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Protocol, TextIO
+
+from fracid.safety.text import printable
+from fracid.tasks.job import Progress
+from fracid.tasks.observer import SILENT, Observer, Tell
+from fracid.units import with_unit
+
+__all__ = ["duration", "in_notebook", "shown", "unless_given"]
+
+EVERY = 1.0
+"""Between two events [s]."""
+
+BRIEF = 0.4
+"""Up to which a stage is not worth a line [s]."""
+
+SLOWEST = 0.25
+"""Between two updates of a notebook's output [s]."""
+
+COMPILING = "compiling, once on this machine"
+
+COMPILATION = logging.getLogger("fracid.compilation")
+"""Hears when something has to be compiled."""
+
+
+@dataclass
+class Stage:
+    """What is going on, and since when."""
+
+    name: str
+    began: float
+    what: str = ""
+    """What is counted."""
+    progress: Progress | None = None
+    note: str = ""
+
+    def text(self, *, ended: bool = False) -> str:
+        """The stage in a line, without its mark."""
+        seconds = time.monotonic() - self.began
+        parts = [self.name, *self._counts(), "" if ended else self.note, duration(seconds, fine=ended)]
+        left = None if self.progress is None or ended else self.progress.left
+        return " · ".join(p for p in (*parts, "" if left is None else f"{duration(left)} left") if p)
+
+    def _counts(self) -> Iterator[str]:
+        p = self.progress
+        if p is None:
+            return
+        what = "" if self.what == self.name else f" {self.what}"
+        yield f"{p.done:,}{what}" if p.total is None else f"{p.done:,} of {p.total:,}{what}"
+        yield p.note
+        if p.best is not None:
+            yield with_unit(p.best, p.unit) if p.unit else f"lowest cost {p.best:.4g}"
+
+    @property
+    def worth_a_line(self) -> bool:
+        return self.progress is not None or time.monotonic() - self.began > BRIEF
+
+
+def duration(seconds: float, *, fine: bool = False) -> str:
+    """Seconds as people read them.
+
+    Examples
+    --------
+    >>> duration(3.21), duration(3.21, fine=True), duration(200), duration(7300)
+    ('3 s', '3.2 s', '3 min 20 s', '2 h 2 min')
+    """
+    if seconds < 60:
+        return f"{seconds:.1f} s" if fine and seconds < 10 else f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+class Surface(Protocol):
+    """Where stages are shown."""
+
+    def begin(self, stage: Stage) -> None:
+        """A stage has begun."""
+
+    def update(self, stage: Stage) -> None:
+        """It has come further."""
+
+    def end(self, stage: Stage, mark: str) -> None:
+        """It has ended: with a tick, a cross, or no mark where no line is to stay."""
+
+    def notice(self, sentence: str) -> None:
+        """Something that should be read now."""
+
+
+class Display:
+    """Turns what an :class:`Observer` hears into stages on a surface."""
+
+    def __init__(self, surface: Surface, result: Callable[[Any], None] | None = None) -> None:
+        self._surface, self._stage, self._result = surface, Stage("", 0.0), result
+        self._mark = "✓"
+        self._compilation = _Compiling(self)
+
+    @property
+    def observer(self) -> Observer:
+        """What a workflow speaks to."""
+        return Observer(self._surface.notice, self.progress, self.stage, self.interrupted, self.result)
+
+    def stage(self, name: str) -> None:
+        """The stage before has ended, this one begins; none, for an empty name."""
+        self.close(self._mark)
+        if name:
+            self._stage = Stage(name, time.monotonic())
+            self._surface.begin(self._stage)
+            COMPILATION.addHandler(self._compilation)
+
+    def close(self, mark: str) -> None:
+        """The stage has ended."""
+        stage, self._stage, self._mark = self._stage, Stage("", 0.0), "✓"
+        if stage.name:
+            COMPILATION.removeHandler(self._compilation)
+            self._surface.end(stage, mark)
+
+    @contextmanager
+    def progress(self, what: str) -> Iterator[Tell | None]:
+        """Count, in the stage there is or in one of its own."""
+        alone = not self._stage.name
+        if alone:
+            self.stage(what)
+        stage = self._stage
+        stage.what = what
+
+        def tell(p: Progress) -> None:
+            stage.progress = p
+            self._surface.update(stage)
+
+        yield tell
+        if alone and self._stage is stage:
+            self.stage("")
+
+    def interrupted(self) -> None:
+        """The stage ends with a cross."""
+        self._mark = "✗"
+
+    def result(self, run: Any) -> None:
+        """The result is there: it may be printed now."""
+        self.stage("")
+        if self._result is not None:
+            self._result(run)
+
+    def compiling(self) -> None:
+        """What runs is compiled first."""
+        self._stage.note = COMPILING
+        self._surface.update(self._stage)
+
+
+class _Compiling(logging.Handler):
+    def __init__(self, display: Display) -> None:
+        super().__init__(logging.INFO)
+        self._display = display
+
+    def emit(self, record: logging.LogRecord) -> None:  # noqa: ARG002
+        self._display.compiling()
+
+
+# ------------------------------------------------------------------ surfaces
+
+
+class Terminal:
+    """One line that changes, and above it what has ended."""
+
+    def __init__(self, stream: TextIO) -> None:
+        from rich.console import Console
+
+        self._console = Console(file=stream, highlight=False)
+        self._clear: Callable[[], None] = lambda: None
+
+    def begin(self, stage: Stage) -> None:
+        from rich.live import Live
+        from rich.spinner import Spinner
+        from rich.table import Table
+        from rich.text import Text
+
+        spinner = Spinner("dots")
+
+        def line() -> Table:
+            grid = Table.grid(padding=(0, 1))
+            grid.add_column(no_wrap=True)
+            grid.add_column(no_wrap=True, overflow="ellipsis")
+            grid.add_row(spinner, Text(printable(stage.text())))
+            return grid
+
+        live = Live(get_renderable=line, console=self._console, transient=True, refresh_per_second=5,
+                    redirect_stdout=False, redirect_stderr=False)  # fmt: skip
+        later = threading.Timer(BRIEF, live.start)
+        later.daemon = True
+        later.start()
+
+        def clear() -> None:
+            later.cancel()
+            later.join()
+            live.stop()
+
+        self._clear = clear
+
+    def update(self, stage: Stage) -> None:
+        """The line is drawn anew five times a second."""
+
+    def end(self, stage: Stage, mark: str) -> None:
+        from rich.text import Text
+
+        self._clear()
+        if mark and stage.worth_a_line:
+            text = Text.assemble((mark, "green" if mark == "✓" else "yellow"), " ", printable(_ended(stage, mark)))
+            self._console.print(text, soft_wrap=True)
+
+    def notice(self, sentence: str) -> None:
+        from rich.text import Text
+
+        self._console.print(Text(printable(sentence)), soft_wrap=not self._console.is_terminal)
+
+
+class Notebook:
+    """All stages in one output below the cell."""
+
+    def __init__(self) -> None:
+        from IPython.display import display
+
+        self._lines: list[str] = []
+        self._last = 0.0
+        self._output: Any = display(self._bundle(""), raw=True, display_id=True)  # type: ignore[no-untyped-call]
+
+    def begin(self, stage: Stage) -> None:
+        self._show(f"… {stage.name}")
+
+    def update(self, stage: Stage) -> None:
+        if time.monotonic() - self._last > SLOWEST:
+            self._show(f"… {stage.text()}")
+
+    def end(self, stage: Stage, mark: str) -> None:
+        if mark and stage.worth_a_line:
+            self._lines.append(f"{mark} {_ended(stage, mark)}")
+        self._show("")
+
+    def notice(self, sentence: str) -> None:
+        self._lines.append(sentence)
+        self._show("")
+
+    def _show(self, line: str) -> None:
+        self._last = time.monotonic()
+        self._output.update(self._bundle(line), raw=True)
+
+    def _bundle(self, line: str) -> dict[str, str]:
+        text = printable("\n".join([*self._lines, line]).strip("\n"))
+        return {"text/plain": text, "text/html": f'<pre style="white-space:pre-wrap">{escape(text)}</pre>'}
+
+
+class Events:
+    """For programs: a JSON object a line."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream, self._began = stream, time.monotonic()
+        self._last, self._unwritten = -EVERY, False
+
+    def begin(self, stage: Stage) -> None:
+        self._write({"event": "stage", "name": stage.name, "seconds": round(time.monotonic() - self._began, 3)})
+
+    def update(self, stage: Stage) -> None:
+        self._unwritten = True
+        if time.monotonic() - self._last >= EVERY:
+            self._last = time.monotonic()
+            self._counted(stage)
+
+    def end(self, stage: Stage, mark: str) -> None:  # noqa: ARG002 (as every surface)
+        if self._unwritten:
+            self._counted(stage)
+        self._last = -EVERY
+
+    def notice(self, sentence: str) -> None:
+        self._stream.write(printable(f"{sentence}\n"))
+
+    def _counted(self, stage: Stage) -> None:
+        p, self._unwritten = stage.progress, False
+        if p is not None:
+            numbers = {"done": p.done, "total": p.total, "earlier": p.earlier, "seconds": p.seconds, "rate": p.rate,
+                       "left": p.left}  # fmt: skip
+            rounded = {k: round(v, 3) if isinstance(v, float) else v for k, v in numbers.items()}
+            self._write({"event": "progress", "what": stage.what, **rounded, "best": p.best})
+
+    def _write(self, event: dict[str, Any]) -> None:
+        self._stream.write(json.dumps(event) + "\n")
+        self._stream.flush()
+
+
+def _ended(stage: Stage, mark: str) -> str:
+    return stage.text(ended=True) + (" · interrupted" if mark == "✗" else "")
+
+
+# ------------------------------------------------------------------ who looks on
+
+
+@contextmanager
+def shown(
+    *, events: bool = False, stream: TextIO | None = None, result: Callable[[Any], None] | None = None
+) -> Iterator[Observer]:
+    """Show stages and progress while the block runs, where somebody looks on.
+
+    Parameters
+    ----------
+    events : bool
+        For programs: JSON lines, terminal or not.
+    stream : file, optional
+        Standard error if left out.
+    result : function, optional
+        Gets the finished run as soon as its result is written.
+
+    Examples
+    --------
+    >>> with shown(events=True, stream=sys.stdout) as observer, observer.progress("repetitions") as tell:
+    ...     tell(Progress(done=3, total=4, earlier=1, seconds=2.0))
+    {"event": "stage", "name": "repetitions", "seconds": 0.0}
+    {"event": "progress", "what": "repetitions", "done": 3, "total": 4, "earlier": 1,
+     "seconds": 2.0, "rate": 1.0, "left": 1.0, "best": null}
+    """
+    stream = sys.stderr if stream is None else stream
+    if not events and not stream.isatty():
+        yield Observer(notice=lambda sentence: _write_line(stream, sentence), result=result or SILENT.result)
+        return
+    display = Display(Events(stream) if events else Terminal(stream), result)
+    try:
+        yield display.observer
+    except BaseException:
+        display.close("")
+        raise
+    display.stage("")
+
+
+def _write_line(stream: TextIO, sentence: str) -> None:
+    stream.write(printable(f"{sentence}\n"))
+
+
+def in_notebook() -> bool:
+    """Whether this is a notebook's kernel.
+
+    Examples
+    --------
+    >>> in_notebook()
+    False
+    """
+    ipython = sys.modules.get("IPython")
+    return getattr(ipython.get_ipython() if ipython is not None else None, "kernel", None) is not None
+
+
+def unless_given(observer: Observer | None) -> Observer:
+    """The observer that was given; else, in a notebook, one that shows the stages below the cell; else nobody.
+
+    Examples
+    --------
+    >>> unless_given(None) is SILENT
+    True
+    """
+    if observer is not None:
+        return observer
+    return Display(Notebook()).observer if in_notebook() else SILENT
