@@ -109,7 +109,7 @@ def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folde
     )
     assert code == 0
     assert out == before  # also: what the journal has gives the same numbers
-    assert all(json.loads(line)["event"] == "progress" for line in err.splitlines())
+    assert {json.loads(line)["event"] for line in err.splitlines()} == {"stage", "progress"}
 
 
 # --- going on -----------------------------------------------------------------------------------------------

@@ -127,7 +127,7 @@ def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, un
     with pytest.raises(SystemExit):
         main(["resid", str(good / "run"), "--recording", "again", "--json", "--out", str(tmp_path)])
     out, err = capsys.readouterr()
-    assert err == ""
+    assert [json.loads(line)["name"] for line in err.splitlines()] == ["run", "tests of the residuals", "figures"]
     assert out == (tmp_path / "residuals.json").read_text(encoding="utf-8")
     record = json.loads(out)
     jsonschema.validate(record, json.loads(json_schema("residuals.json")))

@@ -125,7 +125,7 @@ def test_a_notebook_shows_the_stages_below_the_cell_and_a_script_nothing(clock, 
     contents = []
 
     class Output:
-        update = staticmethod(lambda bundle, raw: contents.append(bundle["text/plain"]))  # noqa: ARG005
+        update = staticmethod(lambda bundle, raw: contents.append(bundle["text/plain"]))
 
     ipython = types.SimpleNamespace(get_ipython=lambda: types.SimpleNamespace(kernel=object()))
     shell = types.SimpleNamespace(display=lambda *_, **__: Output)

@@ -67,8 +67,7 @@ def check(
     Exit code 0 if it is good or usable, 3 if it is unfit.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
-    with shown() as observer:
-        observer.stage("recording")
+    with shown("recording") as observer:
         from fracid.recording import inspect_recording
         from fracid.workflows.overview import write_overview
 

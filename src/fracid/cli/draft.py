@@ -58,8 +58,7 @@ def init(
     columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
     if columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
-    with shown() as observer:
-        observer.stage("project")
+    with shown("project"):
         from fracid.workflows.draft import write_draft  # here: it takes a second to import
 
         draft = write_draft(file, target, columns, time=clock, variable=variable, rig=rig)

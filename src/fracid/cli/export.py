@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next
+from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say, say_next
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
+
+if TYPE_CHECKING:
+    from fracid.export import Export
 
 __all__ = ["export"]
 
@@ -56,21 +59,23 @@ def export(
     state-space: the model of integer order, by Oustaloup's filter, as matrices, with its poles and its linear models
     about hanging and upright.
     """
-    with shown() as observer:
-        observer.stage("files")
-        from fracid.export import export_run  # here: it takes a second to import
-        from fracid.runs.saved import load_run
+    from fracid.export import export_run
+    from fracid.runs.saved import load_run
 
+    with shown("files"):
         bundle = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
     if json_:
-        record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
-        echo_json(record)
-        return
+        echo_json({"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)})
+    else:
+        _show(bundle)
+
+
+def _show(bundle: Export) -> None:
     from rich.markup import escape
 
     console = new_console()
     for note in bundle.notes:
-        console.print(escape(note), soft_wrap=True)
+        say(console, escape(note))
     for path in bundle.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)
     if model := next((path for path in bundle.files if path.name == "model.m"), None):

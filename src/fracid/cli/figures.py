@@ -66,8 +66,7 @@ def draw(
     a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig itself, to scale,
     with the zeros and positive senses of both angles.
     """
-    with shown() as observer:
-        observer.stage("figures")
+    with shown("figures"):
         from fracid.workflows.redrawing import redraw  # here: it takes a second to import
 
         paths = redraw(source, style=style, formats=formats or ("pdf",), zero=zero, trust=trust, out=out, jobs=jobs)

@@ -102,8 +102,7 @@ def fit(
     was interrupted, 3 if no run of the model reached the end of the recording.
     """
     place = one_place(executor, scheduler)
-    with beginning(), shown(events=json_, result=None if json_ else show_fit) as observer:
-        observer.stage("recordings")
+    with beginning(), shown("recordings", events=json_, result=None if json_ else show_fit) as observer:
         from fracid.workflows.fit import run  # here: it takes a second to import
 
         finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,

@@ -107,8 +107,7 @@ def regress(
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
     if source.suffix == ".toml" and (options_used := [n for n, v in options.items() if v is not None]):
         raise InputError(f"--{options_used[0]} is for a recording; the project file says it of each of its own.")
-    with shown() as observer:
-        observer.stage("regression")
+    with shown("regression"):
         from fracid.workflows.regression import run_regression  # here: it takes a second to import
 
         finished = run_regression(

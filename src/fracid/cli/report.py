@@ -38,8 +38,7 @@ def report(
     The page is one file and loads nothing from the network.  Profiles and the ladder of structures are on it
     where fracid profile and fracid compare wrote them into the folder.
     """
-    with shown() as observer:
-        observer.stage("page")
+    with shown("page"):
         from fracid.report import INDEX, write_report  # here: it takes a second to import
 
         path = write_report(run, jobs=jobs, out=out, trust=trust)

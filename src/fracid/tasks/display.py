@@ -130,7 +130,9 @@ class Display:
         return Observer(self._surface.notice, self.progress, self.stage, self.interrupted, self.result)
 
     def stage(self, name: str) -> None:
-        """The stage before has ended, this one begins; none, for an empty name."""
+        """The stage before has ended, this one begins; none, for an empty name; one that goes on stays."""
+        if name and name == self._stage.name:
+            return
         self.close(self._mark)
         if name:
             self._stage = Stage(name, time.monotonic())
@@ -324,12 +326,18 @@ def _ended(stage: Stage, mark: str) -> str:
 
 @contextmanager
 def shown(
-    *, events: bool = False, stream: TextIO | None = None, result: Callable[[Any], None] | None = None
+    stage: str = "",
+    *,
+    events: bool = False,
+    stream: TextIO | None = None,
+    result: Callable[[Any], None] | None = None,
 ) -> Iterator[Observer]:
     """Show stages and progress while the block runs, where somebody looks on.
 
     Parameters
     ----------
+    stage : str
+        That begins with the block.
     events : bool
         For programs: JSON lines, terminal or not.
     stream : file, optional
@@ -350,6 +358,7 @@ def shown(
         yield Observer(notice=lambda sentence: _write_line(stream, sentence), result=result or SILENT.result)
         return
     display = Display(Events(stream) if events else Terminal(stream), result)
+    display.stage(stage)
     try:
         yield display.observer
     except BaseException:

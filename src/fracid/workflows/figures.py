@@ -38,7 +38,9 @@ Figures = Iterator[tuple[str, "Figure"]]
 
 
 @contextmanager
-def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit, Observer], tuple[Path, ...]]]:
+def drawing(
+    project: Project, folder: Path, jobs: int, observer: Observer
+) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
     from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
     from multiprocessing import get_context
@@ -53,7 +55,7 @@ def drawing(project: Project, folder: Path, jobs: int) -> Iterator[Callable[[Fit
     with deaf_to_ctrl_c():
         rig = _submitted(beside, _draw_rig, model, folder)  # starts it
 
-    def draw(fit: Fit, observer: Observer) -> tuple[Path, ...]:
+    def draw(fit: Fit) -> tuple[Path, ...]:
         with _ended_with_this(beside):
             return _draw(fit, project, folder, jobs, beside, rig, observer)
 

@@ -190,7 +190,7 @@ def run(
         one_blas_thread(),
         _nothing_left(folder, lambda: searching and not resume),
         open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
-        drawing(project, folder, jobs) if figures else nullcontext(_undrawn) as draw,
+        drawing(project, folder, jobs, watching) if figures else nullcontext(_undrawn) as draw,
     ):
         fit = _identified(project, opened, jobs, watching, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip
@@ -204,7 +204,7 @@ def run(
         undrawn = ""
         try:
             write_time = time.perf_counter()
-            pictures = draw(fit, watching)
+            pictures = draw(fit)
             laps["figures"] = time.perf_counter() - write_time
             laps["total"] = time.perf_counter() - start_time
             result = write_result(folder, fit, project, laps)
@@ -273,7 +273,7 @@ def _nothing_left(folder: Path, nothing: Callable[[], bool]) -> Iterator[None]:
         raise
 
 
-def _undrawn(_fit: Fit, _observer: Observer) -> tuple[Path, ...]:
+def _undrawn(_fit: Fit) -> tuple[Path, ...]:
     return ()
 
 
