@@ -26,6 +26,7 @@ from typing import Annotated, Any
 import typer
 
 from fracid._version import __version__
+from fracid.cli.completion import Group
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
@@ -66,6 +67,7 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 
 app = typer.Typer(
     name="fracid",
+    cls=Group,
     help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -248,7 +250,9 @@ def say_next(console: Any, *steps: tuple[str, str]) -> None:
 
     for place, (command, why) in enumerate(steps):
         heading = "next" if place == 0 else ""
-        console.print(f"{heading:8} {escape(command)}  [dim]{escape(why)}[/dim]", soft_wrap=True)
+        narrow = console.is_terminal and 11 + len(command) + len(why) > console.width
+        between = f"\n{'':9}" if narrow else "  "
+        console.print(f"{heading:8} {escape(command)}{between}[dim]{escape(why)}[/dim]", soft_wrap=True)
 
 
 def open_page(page: Path, choice: bool | None) -> bool:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, say, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -62,7 +62,7 @@ def check(
     jobs: Jobs = 1,
     json_: Json = False,
 ) -> None:
-    """Check a recording: its clock, its signals, its release, and whether it is fit for use.
+    """Check a recording: clock, signals, release, fitness for use.
 
     Exit code 0 if it is good or usable, 3 if it is unfit.
     """
@@ -89,9 +89,42 @@ def check(
         print_check(recording, figure)
     if recording.report.level != "unfit" and not json_:
         options = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
-        say_next(new_console(), (typed("init", file, *_again(options)), "writes a project of it, which runs as it is"))
+        _say_next(recording, options)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
+
+
+def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
+    steps = [(typed("init", recording.path, *_again(options)), "writes a project of it, which runs as it is")]
+    if columns := _in_doubt(recording):
+        given = options["--column"] or columns
+        with_units = [text if "unit=" in text else f"{text},unit=rad" for text in given]
+        steps.insert(0, (typed("check", recording.path, *_again({**options, "--column": with_units})),
+                         "if these are the columns and units; else change them: rad, deg, turns, counts"))  # fmt: skip
+    say_next(new_console(), *steps)
+
+
+def doubted(recording: Recording) -> frozenset[str]:
+    """The signals that are taken as radians because nothing says otherwise, not even an encoder's step."""
+    unsaid = {s.name for s in recording.report.signals if not s.counts_per_turn and s.unit == "rad"}
+    return (
+        recording.assumed
+        & unsaid
+        & {line.removesuffix(TAKEN) for line in recording.report.reading if line.endswith(TAKEN)}
+    )
+
+
+def _in_doubt(recording: Recording) -> list[str]:
+    """The columns of a rotary pendulum as ``--column`` takes them, where the unit of one is in doubt."""
+    from fracid.recording.guess import guess_columns
+
+    if not doubted(recording):
+        return []
+    try:
+        columns, _ = guess_columns(recording)
+    except InputError:  # nothing moves
+        return []
+    return [f"{name}={fields['column']},unit={fields.get('unit', 'rad')}" for name, fields in columns.items()]
 
 
 def _again(options: Mapping[str, Any]) -> list[str]:
@@ -180,21 +213,21 @@ def print_check(recording: Recording, figure: Path | None) -> None:
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
-    _print_signals(console, report)
+    _print_signals(console, report, doubted(recording))
     print_sketches(console, recording)
-    for note in islice(report.notes, MOST):
-        console.print(f"  • {escape(note)}", soft_wrap=True)
-    _print_rest(console, len(report.notes), "notes")
+    for note in _folded(report.notes)[:MOST]:
+        say(console, escape(note), "  • ", 4)
+    _print_rest(console, len(_folded(report.notes)), "notes")
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
     console.print(f"[bold {colour}]{escape(report.verdict)}[/]", soft_wrap=True)
     console.print(f"figure: {escape(str(figure))}" if figure else "[dim]figure: add --out DIR[/dim]", soft_wrap=True)
 
 
-def _print_signals(console: Console, report: Report) -> None:
+def _print_signals(console: Console, report: Report, in_doubt: Collection[str]) -> None:
     """A table; where the terminal is too narrow for one, a line each."""
     from rich.markup import escape
 
-    rows = report.signal_rows()[:MOST]
+    rows = report.signal_rows(in_doubt)[:MOST]
     narrowest = sum(
         2 + max(len(row[name]) for row in (*rows, {n: n for n in rows[0]})) for name in rows[0] if name != "rest"
     )
@@ -207,6 +240,13 @@ def _print_signals(console: Console, report: Report) -> None:
     for row in rows:
         table.add_row(*map(escape, row.values()))
     console.print(table)
+
+
+def _folded(notes: Iterable[str]) -> list[str]:
+    """Notes, of which those on units that nothing speaks for are one."""
+    unsaid = [note.removesuffix(TAKEN) for note in notes if note.endswith(TAKEN)]
+    together = [f"{', '.join(unsaid)}: no unit is given; taken as rad."] if len(unsaid) > 1 else []
+    return [note for note in notes if not together or not note.endswith(TAKEN)] + together
 
 
 def _print_rest(console: Console, count: int, what: str) -> None:
@@ -224,6 +264,9 @@ def print_sketches(console: Console, recording: Recording) -> None:
             console.print(f"  {escape(name if k == 0 else ''):{wide}} [cyan]{line}[/cyan]", soft_wrap=True)
     _print_rest(console, len(recording.signals), "signals")
 
+
+TAKEN = " has no unit: taken as rad."
+"""How the report ends its sentence on a unit that nothing speaks for."""
 
 MOST = 50
 """Signals, and notes, that are shown: nobody reads thousands."""

@@ -87,12 +87,12 @@ def compare(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Compare structures of friction, from viscous to presliding, drag and cable, with orders 1 and with orders free.
+    """Compare friction structures, with orders 1 and with orders free.
 
-    All are fitted alike to the recordings with use = "fit" and judged on those with use = "validate", where only the
-    initial state, and what a recording has for itself, are found again.  Writes compare.json, compare.csv and figures.
-    Interrupted, the same command resumes.  Exit code 0 if it is done, 3 if no run of any structure reaches
-    the end of the recordings.
+    From viscous to presliding, drag and cable.  All are fitted alike to the recordings with use = "fit" and judged on
+    those with use = "validate", where only the initial state, and what a recording has for itself, are found again.
+    Writes compare.json, compare.csv and figures. Interrupted, the same command resumes.  Exit code 0 if it is done, 3
+    if no run of any structure reaches the end of the recordings.
     """
     from fracid.workflows.comparison import run_comparison
 

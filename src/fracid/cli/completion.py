@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from fracid.safety.json_files import json_of, text_of
 
@@ -77,11 +77,32 @@ def key_of(table: str) -> Callable[[str], list[str]]:
     return complete
 
 
+def unlabelled(options: list[Any]) -> list[Any]:
+    """Options of which those that take no value say no type, where typer writes ``<bool>``."""
+    for option in options:
+        if getattr(option, "is_flag", False) and option.metavar is None:
+            option.metavar = ""
+    return options
+
+
+class Group(TyperGroup):
+    """The program."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Its options."""
+        return unlabelled(super().get_params(ctx))
+
+
 class WithTables(TyperCommand):
     """A command whose help has the names of the tables, read when somebody asks for it."""
 
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Its options."""
+        return unlabelled(super().get_params(ctx))
+
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write them out where an option's help has ``{methods}``."""
+        """Write them out where an option's help has ``{methods}``; lines of paragraphs are as long as there is room."""
+        self.help = "\n\n".join(" ".join(part.split()) for part in (self.help or "").split("\n\n"))
         for option in self.params:
             for table in TABLES:
                 if f"{{{table}}}" in (getattr(option, "help", None) or ""):

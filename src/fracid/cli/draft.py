@@ -46,10 +46,10 @@ def init(
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
 ) -> None:
-    """Write a commented project file for a recording of a rotary pendulum, which runs as it is.
+    """Write a commented project file for a recording, ready to run.
 
-    Asks what the columns are, with what it guesses as the answer; with --column, --yes or without a terminal it takes
-    the guess and says so.
+    For a rotary pendulum.  Asks what the columns are, with what it guesses as the answer; with --column, --yes or
+    without a terminal it takes the guess and says so.
     """
     target = out or Path(f"{file.stem}.toml")
     if target.exists() and not force:

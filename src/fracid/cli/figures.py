@@ -59,12 +59,12 @@ def draw(
     out: Out = None,
     jobs: Jobs = CORES,
 ) -> None:
-    """Draw the figures again: as wide as a journal's columns, as PDF with its fonts embedded.
+    """Draw the figures again, sized for journal columns, as PDF.
 
-    Of a run: the rig, measured and fitted, the residuals and what is tested of them, the cost over the orders, where
-    the starts ended, the cut, the linear models, and the profiles where fracid profile wrote them into the folder.  Of
-    a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig itself, to scale,
-    with the zeros and positive senses of both angles.
+    Fonts are embedded.  Of a run: the rig, measured and fitted, the residuals and what is tested of them, the cost over
+    the orders, where the starts ended, the cut, the linear models, and the profiles where fracid profile wrote them
+    into the folder.  Of a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig
+    itself, to scale, with the zeros and positive senses of both angles.
     """
     with shown("figures"):
         from fracid.workflows.redrawing import redraw  # here: it takes a second to import

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import floor, isfinite, log10
 from pathlib import Path
@@ -45,6 +46,9 @@ __all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
+
+FOLDED = 2
+"""Verdicts that more values than this share are said once."""
 
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -96,10 +100,11 @@ def fit(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Identify what a project leaves free, and write the run folder: result, log and figures.
+    """Identify what a project leaves free, and write the run folder.
 
-    Ctrl-C keeps the best so far; the same command, or fracid resume, goes on.  Exit code 0 if the search ended, 1 if it
-    was interrupted, 3 if no run of the model reached the end of the recording.
+    The folder holds result, log, figures and page.  Ctrl-C keeps the best so far; the same command, or fracid resume,
+    goes on.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the model reached the end of the
+    recording.
     """
     place = one_place(executor, scheduler)
     with beginning(), shown("recordings", events=json_, result=None if json_ else show_fit) as observer:
@@ -185,48 +190,75 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     if run.interrupted:
         say(console, "[bold yellow]PARTIAL[/]: the fit was interrupted. These are the best values so far, no result.")
     print_claim(console, fit.claim, fit.claim_reasons)
-    console.print(
+    say(
+        console,
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
         f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations, "
         f"{run.seconds:.1f} s: {escape(fit.outcome)}",
-        soft_wrap=True,
     )
     _print_estimates(console, fit)
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
-        console.print(f"  starts: {escape(_starts(fit))}", soft_wrap=True)
-    notes = [*fit.warnings, *run.project.notes]
+        say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
+    notes = _folded([*fit.warnings, *run.project.notes], fit.problem.outputs)
     for note in notes[:SHOWN]:
-        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+        say(console, escape(note), "[yellow]![/yellow] ", 2)
     if len(notes) > SHOWN:
-        console.print(f"[yellow]![/yellow] {len(notes) - SHOWN} more: on the page, and in result.json", soft_wrap=True)
+        say(console, f"{len(notes) - SHOWN} more: on the page, and in result.json", "[yellow]![/yellow] ", 2)
     if fit.discretisation is not None:
-        console.print(f"  discretisation: {escape(_discretisation(fit))}", soft_wrap=True)
+        say(console, f"discretisation: {escape(_discretisation(fit))}", "  ", 2)
     if fit.cut is not None and not fit.cut.warnings:
-        console.print(f"  cut: {escape(fit.cut.verdict)}", soft_wrap=True)
+        say(console, f"cut: {escape(fit.cut.verdict)}", "  ", 2)
     elif fit.cut is None and _begins_in_motion(fit):
-        console.print("  cut: a record begins in motion; --cut shows how far the orders move with that", soft_wrap=True)
+        say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ", 2)
     if fit.alternative is None and (without := _without_integers(fit)):
-        console.print(
-            f"  integer order: no alternative model was tried: the model gives {escape(without)} no integer value",
-            soft_wrap=True,
+        say(
+            console,
+            f"integer order: no alternative model was tried: the model gives {escape(without)} no integer value",
+            "  ",
+            2,
         )
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
+
+
+def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
+    """Notes, of which those that say the same of another output, with other numbers, are one."""
+    names = "|".join(map(re.escape, outputs))
+    groups: dict[str, list[str]] = {}
+    for note in notes:
+        groups.setdefault(re.sub(rf"\d[\d.,e+-]*|\b(?:{names})\b", "#", note), []).append(note)
+    folded = []
+    for first, *others in groups.values():
+        also = {name: None for note in others for name in re.findall(rf"\b(?:{names})\b", note)[:1]}
+        folded.append(f"{first} The same of {' and '.join(also)}." if others and len(also) == len(others) else first)
+        folded += others if len(also) != len(others) else []
+    return folded
 
 
 def _print_estimates(console: Console, fit: Fit) -> None:
     from rich.markup import escape
 
-    table = new_table("", "value", "95 % interval", "unit", "")
     estimates = {**fit.orders, **{n: e for n, e in fit.parameters.items() if e.free}}
     for recording in fit.recordings.values():
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
+    verdicts = {name: _verdict(e) for name, e in estimates.items()}
+    common = {v for v in verdicts.values() if v.startswith("given that") and [*verdicts.values()].count(v) > FOLDED}
+    table = new_table("", "value", "95 % interval", "unit", "")
     for name, e in estimates.items():
-        given = e.reason.partition("given that")
-        verdict = "".join(given[1:]) if e.identifiable == "identifiable" else e.identifiable
+        verdict = "" if verdicts[name] in common else verdicts[name]
         table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
     console.print(table)
+    for verdict in sorted(common):
+        others = [name for name, said in verdicts.items() if said != verdict and estimates[name].free]
+        but = f", but not those of {', '.join(others)}" if others else ""
+        say(console, escape(f"intervals {verdict}{but}"), "  ", 2)
+
+
+def _verdict(e: Estimate) -> str:
+    if e.identifiable == "identifiable":
+        return "".join(e.reason.partition("given that")[1:])
+    return e.identifiable
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:
@@ -245,13 +277,14 @@ def _print_recordings(console: Console, fit: Fit) -> None:
 
 
 def _digits(value: float, e: Estimate) -> str:
-    """As many digits as the standard error makes worth reading, and two more; the bound where it lies at one."""
+    """The value to the second digit of its interval; the bound where it lies at one."""
     if e.bound is not None:
         return f"{e.bound:.6g}"
-    if e.standard_error is None or not e.standard_error > 0 or value == 0:
-        return f"{value:.6g}"
-    precision = floor(log10(abs(value))) - floor(log10(e.standard_error)) + 2
-    return f"{value:.{min(12, max(2, precision))}g}"
+    half = None if e.interval95 is None else (e.interval95[1] - e.interval95[0]) / 2
+    if half is None or not half > 0 or value == 0:
+        return f"{value:.6g}" if not e.free else f"{value:.4g}"
+    precision = floor(log10(abs(value))) - floor(log10(half)) + 2
+    return f"{value:#.{min(12, max(1, precision))}g}".rstrip(".")
 
 
 def _interval(e: Estimate) -> str:
@@ -259,7 +292,7 @@ def _interval(e: Estimate) -> str:
         return "fixed"
     if e.interval95 is None:
         return "none" if e.bound is None else "at its bound"
-    return f"± {(e.interval95[1] - e.interval95[0]) / 2:.2g}"
+    return f"± {(e.interval95[1] - e.interval95[0]) / 2:#.2g}".rstrip(".")
 
 
 def _begins_in_motion(fit: Fit) -> bool:

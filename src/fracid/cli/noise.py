@@ -74,7 +74,7 @@ def noise(
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes at most.", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
-    """Refit simulated data with noise and quantisation, many times: bias, spread and coverage of the intervals.
+    """Refit simulated noisy data many times: bias, spread, coverage.
 
     The values of the run are the true ones.  Each repetition simulates every recording with them, four times finer than
     the fit, adds noise, rounds as the encoder does, and identifies from the project's own start.  Shows for each

@@ -49,11 +49,11 @@ def profile(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Profile likelihood: fix one unknown on a grid, refit the others, and read off its interval.
+    """Profile likelihood: intervals from refits along each parameter.
 
-    Shows the 95 % interval of the profile beside those of the sandwich and of the bootstrap, and in words what the
-    data can tell of each unknown.  Writes profiles.json and a figure.  Exit code 0 if it is done, 3 if no run of the
-    model reached the end of the recording.
+    Fixes one parameter on a grid and refits the others.  Shows the 95 % interval of the profile beside those
+    of the sandwich and of the bootstrap, and in words what the data can tell of each unknown.  Writes profiles.json and
+    a figure.  Exit code 0 if it is done, 3 if no run of the model reached the end of the recording.
     """
     from fracid.workflows.profiles import run_profiles
 

@@ -96,7 +96,7 @@ def regress(
     jobs: Jobs = 1,
     json_: Json = False,
 ) -> None:
-    """Find the pendulum's constants by robust linear regression, and say which of them to believe.
+    """Estimate the pendulum's constants by robust linear regression.
 
     The equations are linear in the constants, for given orders; orders that are free are searched.  No trajectory is
     simulated but for the instruments, so this needs no start; it gives one.  Of a project the recordings to be

@@ -33,10 +33,11 @@ def report(
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:
-    """Write a run as one HTML page: verdict, values, curves, residuals, equations, and the rig in motion.
+    """Write a run as one HTML page that opens offline.
 
-    The page is one file and loads nothing from the network.  Profiles and the ladder of structures are on it
-    where fracid profile and fracid compare wrote them into the folder.
+    Verdict, data, equations, values, curves, residuals, and the rig in motion.  The page is one file and loads nothing
+    from the network.  Profiles and the ladder of structures are on it where fracid profile and fracid compare wrote
+    them into the folder.
     """
     with shown("page"):
         from fracid.report import INDEX, write_report  # here: it takes a second to import

@@ -45,11 +45,11 @@ def reproduce(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Do a run again with its own project, recordings, seed and options, and compare the results value by value.
+    """Do a run again, and compare the results value by value.
 
-    The same versions on the same machine give the same result to the last bit; other versions or another machine the
-    same to 1e-9.  Says what differs, what was found first.  Nothing is written into the run's folder.  Exit code 0 if
-    it came out the same, 1 if not.
+    With its own project, recordings, seed and options.  The same versions on the same machine give the same result to
+    the last bit; other versions or another machine the same to 1e-9.  Says what differs, what was found first.  Nothing
+    is written into the run's folder.  Exit code 0 if it came out the same, 1 if not.
     """
     from fracid.workflows.reproduction import reproduce_run
 

@@ -47,7 +47,7 @@ def resid(
     out: Out = None,
     json_: Json = False,
 ) -> None:
-    """Test the residuals of a fit: are they white noise, or does the model lack something?
+    """Test the residuals of a fit: white noise, or structure missing?
 
     Simulates each recording with the values of the run, validation recordings too, and says in words whether the
     residual is white, at which frequencies it is not, whether it is normal and scatters alike throughout, and how large

@@ -49,10 +49,10 @@ def resume(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Resume an interrupted run: no finished work is repeated, and the result is the same.
+    """Resume an interrupted run, without repeating finished work.
 
-    Interrupted by Ctrl-C, a kill, a crash or a full disk; a fit or a study, noise or compare.  Exit codes are those of
-    the command itself; 0 too if the run is finished already.
+    The result is the same as of an uninterrupted run.  Interrupted by Ctrl-C, a kill, a crash or a full disk; a fit or
+    a study, noise or compare.  Exit codes are those of the command itself; 0 too if the run is finished already.
     """
     from fracid.workflows.resumption import finished_result, resume_run, state_of
 

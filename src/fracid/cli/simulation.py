@@ -109,7 +109,7 @@ def simulate(
     jobs: Jobs = 1,
     json_: Json = False,
 ) -> None:
-    """Simulate a rig, a project or a fitted run, and write what its encoders would have recorded.
+    """Simulate a rig, a project or a run as its encoders record it.
 
     A run is simulated with the values that it found, a project with its starting values; what the options name is
     changed.  Writes the recording, a figure, and a JSON file with the truth, ready for fracid check, init and fit.

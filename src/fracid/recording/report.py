@@ -29,7 +29,7 @@ Release
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -140,8 +140,8 @@ class Report:
             ("release", f"{blocks}: {self.release_reason}"),
         ]
 
-    def signal_rows(self) -> list[dict[str, str]]:
-        """Return one row of texts for each signal; angles in degrees.
+    def signal_rows(self, doubted: Collection[str] = ()) -> list[dict[str, str]]:
+        """Return one row of texts for each signal; angles in degrees, those in doubt in the numbers of the file.
 
         Examples
         --------
@@ -149,7 +149,7 @@ class Report:
         >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).signal_rows()[0]["range"]
         '-57.3 … 57.3°'
         """
-        return [_signal_row(s) for s in self.signals]
+        return [_signal_row(replace(s, unit="1") if s.name in doubted else s) for s in self.signals]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; a value that is not a number becomes None.
