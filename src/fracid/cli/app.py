@@ -250,9 +250,11 @@ def say_next(console: Any, *steps: tuple[str, str]) -> None:
 
     for place, (command, why) in enumerate(steps):
         heading = "next" if place == 0 else ""
-        narrow = console.is_terminal and 11 + len(command) + len(why) > console.width
-        between = f"\n{'':9}" if narrow else "  "
-        console.print(f"{heading:8} {escape(command)}{between}[dim]{escape(why)}[/dim]", soft_wrap=True)
+        if console.is_terminal and 11 + len(command) + len(why) > console.width:
+            console.print(f"{heading:8} {escape(command)}", soft_wrap=True)
+            say(console, f"[dim]{escape(why)}[/dim]", " " * 9, 9)
+        else:
+            console.print(f"{heading:8} {escape(command)}  [dim]{escape(why)}[/dim]", soft_wrap=True)
 
 
 def open_page(page: Path, choice: bool | None) -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -96,35 +97,39 @@ def check(
 
 def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
     steps = [(typed("init", recording.path, *_again(options)), "writes a project of it, which runs as it is")]
-    if columns := _in_doubt(recording):
-        given = options["--column"] or columns
-        with_units = [text if "unit=" in text else f"{text},unit=rad" for text in given]
-        steps.insert(0, (typed("check", recording.path, *_again({**options, "--column": with_units})),
+    if columns := _in_doubt(recording, options["--column"]):
+        steps.insert(0, (typed("check", recording.path, *_again({**options, "--column": columns})),
                          "if these are the columns and units; else change them: rad, deg, turns, counts"))  # fmt: skip
     say_next(new_console(), *steps)
 
 
-def doubted(recording: Recording) -> frozenset[str]:
-    """The signals that are taken as radians because nothing says otherwise, not even an encoder's step."""
-    unsaid = {s.name for s in recording.report.signals if not s.counts_per_turn and s.unit == "rad"}
-    return (
-        recording.assumed
-        & unsaid
-        & {line.removesuffix(TAKEN) for line in recording.report.reading if line.endswith(TAKEN)}
-    )
+def _doubted(recording: Recording) -> dict[str, str]:
+    """Signals whose unit is in doubt → the unit to try: taken as radians for nothing says otherwise, or misread."""
+    report, taken = recording.report, {line.removesuffix(TAKEN) for line in recording.report.reading}
+    unsaid = {s.name: "rad" for s in report.signals if s.name in taken & recording.assumed and not s.counts_per_turn}
+    return unsaid | {f.where: MISREAD[f.code] for f in report.findings if f.code in MISREAD}
 
 
-def _in_doubt(recording: Recording) -> list[str]:
-    """The columns of a rotary pendulum as ``--column`` takes them, where the unit of one is in doubt."""
+def _in_doubt(recording: Recording, given: list[str] | None) -> list[str]:
+    """The columns as ``--column`` takes them, with the units to try; none where no unit is in doubt."""
     from fracid.recording.guess import guess_columns
 
-    if not doubted(recording):
+    doubted = _doubted(recording)
+    if not doubted:
         return []
-    try:
-        columns, _ = guess_columns(recording)
-    except InputError:  # nothing moves
-        return []
-    return [f"{name}={fields['column']},unit={fields.get('unit', 'rad')}" for name, fields in columns.items()]
+    if given is None:
+        try:
+            columns, _ = guess_columns(recording)
+        except InputError:  # nothing moves
+            return []
+        given = [f"{name}={fields['column']},unit={fields.get('unit', 'rad')}" for name, fields in columns.items()]
+    return [_with_unit(text, doubted.get(text.partition("=")[0])) for text in given]
+
+
+def _with_unit(text: str, unit: str | None) -> str:
+    """``alpha=2,unit=deg`` with another unit."""
+    kept = [part for part in text.split(",") if unit is None or not part.startswith("unit=")]
+    return ",".join([*kept, *([] if unit is None else [f"unit={unit}"])])
 
 
 def _again(options: Mapping[str, Any]) -> list[str]:
@@ -213,21 +218,23 @@ def print_check(recording: Recording, figure: Path | None) -> None:
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
-    _print_signals(console, report, doubted(recording))
+    _print_signals(console, report, dict.fromkeys(_doubted(recording), 1.0) | {
+        f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"
+    })  # fmt: skip
     print_sketches(console, recording)
     for note in _folded(report.notes)[:MOST]:
         say(console, escape(note), "  • ", 4)
     _print_rest(console, len(_folded(report.notes)), "notes")
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
-    console.print(f"[bold {colour}]{escape(report.verdict)}[/]", soft_wrap=True)
+    say(console, f"[bold {colour}]{escape(report.verdict)}[/]")
     console.print(f"figure: {escape(str(figure))}" if figure else "[dim]figure: add --out DIR[/dim]", soft_wrap=True)
 
 
-def _print_signals(console: Console, report: Report, in_doubt: Collection[str]) -> None:
+def _print_signals(console: Console, report: Report, factors: Mapping[str, float]) -> None:
     """A table; where the terminal is too narrow for one, a line each."""
     from rich.markup import escape
 
-    rows = report.signal_rows(in_doubt)[:MOST]
+    rows = report.signal_rows(factors)[:MOST]
     narrowest = sum(
         2 + max(len(row[name]) for row in (*rows, {n: n for n in rows[0]})) for name in rows[0] if name != "rest"
     )
@@ -267,6 +274,9 @@ def print_sketches(console: Console, recording: Recording) -> None:
 
 TAKEN = " has no unit: taken as rad."
 """How the report ends its sentence on a unit that nothing speaks for."""
+
+MISREAD = {"degrees-as-radians": "deg", "radians-as-degrees": "rad", "counts-as-radians": "counts"}
+"""Findings on the unit of a signal, and the one that it may be in."""
 
 MOST = 50
 """Signals, and notes, that are shown: nobody reads thousands."""

@@ -29,7 +29,7 @@ Release
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -140,8 +140,8 @@ class Report:
             ("release", f"{blocks}: {self.release_reason}"),
         ]
 
-    def signal_rows(self, doubted: Collection[str] = ()) -> list[dict[str, str]]:
-        """Return one row of texts for each signal; angles in degrees, those in doubt in the numbers of the file.
+    def signal_rows(self, factors: Mapping[str, float] | None = None) -> list[dict[str, str]]:
+        """Return one row of texts for each signal; angles in degrees, those in doubt as numbers, with their `factors`.
 
         Examples
         --------
@@ -149,7 +149,8 @@ class Report:
         >>> measure(t, {"alpha": np.cos(t)}, {"alpha": "rad"}).signal_rows()[0]["range"]
         '-57.3 … 57.3°'
         """
-        return [_signal_row(replace(s, unit="1") if s.name in doubted else s) for s in self.signals]
+        factors = factors or {}
+        return [_signal_row(_as_numbers(s, factors[s.name]) if s.name in factors else s) for s in self.signals]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; a value that is not a number becomes None.
@@ -297,6 +298,13 @@ def _signal_note(s: SignalReport) -> str | None:
     if s.unit == "rad" and s.resolution and s.range / s.resolution < 50:
         return f"{shortened(s.name)} moves through only {s.range / s.resolution:.0f} counts of its encoder."
     return None
+
+
+def _as_numbers(s: SignalReport, factor: float) -> SignalReport:
+    """A signal whose unit is in doubt, in the numbers of its file."""
+    scaled = {n: factor * getattr(s, n) for n in ("minimum", "maximum", "noise", "rest")}
+    resolution = None if s.resolution is None else factor * s.resolution
+    return replace(s, unit="1", resolution=resolution, counts_per_turn=None, rest_offset=None, **scaled)
 
 
 def _signal_row(s: SignalReport) -> dict[str, str]:

@@ -168,7 +168,9 @@ def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = Fals
 @_alone
 def knots_up_to(steps: int) -> NDArray[np.int64]:
     """Give the n at which the corrections are known: all up to 64, then 3 % apart, an odd number, beyond `steps`."""
-    knots, last = np.arange(1000), 64  # as many as there are up to 10^13
+    knots, last = np.zeros(1000, np.int64), 64  # as many as there are up to 10^13
+    for n in range(last + 1):
+        knots[n] = n
     while knots[last] < steps or last % 2 == 1:
         knots[last + 1] = knots[last] + knots[last] // 32
         last += 1
@@ -221,7 +223,8 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
     for m in range(len(sigma)):
         s, factorial = sigma[m], 1.0
         exact = math.gamma(s + 1) / math.gamma(s + q + 1)
-        singular[:] = 0.0
+        for i in range(BDF_TERMS):
+            singular[i] = 0.0
         for i in range(BDF_TERMS):
             smooth[i] = math.gamma(s + 1) * d[i] * _inverse_gamma(s + q + 1 - i)
             c = (zeta(-s - i) + (0.5 if s == 0.0 else 0.0)) / factorial
@@ -337,6 +340,9 @@ def start_together(rhs, run, rule):
     E, M, ends = np.zeros((states, rows, len(knots))), np.zeros((states, s + 1, s + 1)), np.zeros((states, 0, 2))
     if third:
         ends = np.zeros((states, len(knots), 2))
+    with_constant = np.zeros(len(sigma) + 1)
+    for e in range(len(sigma)):
+        with_constant[e + 1] = sigma[e]
     for i in range(states):
         first = 0
         while orders[first] != orders[i]:
@@ -344,7 +350,7 @@ def start_together(rhs, run, rule):
         if first < i:
             _copy(E[first], E[i])
         elif bdf:
-            _copy(bdf_errors_of_powers(orders[i], np.append(0.0, sigma), knots), E[i])
+            _copy(bdf_errors_of_powers(orders[i], with_constant, knots), E[i])
         else:
             _copy(errors_of_powers(orders[i], sigma, knots, third), E[i])
         _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, rule), M[i])

@@ -159,7 +159,10 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
         for j in range(18, 1, -2):
             even, odd = even / k / k + binomial[j], odd / k / k + binomial[j + 1]
         b[k], a[k] = 2 * k ** (q - 1) * even, k ** (q - 1) * (even - odd / k)
-    return b / math.gamma(q + 2), a / math.gamma(q + 2)
+    gamma = math.gamma(q + 2)
+    for k in range(steps + 1):  # as an expression of arrays it would take Numba a second more to compile
+        b[k], a[k] = b[k] / gamma, a[k] / gamma
+    return b, a
 
 
 @helper
@@ -191,7 +194,13 @@ def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     for k in range(min(3, steps + 1)):
         last = (1.0, -2.0, 1.0)[k]
         w[k] -= last * kappa + (3.0, -3.0, 1.0)[k] * b[0] / 12
-        start[k] = k**q / math.gamma(q + 1) - w[:k].sum() if k > 0 else 0.0  # constants are integrated exactly
+        if k > 0:  # constants are integrated exactly
+            total = 0.0
+            for j in range(k):
+                total += w[j]
+            start[k] = k**q / math.gamma(q + 1) - total
+        else:
+            start[k] = 0.0
     return w, start
 
 
@@ -236,5 +245,6 @@ def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
         for j in range(SERIES - 1, -1, -1):
             total = total / k + d[j]
         w[k] = total * k ** (q - 1)
-    start[1:] = w[:-1] / 2
+    for k in range(steps):  # as an assignment of slices it would take Numba two seconds more to compile
+        start[k + 1] = w[k] / 2
     return w, start

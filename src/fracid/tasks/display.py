@@ -5,8 +5,8 @@ On a terminal the stage that runs is a line at its foot; one that has ended stay
     ✓ search · 556 evaluations · 0.056° · 1.8 s
     ⠋ integer-order alternative · 3 s
 
-The time left is there only where the number of what is counted is known.  A stage of less than :data:`BRIEF` seconds
-that counts nothing is not shown.  Terminals get it on standard error, which leaves standard output to the result.
+The time left is there only where the number of what is counted is known.  A stage of less than :data:`SHORT` seconds
+that counts nothing leaves no line.  Terminals get it on standard error, which leaves standard output to the result.
 
 An event is one of::
 
@@ -41,8 +41,8 @@ __all__ = ["duration", "in_notebook", "shown", "unless_given"]
 EVERY = 1.0
 """Between two events [s]."""
 
-BRIEF = 0.4
-"""Up to which a stage is not worth a line [s]."""
+BRIEF, SHORT = 0.4, 1.0
+"""Up to which a stage is not shown while it runs, and leaves no line behind it [s]."""
 
 SLOWEST = 0.25
 """Between two updates of a notebook's output [s]."""
@@ -83,7 +83,7 @@ class Stage:
 
     @property
     def worth_a_line(self) -> bool:
-        return self.progress is not None or time.monotonic() - self.began > BRIEF
+        return self.progress is not None or time.monotonic() - self.began > SHORT
 
 
 def duration(seconds: float, *, fine: bool = False) -> str:
