@@ -24,7 +24,10 @@ from fracid.units import GREEK, with_unit
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
-__all__ = ["Fit", "fit_card"]
+__all__ = ["PARTIAL", "Fit", "fit_card"]
+
+PARTIAL = "PARTIAL: the fit was interrupted. These are the best values so far, not its result."
+"""The first warning of an interrupted fit: it stands on the page, on cards, in result.json."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,7 +144,7 @@ def fit_card(
     orders, parameters = estimates
     free = [_estimate(n, e) for n, e in parameters.items() if e.free]
     name, value = cost
-    return Card(title, (
+    return Card(f"PARTIAL {title}" if PARTIAL in warnings else title, (
         ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in orders.items())),
         ("parameters", f"{listed(free)}{' free' * (not free)}, {len(parameters) - len(free)} fixed"),
         ("search", search if value is None else f"{name} = {value:.4g}; {search}"),

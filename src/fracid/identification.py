@@ -60,7 +60,7 @@ from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
-from fracid.fit import Fit
+from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
@@ -527,7 +527,8 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
     later = (*analysis.seen[len(analysis.first) :], *misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
     findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
-    messages = (*(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
+    partial = PARTIAL if outcome is Outcome.INTERRUPTED else ""
+    messages = (partial, *(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, analysis.verdicts), *analysis.warnings)  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,

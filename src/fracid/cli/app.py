@@ -47,6 +47,7 @@ __all__ = [
     "open_page",
     "print_claim",
     "print_entry",
+    "print_figures",
     "say",
     "say_next",
     "table",
@@ -234,6 +235,16 @@ def print_entry(console: Any, heading: str, text: str) -> None:
     from rich.markup import escape
 
     say(console, escape(text), f"{heading:9}", 9)
+
+
+def print_figures(console: Any, paths: Iterable[Path]) -> None:
+    """Print where the figures of a run are, those of one folder in one line."""
+    folders: dict[Path, dict[str, None]] = {}
+    for path in paths:
+        if path.suffix in (".png", ".svg", ".pdf"):
+            folders.setdefault(path.parent, {})[path.stem] = None
+    for folder, stems in folders.items():
+        print_entry(console, "figures", f"{folder}: {', '.join(stems)}")
 
 
 def print_claim(console: Any, claim: str, reasons: Sequence[str]) -> None:

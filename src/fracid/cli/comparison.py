@@ -20,6 +20,8 @@ from fracid.cli.app import (
     new_console,
     one_place,
     print_claim,
+    print_figures,
+    say,
     say_next,
     typed,
 )
@@ -132,32 +134,42 @@ def _show(finished: FinishedComparison, console: Console) -> None:
         console.print(f"[bold]held out[/bold]: {escape(title)}", soft_wrap=True)
         _print_scores(console, comparison, names)
     for note in comparison.notes:
-        console.print(f"  • {escape(note)}", soft_wrap=True)
+        say(console, escape(note), "  • ", 4)
     for name, test in comparison.amplitude.items():
         console.print(f"[bold]amplitude[/bold]: {escape(name)}", soft_wrap=True)
         for sentence in test.sentences:
-            console.print(f"  {escape(sentence)}", soft_wrap=True)
-    console.print(f"[bold]{escape(comparison.verdict)}[/bold]", soft_wrap=True)
-    figures = [path for path in finished.figures if path.suffix == ".png"]
-    for what, path in (("result", finished.path), ("table", finished.table), *(("figure", p) for p in figures)):
+            say(console, escape(sentence), "  ", 2)
+    say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
+    for what, path in (("result", finished.path), ("table", finished.table)):
         console.print(f"{what:8} {escape(str(path))}", soft_wrap=True)
+    print_figures(console, finished.figures)
 
 
 def _print_structures(console: Console, comparison: Comparison) -> None:
-    """In sample: the orders, how many parameters, what they are worth, and how near the fit comes."""
-    orders = [*comparison.rows[0].orders]
-    table = new_table("", "orders", *orders, "unknowns", "BIC", *comparison.outputs, "ITAE")
+    """In sample: the orders, how many parameters, what they are worth, and how near the fit comes; below, if narrow."""
+    orders, scores = [*comparison.rows[0].orders], [*comparison.outputs, "ITAE"]
+    wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *more, fold=()) for more in (scores, ()))
     for row in comparison.rows:
         values = [_order(*row.orders[n]) if row.fractional else "" for n in orders]
-        table.add_row(*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–",
-                      *_scores(comparison, [*row.in_sample.values()]))  # fmt: skip
-    console.print(table)
-    console.print(
-        f"  [dim]{'angles' if _angles(comparison) else 'outputs'}: RMSE and fit; "
+        cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
+        wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))
+        narrow.add_row(*cells)
+    if console.measure(wide, options=console.options.update(width=1000)).maximum <= console.width:
+        console.print(wide)
+    else:
+        console.print(narrow)
+        table = new_table("", "orders", *scores)
+        for row in comparison.rows:
+            table.add_row(*_structure(row), *_scores(comparison, [*row.in_sample.values()]))
+        console.print(table)
+    say(
+        console,
+        f"[dim]{'angles' if _angles(comparison) else 'outputs'}: RMSE and fit; "
         f"ITAE{' in ° s²' if _angles(comparison) else ''}; BIC above the lowest, of {comparison.effective_samples:.0f} "
         f"effective "
         "samples; ← the paper's structure[/dim]",
-        soft_wrap=True,
+        "  ",
+        2,
     )
 
 

@@ -23,7 +23,7 @@ from fracid.cli.app import (
     new_console,
     one_place,
     print_claim,
-    print_entry,
+    print_figures,
     say,
     say_next,
     typed,
@@ -172,10 +172,7 @@ def show_figures(run: FinishedRun, console: Console) -> None:
     """Print where the figures are, in one line, and the page."""
     from rich.markup import escape
 
-    figures = [path for path in run.figures if path.suffix == ".png"]
-    if figures:
-        names = ", ".join(path.stem for path in figures)
-        print_entry(console, "figures", f"{figures[0].parent}: {names}; PNG and SVG")
+    print_figures(console, run.figures)
     for path in run.figures:
         if path.suffix == ".html":
             console.print(f"report   {escape(str(path))}", soft_wrap=True)
@@ -185,10 +182,12 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     """Print the tables, the warnings and where the result is; the figures and the page are yet to come."""
     from rich.markup import escape
 
+    from fracid.fit import PARTIAL
+
     console = console or new_console()
     p, fit = run.fit.problem, run.fit
     if run.interrupted:
-        say(console, "[bold yellow]PARTIAL[/]: the fit was interrupted. These are the best values so far, no result.")
+        say(console, PARTIAL.replace("PARTIAL", "[bold yellow]PARTIAL[/]"))
     print_claim(console, fit.claim, fit.claim_reasons)
     say(
         console,
@@ -200,7 +199,7 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
-    notes = _folded([*fit.warnings, *run.project.notes], fit.problem.outputs)
+    notes = _folded([*(w for w in fit.warnings if w != PARTIAL), *run.project.notes], fit.problem.outputs)
     for note in notes[:SHOWN]:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     if len(notes) > SHOWN:

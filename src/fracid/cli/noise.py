@@ -9,7 +9,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    echo_json,
+    new_console,
+    one_place,
+    print_figures,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import InputError
@@ -127,12 +141,11 @@ def _show(finished: FinishedNoiseStudy, console: Console) -> None:
     from rich.markup import escape
 
     study = finished.study
-    figure = next((path for path in finished.figures if path.suffix == ".png"), finished.path)
-    console.print(
+    say(
+        console,
         f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
         f"{study.problem.method}; angles in degrees. "
         "Coverage is the share of 95 % intervals that contain the true value.",
-        soft_wrap=True,
     )
     table = new_table(*HEADINGS, fold=("",))
     for cell in study.cells:
@@ -142,17 +155,17 @@ def _show(finished: FinishedNoiseStudy, console: Console) -> None:
     console.print(table)
     for sentence in study.sentences():
         mark = "" if sentence.endswith("can be believed.") else "[yellow]![/yellow] "
-        console.print(f"{mark}{escape(sentence)}", soft_wrap=True)
+        say(console, escape(sentence), mark, 2 if mark else 0)
     console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
     console.print(f"table    {escape(str(finished.table))}", soft_wrap=True)
-    console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+    print_figures(console, finished.figures)
 
 
 def _row(s: Statistics) -> tuple[str, ...]:
     """An unknown's line: truth, bias, spread, claimed, coverage."""
     factor = degrees(1.0) if s.unit in ("rad", "rad/s") else 1.0
 
-    def shown(value: float | None, form: str) -> str:
+    def cell(value: float | None, form: str) -> str:
         return "–" if value is None else f"{factor * value:{form}}"
 
     coverage = "–"
@@ -161,9 +174,9 @@ def _row(s: Statistics) -> tuple[str, ...]:
         coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
     return (
         s.name,
-        shown(s.truth, ".5g"),
-        shown(s.bias, "+.1e"),
-        shown(s.spread, ".1e"),
-        shown(s.claimed, ".1e"),
+        cell(s.truth, ".5g"),
+        cell(s.bias, "+.1e"),
+        cell(s.spread, ".1e"),
+        cell(s.claimed, ".1e"),
         coverage,
     )

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, echo_json, new_console, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    echo_json,
+    new_console,
+    print_figures,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import Failure, InputError
@@ -101,13 +115,12 @@ def _show(analysis: FinishedProfiles, console: Console) -> None:
         else (analysis.bootstrap.warning,)
     )
     for note in (*analysis.profiles.notes, *few, *(spread["sentences"] if spread else ())):
-        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+        say(console, escape(note), "[yellow]![/yellow] ", 2)
     for name, verdict in analysis.verdicts.items():
         if verdict.sentence != "identifiable" and verdict.kind != "forgotten":
-            console.print(f"[yellow]![/yellow] {escape(name)}: {escape(verdict.sentence)}", soft_wrap=True)
-    figure = next(path for path in analysis.figures if path.suffix == ".png")
+            say(console, escape(f"{name}: {verdict.sentence}"), "[yellow]![/yellow] ", 2)
     console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)
-    console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+    print_figures(console, analysis.figures)
 
 
 def _half(ends: tuple[float, float] | None) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say_next, typed
+from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, print_figures, say, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
@@ -70,18 +71,23 @@ def resid(
 # ------------------------------------------------------------------ as text
 
 
+ADVICE = 80
+"""Sentences of so many letters are printed once, though more residuals call for them."""
+
+
 def _show(analysis: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
 
     console.print(_figures(analysis))
-    for note in analysis.run.notes:
-        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
+    partial = [w for w in analysis.run.result["warnings"] if w.startswith("PARTIAL")]
+    for note in (*partial, *analysis.run.notes):
+        say(console, escape(note), "[yellow]![/yellow] ", 2)
+    told: set[str] = set()
     for a in analysis.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
-        console.print(_sentences(a))
+        console.print(_sentences(a, told))
     console.print(f"\nresult   {escape(str(analysis.path))}", soft_wrap=True)
-    for path in (path for path in analysis.figures if path.suffix == ".png"):
-        console.print(f"figure   {escape(str(path))}", soft_wrap=True)
+    print_figures(console, analysis.figures)
     from fracid.selection.ladder import has_friction
 
     project, trust = analysis.run.project, ["--trust"] * bool(analysis.run.project.own_code)
@@ -116,7 +122,8 @@ def _not_fitted(a: ResidualAnalysis) -> str:
     return f" ({'; '.join(parts)})" if parts else ""
 
 
-def _sentences(a: ResidualAnalysis) -> Any:
+def _sentences(a: ResidualAnalysis, told: set[str]) -> Any:
+    """What is said of a residual; advice that stands above already is left out."""
     from rich.markup import escape
     from rich.padding import Padding
     from rich.table import Table
@@ -124,6 +131,9 @@ def _sentences(a: ResidualAnalysis) -> Any:
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True, style="dim")
     table.add_column(overflow="fold")
-    for name, sentence in a.sentences.items():
-        table.add_row(name, escape(sentence))
+    for name, text in a.sentences.items():
+        parts = re.split(r"(?<=[.:]) (?=[A-Z])", text)
+        new = [part for part in parts if part not in told or len(part) < ADVICE]
+        told.update(parts)
+        table.add_row(name, escape(" ".join(new)))
     return Padding(table, (0, 0, 0, 2))
