@@ -30,6 +30,21 @@ def test_a_good_recording_gets_a_table_a_sketch_and_a_verdict(capsys, swing):
     assert any(0x2800 < ord(c) < 0x2900 for c in out)
 
 
+@pytest.mark.parametrize(
+    ("columns", "command"),
+    [((), "--column alpha=0,unit=rad"), (("--column", "alpha=0,unit=deg"), "--column alpha=0,unit=rad")],
+    ids=["no unit is given", "it hardly swings in degrees"],
+)
+def test_an_angle_in_doubt_is_shown_as_in_the_file_with_the_command_that_names_its_unit(
+    capsys, tmp_path, columns, command
+):
+    np.savetxt(tmp_path / "swing.csv", 0.3 * np.cos(0.05 * np.arange(600)) * np.exp(-np.arange(600) / 300))
+    code, out, _ = run(capsys, "check", tmp_path / "swing.csv", "--rate", 100, *columns)
+    assert code == 0
+    assert "°" not in next(line for line in out.splitlines() if "… 0.3" in line)
+    assert f"fracid check {tmp_path / 'swing.csv'} {command} --rate 100" in out
+
+
 def test_json_is_all_that_stands_on_standard_output(capsys, swing):
     code, out, err = run(
         capsys, "check", swing, "--column", "alpha=1,unit=deg,sign=-1,zero=rest", "--time", 0, "--json"

@@ -13,7 +13,9 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
+from fracid.estimation.records import Estimate
 from fracid.workflows import figures
 from program import run
 from twins import write_release
@@ -365,11 +367,52 @@ def test_an_interrupted_search_ends_with_1_and_keeps_its_best(capsys, project, t
     monkeypatch.setattr(module, "minimise", minimise)
     code, out, _ = run(capsys, "fit", project(RECORDING + FIT), "--out", tmp_path)
     assert code == 1
+    assert out.startswith("PARTIAL: the fit was interrupted.")
     assert "interrupted: the best so far is kept" in out
     assert "There are no intervals: the search was interrupted." in out
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["cost"]["value"] > 0
     assert (tmp_path / "figures" / "figure2-release-20.png").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("where", ["fracid.workflows.fit.load_project", "fracid.identification.search"])
+def test_ctrl_c_before_the_search_leaves_no_folder_and_says_so(capsys, project, tmp_path, monkeypatch, where):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(where, interrupted)
+    code, out, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
+    assert (code, out, err) == (1, "", "Interrupted before the search: nothing was written.\n")
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_path, monkeypatch):
+    shown = []
+
+    def draw(_fit):
+        shown.append(capsys.readouterr().out)
+        return ()
+
+    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
+    code, *_ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
+    assert code == 0
+    assert f"result   {tmp_path / 'run' / 'result.json'}" in shown[0]
+
+
+def test_notes_that_differ_in_output_and_numbers_are_one():
+    notes = ["low: theta: the residual is 0.22°, 8.5 steps.", "no fault", "low: alpha: the residual is 0.21°, 7 steps."]
+    folded = cli_fit._folded(notes, ("theta", "alpha"))
+    assert folded == ["low: theta: the residual is 0.22°, 8.5 steps. The same of alpha.", "no fault"]
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "shown"),
+    [(0.914578, 0.00016, "0.91458"), (0.0045, 0.02, "0.004"), (2.0, 0.05, "2.000"), (-0.04423, 0.038, "-0.044")],
+)
+def test_a_value_has_the_digits_of_its_interval(value, half, shown):
+    e = Estimate(value, "", True, half / 2, (value - half, value + half))
+    assert cli_fit._digits(value, e) == shown
 
 
 # --- as a process -----------------------------------------------------------------------------------------

@@ -124,10 +124,19 @@ def test_every_command_has_a_place_in_the_help_in_the_order_of_use(capsys):
     assert "fracid demo" in out
 
 
+def test_each_command_is_one_line_of_the_help_at_80_columns(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    out = run(capsys, "--help")[1]
+    for name in COMMANDS:
+        (line,) = re.findall(rf"^│ {name} .*│$", out, re.MULTILINE)
+        assert line.rstrip(" │").endswith((".", "?"))
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_help_of_every_command_has_an_example_that_is_of_it(capsys, command):
     code, out, err = run(capsys, command, "--help")
     assert (code, err) == (0, "")
+    assert "<bool>" not in out
     assert "Example" in out
     assert f"fracid {command}" in out.split("Example", 1)[1]
 
