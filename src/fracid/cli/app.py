@@ -42,6 +42,7 @@ __all__ = [
     "each_once",
     "echo_json",
     "main",
+    "natural_width",
     "new_console",
     "one_place",
     "open_page",
@@ -291,6 +292,11 @@ def table(*headings: str, fold: Collection[str] | None = None) -> Any:
     for heading in headings:
         grid.add_column(heading, overflow="fold", no_wrap=fold is not None and heading not in fold)
     return grid
+
+
+def natural_width(console: Any, grid: Any) -> int:
+    """How wide a table is where nothing in it is broken."""
+    return int(console.measure(grid, options=console.options.update(width=10_000)).maximum)
 
 
 @app.callback(

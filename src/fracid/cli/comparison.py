@@ -17,6 +17,7 @@ from fracid.cli.app import (
     Out,
     Trust,
     app,
+    natural_width,
     new_console,
     one_place,
     print_claim,
@@ -154,7 +155,7 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
         wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))
         narrow.add_row(*cells)
-    if console.measure(wide, options=console.options.update(width=1000)).maximum <= console.width:
+    if natural_width(console, wide) <= console.width:
         console.print(wide)
     else:
         console.print(narrow)

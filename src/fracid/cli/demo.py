@@ -64,8 +64,7 @@ def demo(
         twin = "paper" if name == "paper-on-paper" else "reference"
         project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
-        with beginning(), shown(events=json_, result=partial(_show, console=console)) as observer:
-            observer.stage("recording")
+        with beginning(), shown("recording", events=json_, result=partial(_show, console=console)) as observer:
             from fracid.workflows.fit import run  # here: it takes a second to import
 
             ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs, observer=observer,

@@ -20,6 +20,7 @@ from fracid.cli.app import (
     Trust,
     app,
     echo_json,
+    natural_width,
     new_console,
     one_place,
     print_claim,
@@ -243,11 +244,17 @@ def _print_estimates(console: Console, fit: Fit) -> None:
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     verdicts = {name: _verdict(e) for name, e in estimates.items()}
     common = {v for v in verdicts.values() if v.startswith("given that") and [*verdicts.values()].count(v) > FOLDED}
-    table = new_table("", "value", "95 % interval", "unit", "")
+    wide, narrow = (new_table("", "value", "95 % interval", "unit", *more) for more in ([""], []))
     for name, e in estimates.items():
-        verdict = "" if verdicts[name] in common else verdicts[name]
-        table.add_row(*map(escape, (name, _digits(e.value, e), _interval(e), e.unit, verdict)))
-    console.print(table)
+        cells = (*map(escape, (name, _digits(e.value, e), _interval(e), e.unit)),)
+        wide.add_row(*cells, "" if verdicts[name] in common else escape(verdicts[name]))
+        narrow.add_row(*cells)
+    fits = natural_width(console, wide) <= console.width
+    console.print(wide if fits else narrow)
+    for verdict in dict.fromkeys(() if fits else verdicts.values()):
+        if verdict and verdict not in common:
+            names = ", ".join(n for n, text in verdicts.items() if text == verdict)
+            say(console, escape(f"{verdict}: {names}"), "  ", 2)
     for verdict in sorted(common):
         others = [name for name, said in verdicts.items() if said != verdict and estimates[name].free]
         but = f", but not those of {', '.join(others)}" if others else ""
