@@ -73,14 +73,14 @@ def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, 
     code, out, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--amplitude", *QUICK)
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
-    assert [row[:2] for row in rows if row[:1] == ["viscous"]] == [["viscous", "1"], ["viscous", "free"]] * 2
+    assert [row[:2] for row in rows if row[:1] == ["viscous"]] == [["viscous", "1"], ["viscous", "free"]] * 3
     assert "free ←" in out
     assert "held out: low" in out
     assert "effective samples" in out
     assert "mu " in out
     assert "Orders make no difference, an integer-order model predicts as well" in out
     assert "One recording is few" in out
-    for name in ("compare.json", "compare.csv", "figure.png"):
+    for name in ("compare.json", "compare.csv", f"{folder.parent}: figure"):
         assert name in out
 
 
