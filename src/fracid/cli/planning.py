@@ -10,8 +10,8 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
-from fracid.cli.progress import on_terminal
 from fracid.errors import InputError
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -91,7 +91,7 @@ def design(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Choose the next experiments, and predict the intervals that they will give.
+    """Choose the next experiments, and predict their intervals.
 
     The information of each candidate is computed with the noise that the run shows, added to that of the recordings so
     far, and the best set is found by exchange.  What exceeds a limit is excluded.  Writes project files with the
@@ -106,11 +106,12 @@ def design(
         release=angles, arm=_names(arm), seconds=durations, rate=rates, counts=counts, sensors=_names(sensors),
         voltage=tuple(_voltage(text) for text in voltage or ()) or None, limits=limits,
     )  # fmt: skip
-    finished = run_design(
-        source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
-        orders=orders or None, friction=friction, robust=robust, trust=trust, out=out, seed=seed, jobs=jobs,
-        observer=on_terminal(events=json_),
-    )  # fmt: skip
+    with shown(events=json_) as observer:
+        finished = run_design(
+            source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
+            orders=orders or None, friction=friction, robust=robust, trust=trust, out=out, seed=seed, jobs=jobs,
+            observer=observer,
+        )  # fmt: skip
     if json_:
         echo_json(finished.result)
     else:

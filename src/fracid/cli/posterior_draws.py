@@ -11,7 +11,7 @@ import typer
 from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of, one_of
-from fracid.cli.progress import on_terminal
+from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,7 +56,9 @@ def posterior(
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Threads or processes at most.", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
-    """Draw the free parameters from their posterior: correlations, bounds, bent valleys, and the model's evidence.
+    """Draw the free parameters from their posterior.
+
+    Correlations, bounds, bent valleys, and the evidence of the model.
 
     The likelihood is as informative as the intervals of the fit say; the priors are the bounds of the project, and its
     ``prior`` where it has one.  k̂ says whether the draws can be trusted.  Writes posterior.json, draws.npz and figures.
@@ -64,10 +66,11 @@ def posterior(
     """
     from fracid.workflows.posterior_draws import run_posterior
 
-    finished = run_posterior(
-        run, method=method, draws=draws, executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed,
-        jobs=jobs, observer=on_terminal(events=json_), command=sys.argv[1:],
-    )  # fmt: skip
+    with shown(events=json_) as observer:
+        finished = run_posterior(
+            run, method=method, draws=draws, executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed,
+            jobs=jobs, observer=observer, command=sys.argv[1:],
+        )  # fmt: skip
     if json_:
         echo_json(finished.result)
         return

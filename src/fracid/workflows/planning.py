@@ -14,8 +14,9 @@ from fracid.models import RIGS, Model, rotary_pendulum
 from fracid.problem.project import Project, load_project
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.paths import refuse_mistaken
+from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.workflows.observer import SILENT, Observer
+from fracid.tasks.observer import Observer
 
 __all__ = ["FinishedDesign", "run_design"]
 
@@ -50,7 +51,7 @@ def run_design(
     out: str | Path | None = None,
     seed: int = 1,
     jobs: int = 1,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
 ) -> FinishedDesign:
     """Choose the next experiments and write their sheet: what ``fracid design`` does.
 
@@ -82,7 +83,7 @@ def run_design(
     Traceback (most recent call last):
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
-    with one_blas_thread(), observer.progress("candidates") as tell:
+    with one_blas_thread(), unless_given(observer).progress("candidates") as tell:
         plan = design(
             _loaded(source, friction, trust), space, experiments=experiments, criterion=criterion, of=of,
             against=against, orders=orders, robust=robust, seed=seed, jobs=jobs, progress=tell,

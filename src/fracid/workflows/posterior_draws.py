@@ -22,9 +22,10 @@ from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, JOURNAL, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.paths import refuse_mistaken
+from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.journal import Journal
-from fracid.workflows.observer import SILENT, Observer
+from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 
 __all__ = ["FinishedPosterior", "run_posterior"]
@@ -66,7 +67,7 @@ def run_posterior(
     out: str | Path | None = None,
     seed: int = 1,
     jobs: int = 1,
-    observer: Observer = SILENT,
+    observer: Observer | None = None,
     command: Sequence[str] | None = None,
 ) -> FinishedPosterior:
     """Draw the posterior of a run and write it down: what ``fracid posterior`` does.
@@ -104,7 +105,7 @@ def run_posterior(
     Traceback (most recent call last):
     fracid.errors.InputError: There is no nowhere/rig. ...
     """
-    run = Path(run)
+    run, watching = Path(run), unless_given(observer)
     refuse_mistaken(run, "run")
     if method not in METHODS:
         raise unknown_name("method", method, METHODS)
@@ -123,10 +124,10 @@ def run_posterior(
         journal_file = open_folder(folder, words) / JOURNAL
         with (
             Journal(journal_file, _header(saved), _fault) as journal,
-            observer.progress("simulations") as tell,
+            watching.progress("simulations") as tell,
         ):
             for note in journal.notes:
-                observer.notice(note)
+                watching.notice(note)
             drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads",
                               journal=journal, progress=tell)  # fmt: skip
     record = drawn.to_json() | {"source": str(run)}
