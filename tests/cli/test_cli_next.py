@@ -164,7 +164,10 @@ def test_check_init_fit_and_on_are_led_to_by_what_is_printed(capsys, folder, tmp
     monkeypatch.chdir(tmp_path)
     shutil.copy(folder / "swing.mat", tmp_path / "my swing.mat")
     _, out, _ = run(capsys, "check", "my swing.mat", "--column", "alpha=alpha,unit=rad", "--column", "theta=theta")
-    assert nexts(out) == ["fracid init 'my swing.mat' --column alpha=alpha,unit=rad --column theta=theta"]
+    assert nexts(out) == [
+        "fracid check 'my swing.mat' --column alpha=alpha,unit=rad --column theta=theta,unit=rad",
+        "fracid init 'my swing.mat' --column alpha=alpha,unit=rad --column theta=theta",
+    ]
     _, out, _ = run(capsys, "check", "my swing.mat", "--json")
     assert "next" not in json.loads(out)
     code, out, _ = run(capsys, "init", "my swing.mat", "--column", "alpha=alpha,unit=rad", "--column", "theta=theta")
