@@ -36,7 +36,7 @@ PROJECT_FILE = (DOCS / "project-file.md").read_text(encoding="utf-8")
 def tables(text):
     """The rows of each table below each heading, {heading: [[cells], …]}, the tables' own headings left out."""
     found, heading = {}, ""
-    for line in text.splitlines():
+    for line in re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE).splitlines():
         if line.startswith("#"):
             heading = line.lstrip("# ").replace("`", "")
         elif line.startswith("|") and not line.startswith("|--"):

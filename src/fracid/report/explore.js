@@ -26,7 +26,7 @@ class Explore {
     Object.assign(this, said, { charts: [], portion: 1, searching: 0, now: 0, playing: false });
     this.byKind("parameters").forEach(s => { s.below = s.low; });
     const choice = element("explore-recording");
-    this.intro = element("explore").querySelector("p").innerHTML;
+    this.intro = [...element("explore").querySelector("p").childNodes];
     this.recordings.forEach((r, k) => choice.append(new Option(r.name, k)));
     choice.closest("label").hidden = this.recordings.length === 1;
     this.rows = this.sliders.map(s => this.row(s));
@@ -105,7 +105,7 @@ class Explore {
     const run = this.simulate();
     const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
     element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = false; });
-    element("explore").querySelector("p").innerHTML = this.intro;
+    element("explore").querySelector("p").replaceChildren(...this.intro);
     if (!(Math.max(...off) <= AGREES)) return this.refuse(Math.max(...off));
     this.agreement = Math.max(...off);
     this.bestLevels = [...this.rmse];

@@ -459,15 +459,14 @@ def _fit_structure(
 ) -> dict[str, Any]:  # fmt: skip
     """Fit one structure and score it: a task, whose result is plain JSON.
 
-    `before` has its minimum at a coarser step, and how that was found; below it nothing is looked for then.
+    `before` has its minimum at a coarser step, and how that was found.
     """
     fold = _fold(origin, held_out, leave_one_out)
     structure, others = fold.ladder[name], fold.held_out
     problem = structure.problem
-    if before is None:
-        best, outcome = _fitted(structure, below, seed, starts, jobs)
-    else:
-        best, outcome = _descended(problem, structure.embed(before[0]), jobs, Watch()), before[1]
+    best, outcome = (
+        _fitted(structure, below, seed, starts, jobs) if before is None else _refitted(structure, below, *before, jobs)
+    )
     values = dict(zip(problem.names, best.point.tolist(), strict=True))
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
@@ -519,6 +518,19 @@ def _fitted(
     if how != ends[0][1] or problem.cost_function.loss is None:
         best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
     return best, how
+
+
+def _refitted(
+    structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, jobs: int
+) -> tuple[Evaluation, str]:
+    """The lowest at a finer step, from the minimum at the coarser one and from the structures below at the finer."""
+    problem, watch = structure.problem, Watch()
+    ends = [(_descended(problem, structure.embed(values), jobs, watch), how)]
+    for origin, simpler in below.items():
+        x = structure.embed(simpler)
+        onward = _descended(problem, x, jobs, watch)
+        ends.append((min(problem.evaluate(x), onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
+    return min(ends, key=lambda end: end[0].cost)
 
 
 def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
@@ -616,16 +628,17 @@ class _Study:
     def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
         """All fits once more, at a finer step, each from its minimum."""
         self.origin = self.origin.at(substeps)
-        pairs = [(fold, s) for fold in self.folds for s in self.ladder(fold).structures
-                 if fits[fold, s.name]["cost"] is not None]  # fmt: skip
-        tasks = {}
-        for fold, s in pairs:
-            of_it = fits[fold, s.name]
-            tasks[fold, s.name] = Task(f"{_key(fold, s)} | {substeps} steps a sample", (
-                *self._arguments(fold, s, fits, len(pairs)), (of_it["values"], of_it["outcome"]),
-            ))  # fmt: skip
-        results = self._run(_fit_structure, [*tasks.values()])
-        return {**fits} | {pair: results[task.key] for pair, task in tasks.items()}
+        again = dict(fits)
+        for wave in self._waves():
+            tasks = {
+                (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
+                    *self._arguments(fold, s, again, len(wave)),
+                    (fits[fold, s.name]["values"], fits[fold, s.name]["outcome"]),
+                )) for fold, s in wave if fits[fold, s.name]["cost"] is not None
+            }  # fmt: skip
+            results = self._run(_fit_structure, [*tasks.values()])
+            again |= {pair: results[task.key] for pair, task in tasks.items()}
+        return again
 
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""

@@ -167,7 +167,8 @@ def fractional_element(
     if score is None or score.share < SHARE:
         return None
     order = _order_of(score.name)
-    free = {score.name: replace(freed_friction(problem, [score.name])[score.name], start=score.strength),
+    own = freed_friction(problem, [score.name])[score.name]
+    free = {score.name: replace(own, start=score.strength, upper=max(own.upper, 10 * score.strength)),
             order: Free(score.order, 0.05, 0.95)}  # fmt: skip
     with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
     values = dict(zip(problem.names, best.point.tolist(), strict=True)) | {n: v.start for n, v in free.items()}
