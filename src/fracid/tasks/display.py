@@ -91,7 +91,7 @@ def duration(seconds: float, *, fine: bool = False) -> str:
 
     Examples
     --------
-    >>> duration(3.21), duration(3.21, fine=True), duration(200), duration(7300)
+    >>> duration(3.21), duration(3.21, fine=True), duration(200), duration(7320)
     ('3 s', '3.2 s', '3 min 20 s', '2 h 2 min')
     """
     if seconds < 60:
