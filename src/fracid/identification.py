@@ -72,7 +72,7 @@ from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_boun
 from fracid.selection.residual_noise import leftovers
 from fracid.solver.methods import METHODS
 from fracid.tasks.display import unless_given
-from fracid.tasks.job import Progress
+from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
@@ -196,30 +196,31 @@ def identify(
     rng, options, starts = np.random.default_rng(seed), dict(options or {}), 1 if starts is None else starts
     watching = unless_given(observer)
     clock = _Clock(watching.stage)
-    clock.begin("checks of the data", "look")
-    seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
-    clock.begin("search", "search")
-    work = problem if entry.keeps_its_own else coarse_problem(problem)
-    with _counted(work, entry, watching, callback) as tell:
-        watch = Watch(log, tell)
-        result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
-                                  executor=executor, journal=journal)  # fmt: skip
-    analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
-                         alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
-                         sampled=problem)  # fmt: skip
-    if result.interrupted:
-        watching.interrupted()
-    elif not np.isfinite(result.best.cost):
-        analysis.known = Failure(FailureReason.RUN, "every run failed")
-        analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
-        analysis.seen += failed(work, result.best.point)
-    else:
-        _examine(analysis, validation, whole if cut else None, jobs, clock)
-    if analysis.interrupted:
-        watching.interrupted()
-    clock.end()
-    watching.stage("")
-    return _fit(analysis, watch.count, clock.laps)
+    with one_blas_thread():  # sums split over threads round differently
+        clock.begin("checks of the data", "look")
+        seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
+        clock.begin("search", "search")
+        work = problem if entry.keeps_its_own else coarse_problem(problem)
+        with _counted(work, entry, watching, callback) as tell:
+            watch = Watch(log, tell)
+            result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
+                                      executor=executor, journal=journal)  # fmt: skip
+        analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+                             alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
+                             sampled=problem)  # fmt: skip
+        if result.interrupted:
+            watching.interrupted()
+        elif not np.isfinite(result.best.cost):
+            analysis.known = Failure(FailureReason.RUN, "every run failed")
+            analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
+            analysis.seen += failed(work, result.best.point)
+        else:
+            _examine(analysis, validation, whole if cut else None, jobs, clock)
+        if analysis.interrupted:
+            watching.interrupted()
+        clock.end()
+        watching.stage("")
+        return _fit(analysis, watch.count, clock.laps)
 
 
 @contextmanager

@@ -1,9 +1,9 @@
 """Nested sampling: posteriors that are bent, cut or of several peaks, and the evidence, by packages made for it.
 
-==========  =================================================================================================
-``nested``  nautilus [L]_: importance nested sampling, its regions drawn by neural networks
-``dynesty`` dynesty [S]_: dynamic nested sampling, slower, to check the former; one point after the other
-==========  =================================================================================================
+===========  =================================================================================================
+``nested``   nautilus [L]_: importance nested sampling, its regions drawn by neural networks
+``dynesty``  dynesty [S]_: dynamic nested sampling, slower, to check the former; one point after the other
+===========  =================================================================================================
 
 Both draw from the whole prior, not from a neighbourhood of the minimum.  Both are optional (``pip install
 'fracid[posterior]'``) and imported here alone.  They ask for log likelihoods batch by batch; each batch is simulated on
