@@ -48,7 +48,7 @@ class Sections(HTMLParser):
 
     def handle_data(self, data):
         """Keep text, with one space for any."""
-        if self.depth and not self.skipped and data != "#":
+        if self.depth and not self.skipped and data not in ("#", "¶"):
             self.kept.append(" ".join(data.split()).replace("&", "&amp;").replace("<", "&lt;") + " ")
 
 
