@@ -32,7 +32,7 @@ test-all: $(READY)
 
 # What takes minutes, real recordings included where they are.
 test-slow: $(READY)
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -n 2 --dist worksteal -m slow
 
 lint: $(READY)
 	$(BIN)/ruff check .

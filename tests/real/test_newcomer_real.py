@@ -52,8 +52,11 @@ def test_what_the_program_proposes_leads_to_a_fit(capsys, tmp_path, monkeypatch,
         pytest.skip(f"{name} is not in {FOLDER}")
     code, out, err = run(capsys, "check", file)
     assert (code, err) == (0, "")
-    code, out, err = run(capsys, *proposed(out))
-    assert (code, err) == (0, "")
+    for _ in range(3):  # where units are in doubt check proposes itself first, with them
+        if proposed(out)[0] == "fit":
+            break
+        code, out, err = run(capsys, *proposed(out))
+        assert (code, err) == (0, "")
     command, project = proposed(out)
     assert command == "fit"
     found = fracid.identify(fracid.load_project(project), jobs=2)

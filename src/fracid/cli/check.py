@@ -97,7 +97,7 @@ def check(
 
 def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
     steps = [(typed("init", recording.path, *_again(options)), "writes a project of it, which runs as it is")]
-    if columns := _in_doubt(recording, options["--column"]):
+    if columns := _in_doubt(recording, options):
         steps.insert(0, (typed("check", recording.path, *_again({**options, "--column": columns})),
                          "if these are the columns and units; else change them: rad, deg, turns, counts"))  # fmt: skip
     say_next(new_console(), *steps)
@@ -110,19 +110,22 @@ def _doubted(recording: Recording) -> dict[str, str]:
     return unsaid | {f.where: MISREAD[f.code] for f in report.findings if f.code in MISREAD}
 
 
-def _in_doubt(recording: Recording, given: list[str] | None) -> list[str]:
+def _in_doubt(recording: Recording, options: Mapping[str, Any]) -> list[str]:
     """The columns as ``--column`` takes them, with the units to try; none where no unit is in doubt."""
-    from fracid.recording.guess import guess_columns
+    from fracid.problem.draft import guess_file
 
-    doubted = _doubted(recording)
+    doubted, given = _doubted(recording), options["--column"]
     if not doubted:
         return []
     if given is None:
         try:
-            columns, _ = guess_columns(recording)
+            time = time_from_text(options["--time"], options["--rate"])
+            columns, _ = guess_file(recording.path, time=time, variable=options["--variable"])
         except InputError:  # nothing moves
             return []
-        given = [f"{name}={fields['column']},unit={fields.get('unit', 'rad')}" for name, fields in columns.items()]
+        given = [",".join([f"{name}={fields['column']}", *(f"{k}={v}" for k, v in ({"unit": "rad"} | fields).items()
+                                                           if k != "column")])
+                 for name, fields in columns.items()]  # fmt: skip
     return [_with_unit(text, doubted.get(text.partition("=")[0])) for text in given]
 
 

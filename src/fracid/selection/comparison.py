@@ -524,8 +524,12 @@ def _refitted(
     structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, jobs: int
 ) -> tuple[Evaluation, str]:
     """The lowest at a finer step, from the minimum at the coarser one and from the structures below at the finer."""
-    problem, watch = structure.problem, Watch()
-    ends = [(_descended(problem, structure.embed(values), jobs, watch), how)]
+    problem, watch, own = structure.problem, Watch(), structure.embed(values)
+    ends = [(_descended(problem, own, jobs, watch), how)]
+    if problem.cost_function.loss is not None and problem.names:  # the finer step has shifted the phase
+        ends.append((growing(problem, own, jobs, watch).best, how))
+    if late_rungs(problem) and problem.cost_function.loss is not None and below:
+        return min(*ends, _climbed(structure, below, jobs), key=lambda end: end[0].cost)
     for origin, simpler in below.items():
         x = structure.embed(simpler)
         onward = _descended(problem, x, jobs, watch)
