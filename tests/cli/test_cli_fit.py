@@ -102,6 +102,7 @@ def test_a_fit_shows_its_table_and_leaves_a_whole_run_folder_with_its_figures(ca
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.broad
 def test_json_is_all_that_stands_on_standard_output_and_events_on_standard_error(capsys, project, tmp_path):
     code, out, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path, "--json")
     events = [json.loads(line) for line in err.splitlines()]
@@ -204,6 +205,7 @@ def test_a_validation_recording_is_drawn_and_listed(capsys, project, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.broad
 def test_the_default_folder_is_runs_and_the_name(capsys, project, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     run(capsys, "fit", project(FAST + RECORDING + FIT), "--json")
@@ -387,6 +389,7 @@ def test_ctrl_c_before_the_search_leaves_no_folder_and_says_so(capsys, project, 
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.broad
 def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_path, monkeypatch):
     shown = []
 

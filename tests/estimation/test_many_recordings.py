@@ -101,6 +101,7 @@ def test_what_the_data_do_not_see_is_named_by_blocks_too(thirty, monkeypatch):
     np.testing.assert_array_equal(np.isnan(found.standard_error), np.isnan(known.standard_error))
 
 
+@pytest.mark.broad
 def test_the_search_by_blocks_ends_at_the_same_minimum_with_a_tenth_of_the_runs(thirty, monkeypatch):
     whole, parts = both(monkeypatch, thirty, initial_state="rest")
     a, b = (refined(p, p.start, 1, Watch()) for p in (whole, parts))

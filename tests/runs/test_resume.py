@@ -185,6 +185,7 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         assert result(folder) == whole[0]
 
 
+@pytest.mark.broad
 def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, whole, tmp_path, monkeypatch):
     fitted_until(20, project, tmp_path / "run")
     log = tmp_path / "run" / EVALUATIONS

@@ -83,6 +83,7 @@ def after(count):
     return fracid.Observer(progress=lambda what: nullcontext(tell))
 
 
+@pytest.mark.broad
 def test_a_fit_that_python_began_ends_the_same_by_another_call_and_by_resume_run(here):
     whole = fracid.run("rig.toml", out="whole", figures=False)
     for again in (lambda: fracid.run("rig.toml", out="run", figures=False), lambda: fracid.resume_run("run")):
