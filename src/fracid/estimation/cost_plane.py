@@ -150,7 +150,7 @@ def _beside(problem: Problem, x: FloatArray, i: int, by: float) -> float:
 
 
 def cost_plane(
-    problem: Problem, x: FloatArray, *, reach: float | Sequence[float] = WIDE, points: int = 21, jobs: int = 1
+    problem: Problem, x: FloatArray, *, reach: float | Sequence[float] = WIDE, points: int = 15, jobs: int = 1
 ) -> CostPlane:
     """Evaluate the cost around x over the problem's first two free orders, within their bounds.
 

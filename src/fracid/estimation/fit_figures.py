@@ -127,7 +127,7 @@ class FitPictures:
         """
         return _one(self, recording).plot_residuals(output, tests=tests, style=style)
 
-    def plot_cost(self: Fitted, *, points: int = 21, jobs: int = 1, style: str | Style = "screen") -> Figure:
+    def plot_cost(self: Fitted, *, points: int = 15, jobs: int = 1, style: str | Style = "screen") -> Figure:
         """The cost over the two free orders about what was found; see :func:`fracid.plots.cost_plane`.
 
         Parameters

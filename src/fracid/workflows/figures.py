@@ -7,9 +7,10 @@ simulates the plane of the orders and writes the report: 4 s where 7 s would pas
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,10 +84,14 @@ def _prepare() -> None:
     from fracid.tasks.local import follow_parent
 
     follow_parent()
+    with suppress(AttributeError, OSError):  # the search first
+        os.nice(5)
     ignore_settings(Path())
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_svg
     import matplotlib.figure  # noqa: F401
+    import statsmodels.stats.diagnostic  # type: ignore[import-untyped]
+    import statsmodels.tsa.stattools  # type: ignore[import-untyped]  # noqa: F401
 
     import fracid.plots  # noqa: F401
 
