@@ -23,10 +23,11 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx_copybutton",
-    "accessible",  # these eight are in _site/
+    "accessible",  # these nine are in _site/
     "commands",
     "docstrings",
     "excerpts",
+    "live_report",
     "mathml",
     "modules",
     "offline",

@@ -44,6 +44,15 @@ def test_every_page_is_as_wide_as_a_telephone_and_asks_nobody_for_anything(site,
         assert browser.complaints == [], page
 
 
+def test_the_page_of_a_fit_at_the_front_simulates_the_true_orders(site, browser):
+    assert 'src="example-report.html#explore"' in (site / "index.html").read_text(encoding="utf-8")
+    browser.open(site / "example-report.html")
+    browser.run("document.getElementById('explore').scrollIntoView({behavior: 'instant'})")
+    browser.until("explore !== null && explore.charts.length > 0")
+    orders = browser.run("explore.byKind('orders').map(slider => slider.value)")
+    assert orders == pytest.approx([0.93, 0.96], abs=3e-3)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("page", LOOKED_AT)
 def test_a_page_passes_the_check_of_accessibility(site, browser, page, scheme):

@@ -40,9 +40,23 @@ file = "driven.csv"
 theta = { column = "theta", unit = "rad" }
 alpha = { column = "alpha", unit = "rad" }
 voltage = { column = "voltage", unit = "V", between = "hold" }
+[[recording]]
+name = "let go late"
+file = "late.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+release_time = 0.0237
+[[recording]]
+name = "let go early"
+file = "early.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+release_time = { start = -0.004, lower = -0.02, upper = 0.02 }
 [fit]
 initial_state = "rest"
 """
+
+RECORDINGS = ["release", "driven", "let go late", "let go early"]
 
 CALM = {"prefers_reduced_motion": "reduce"}
 
@@ -55,6 +69,8 @@ def material(tmp_path_factory):
     rig = RIG.with_parameters(coulomb_theta=1e-3)
     write_release(folder / "swing.csv", rig, alpha=0.35, **truth)
     write_release(folder / "driven.csv", rig, alpha=0.0, inputs=driven(300), **truth)
+    write_release(folder / "late.csv", rig, alpha=0.3, **truth)
+    write_release(folder / "early.csv", rig, alpha=0.25, **truth)
     (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
     project = fracid.load_project(folder / "rig.toml")
     open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
@@ -99,9 +115,9 @@ def moved(page, name, value):
     return page.run(MOVE.format(name=json.dumps(name), value=value))
 
 
-@pytest.mark.parametrize("recording", ["release", "driven"])
+@pytest.mark.parametrize("recording", RECORDINGS)
 def test_the_page_simulates_the_fit_and_any_other_point_as_the_library_does(page, material, recording):
-    page.run(f"explore.open({['release', 'driven'].index(recording)})")
+    page.run(f"explore.open({RECORDINGS.index(recording)})")
     assert page.run("explore.agreement") < 1e-6
     problem, x = material.project.problem, material.x.copy()
     for name, value in (("lambda", 1.02), ("mu", 0.97), ("b_alpha", 4e-4)):

@@ -143,10 +143,41 @@ class Explore {
 
   simulate(portion = 1) {
     const r = this.recording, samples = Math.max(2, Math.round(portion * (r.samples - 1))), begin = performance.now();
-    const { initial, deflections, ...values } = this.values();
-    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps: Math.min(samples * r.every, r.steps), memory: r.steps }, values, model);
+    const { initial, deflections, ...values } = this.values(), steps = portion < 1 ? Math.min(samples * r.every, r.steps) : r.steps;
+    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps, every: r.release === null ? r.every : 1, memory: r.steps }, values, model);
+    if (r.release !== null) this.read(run, values.orders);
     run.took = performance.now() - begin;
     return run;
+  }
+
+  // A run that begins at the release, between two samples: read at the samples as Trajectory.at does, through the four
+  // nearest steps; before the release it has its first value.
+  read(run, orders) {
+    const r = this.recording, width = this.program.states.length, last = run.samples - 1, nodes = Math.min(4, run.samples), states = run.states;
+    const samples = Math.min(r.samples, Math.floor((r.release + last * r.step) / (r.step * r.every) * (1 + 1e-12)) + 1), read = new Float64Array(samples * width);
+    for (const { state } of this.outputs) {
+      const named = this.program.orders[state], q = typeof named === "string" ? orders[named] : named;
+      const bent = Math.abs(q - 1) > 0.05 && q > 1e-12, powers = [0, 1, q, 1 + q].slice(0, nodes);
+      const at = k => states[k * width + state];
+      for (let n = 0; n < samples; n++) {
+        const place = n * r.every - r.release / r.step;
+        if (place <= 0) { read[n * width + state] = at(0); continue; }
+        const first = Math.min(Math.max(Math.ceil(place) - 2, 0), run.samples - nodes);
+        let y = 0;
+        if (bent && first < 8) {
+          const end = first + nodes - 1, basis = Array.from({ length: nodes }, (_, k) => powers.map(p => ((first + k) / end) ** p));
+          y = dot(solved(basis, Array.from({ length: nodes }, (_, k) => at(first + k))), powers.map(p => (place / end) ** p));
+        } else {
+          for (let k = 0; k < nodes; k++) {
+            let weight = 1;
+            for (let other = 0; other < nodes; other++) if (other !== k) weight *= (place - first - other) / (k - other);
+            y += weight * at(first + k);
+          }
+        }
+        read[n * width + state] = y;
+      }
+    }
+    Object.assign(run, { states: read, samples });
   }
 
   // The curve and the residual of an output, in shown units; shorter than the recording where the run is.

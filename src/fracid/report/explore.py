@@ -16,6 +16,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.export.javascript import no_javascript, program, right_hand_side, solver
+from fracid.problem import Free
 from fracid.problem.simulator import LIMIT
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter, unit
@@ -54,8 +55,8 @@ def _beyond(e: Experiment) -> str:
         return f"{e.name} begins with a measured past, which the page's solver does not take."
     if e.sensors:
         return f"The sensors of {e.name} have a delay, gain, bias or lowpass, which the page's solver lacks."
-    if e.release_time != 0.0 or e.times is not None:
-        return f"{e.name} is read between its samples, which the page's solver does not do."
+    if e.times is not None:
+        return f"The samples of {e.name} are not evenly spaced, which the page's solver expects."
     return ""
 
 
@@ -113,6 +114,8 @@ def _frictions(material: Material) -> Iterator[dict[str, Any]]:
         if e is None or name in own or e["value"] is None:
             continue
         high = max(3 * abs(e["value"]), 1.3 * max(map(abs, e["interval95"] or (0.0,))))
+        if e.get("at_bound") and isinstance(start := problem.parameters.get(name), Free):
+            high = max(high, 3 * abs(start.start))
         if high == 0.0 and kind.dry and kind.joint:
             high = _might_be(material, kind.joint)
         if high > 0.0 and (e["value"] != kind.off or kind.dry or e["free"]):
@@ -155,7 +158,7 @@ def _recording(material: Material, e: Experiment) -> dict[str, Any]:
     problem = material.project.problem
     values, driven = problem.parametrisation.unpack(material.x, e), problem.simulator.inputs(material.x, e)
     samples = min(len(e.measured), budget(len(material.recordings)))
-    rows = (samples - 1) * problem.substeps + 1
+    rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     sizes = problem.parametrisation.sizes(e)
     return {
@@ -163,6 +166,7 @@ def _recording(material: Material, e: Experiment) -> dict[str, Any]:
         "step": e.step / problem.substeps,
         "steps": rows - 1,
         "every": problem.substeps,
+        "release": None if e.release_time == 0.0 else values.release,
         "samples": samples,
         "whole": len(e.measured),
         "limit": LIMIT * float(np.max(sizes, initial=1.0)),
