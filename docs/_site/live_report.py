@@ -1,4 +1,4 @@
-"""The page of a fit, for the front of the site: a release made and fitted while the site is built, so never out of date.
+"""The page of a fit, for the front of the site: of a release made and fitted while the site is built, so never stale.
 
 The commands are those of the README's first example; what they write is thrown away but for ``report.html``.
 """
