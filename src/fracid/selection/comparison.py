@@ -74,7 +74,7 @@ from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
 from fracid.selection.residual_noise import leftovers
-from fracid.selection.step import quiet_substeps
+from fracid.selection.step import HIGHER, quiet_substeps
 from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -88,6 +88,9 @@ __all__ = ["Comparison", "Row", "Score", "compare"]
 
 MARGIN = 0.02
 """Errors that differ by less than this part are the same."""
+
+SAME = 1e-3
+"""A cost that is higher by less than this part is as low."""
 
 WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
@@ -455,11 +458,11 @@ _fold_of_file = lru_cache(maxsize=32)(_made)
 def _fit_structure(
     origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
     below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
-    before: tuple[dict[str, float], str] | None = None,
+    before: tuple[dict[str, float], str, int] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Fit one structure and score it: a task, whose result is plain JSON.
 
-    `before` has its minimum at a coarser step, and how that was found.
+    `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
     fold = _fold(origin, held_out, leave_one_out)
     structure, others = fold.ladder[name], fold.held_out
@@ -521,11 +524,20 @@ def _fitted(
 
 
 def _refitted(
-    structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, jobs: int
-) -> tuple[Evaluation, str]:
-    """The lowest at a finer step, from the minimum at the coarser one and from the structures below at the finer."""
+    structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, coarse: int,
+    jobs: int,
+) -> tuple[Evaluation, str]:  # fmt: skip
+    """The minimum at a finer step that the one at `coarse` steps leads to, where no structure that it holds is lower.
+
+    Else the lowest from there, and from the structures below at the finer step.
+    """
     problem, watch, own = structure.problem, Watch(), structure.embed(values)
-    ends = [(_descended(problem, own, jobs, watch), how)]
+    nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
+    near, before = _descended(problem, own, jobs, watch), replace(problem, substeps=coarse).cost(own)
+    lowest = min([near, *nested], key=lambda e: e.cost)
+    if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
+        return lowest, how
+    ends = [(near, how)]
     if problem.cost_function.loss is not None and problem.names:  # the finer step has shifted the phase
         ends.append((growing(problem, own, jobs, watch).best, how))
     if late_rungs(problem) and problem.cost_function.loss is not None and below:
@@ -631,13 +643,13 @@ class _Study:
 
     def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
         """All fits once more, at a finer step, each from its minimum."""
-        self.origin = self.origin.at(substeps)
+        coarse, self.origin = self.ladder(WHOLE).structures[0].problem.substeps, self.origin.at(substeps)
         again = dict(fits)
         for wave in self._waves():
             tasks = {
                 (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
                     *self._arguments(fold, s, again, len(wave)),
-                    (fits[fold, s.name]["values"], fits[fold, s.name]["outcome"]),
+                    (fits[fold, s.name]["values"], fits[fold, s.name]["outcome"], coarse),
                 )) for fold, s in wave if fits[fold, s.name]["cost"] is not None
             }  # fmt: skip
             results = self._run(_fit_structure, [*tasks.values()])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 
-__all__ = ["FINEST", "quiet_substeps"]
+__all__ = ["FINEST", "HIGHER", "quiet_substeps"]
 
 FINEST = 16
 """Steps a sample at most: there are many structures."""
@@ -28,6 +29,12 @@ COARSE = 0.05
 
 HELPS = 0.7
 """A half step that leaves more than this part of what moved before does not help."""
+
+NEAR: Mapping[str, Any] = {"tolerance": 1e-4, "budget": 8}
+"""Least squares at half the step, to see how far its minimum is: friction that the record hardly shows may creep on."""
+
+HIGHER = 0.02
+"""A minimum that costs more than this part more at a finer step is not the one that was there."""
 
 
 def quiet_substeps(problem: Problem, x: FloatArray, half_widths: Mapping[str, float], *, jobs: int = 1) -> int:
@@ -61,7 +68,9 @@ def quiet_substeps(problem: Problem, x: FloatArray, half_widths: Mapping[str, fl
     here, before = problem.evaluate(x), (np.inf, np.inf)
     while 2 * problem.substeps <= FINEST and 2 * problem.substeps * steps <= MOST_STEPS:
         half = replace(problem, substeps=2 * problem.substeps)
-        there = uninterrupted(refined(half, here.point, jobs, Watch(), tolerance=1e-5, budget=20)).best
+        if not width and abs(half.cost(here.point) - here.cost) <= COARSE * here.cost:  # its minimum changes by less
+            break
+        there = uninterrupted(refined(half, here.point, jobs, Watch(), **NEAR)).best
         moved = max((abs(there.point[i] - here.point[i]) / width[i] for i in width), default=0.0)
         changed = abs(there.cost - here.cost)
         quiet = moved <= 1.0 and (problem.method != "pi2" or changed <= COARSE * here.cost)
