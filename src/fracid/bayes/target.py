@@ -174,6 +174,8 @@ class RecordedLikelihood:
     """At x̂, of each recording, shape (n_samples, n_outputs)."""
     projection: tuple[FloatArray, ...]
     """What turns a change of the outputs into T, of each recording, shape (n_samples, n_outputs, n)."""
+    gradient: FloatArray
+    """∂V/∂x at x̂, no more than rounding but for parameters at a bound, shape (n,)."""
 
     def log_likelihood(self, x: FloatArray) -> float:
         """See the top of this module."""
@@ -188,12 +190,9 @@ class RecordedLikelihood:
         move = sum((np.einsum("toi,to->i", p, here - there) for p, here, there in parts), np.zeros(len(x)))
         power = 2 if problem.cost_function.root else 1
         rise = (cost / self.cost) ** power - 1 - 0.5 * float(move @ self.curvature @ move) / self.scale
-        return self.tangent(move) - 0.5 * self.samples * rise
-
-    def tangent(self, move: FloatArray) -> float:
-        """The part that the curvature says: Student's t of a change of parameters T, shape (n,)."""
         distance = float(move @ self.precision @ move)
-        return -0.5 * (self.degrees + len(move)) * math.log1p(distance / self.degrees)
+        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(distance / self.degrees)
+        return -tangent - 0.5 * self.samples * rise
 
 
 @dataclass(frozen=True)
@@ -294,8 +293,10 @@ def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int
     weights = problem.criterion.sample_weights(errors)
     projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J, strict=True))
     scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
+    gradient = sum((np.einsum("to,toi->i", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)),
+                   np.zeros(len(x)))  # fmt: skip
     return RecordedLikelihood(Portable(problem), x, best.cost, scale, effective_samples(errors), curvature, precision,
-                              degrees, tuple(errors), projection)  # fmt: skip
+                              degrees, tuple(errors), projection, gradient)  # fmt: skip
 
 
 def _degrees(widening: float) -> float:

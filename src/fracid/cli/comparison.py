@@ -175,7 +175,7 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         f"ITAE{' in ° s²' if _angles(comparison) else ''}; BIC above the lowest, of {comparison.effective_samples:.0f} "
         f"effective "
         "samples; "
-        + "log odds [nats] against the most probable, bounds and priors as the project has them; " * len(odds)
+        + "log odds in nats against the most probable, bounds and priors as the project has them; " * len(odds)
         + "← the paper's structure[/dim]",
         "  ",
         2,
