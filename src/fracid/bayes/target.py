@@ -183,7 +183,7 @@ class RecordedLikelihood:
         errors = problem.errors(x)
         if isinstance(errors, Failure):
             return -math.inf
-        cost = problem.criterion(x, errors).cost
+        cost = problem.criterion.cost(x, errors)
         if not math.isfinite(cost):
             return -math.inf
         parts = zip(self.projection, self.errors, errors, strict=True)
