@@ -248,6 +248,13 @@ def test_what_cannot_be_designed_is_refused(space, options, told):
         fracid.design(RIG, replace(SPACE, **space), **{"free": FREE, "orders": ORDERS, **options})
 
 
+def test_the_noise_of_outputs_that_are_no_angles_is_asked_for():
+    cell = fracid.Model("cell", lambda *_: None, ("volts",), ("q",), {"volts": 0}, zero="", source="",
+                        parameters=(fracid.Parameter("rate", "1/s", 1.0, "of loss"),), inputs=("current",))  # fmt: skip
+    with pytest.raises(InputError, match="The outputs of cell are not known as angles of encoders: give noise"):
+        fracid.design(cell, fracid.DesignSpace(voltage=fracid.Pulses(1.0, 2.0, peak=1.0)))
+
+
 def test_a_sum_of_information_is_that_of_independent_experiments():
     one = Information(np.diag([1.0, 4.0]), np.diag([1.0, 4.0]))
     assert (one + one).covariance(np.ones(2)) == pytest.approx(np.diag([0.5, 0.125]))

@@ -287,8 +287,12 @@ def subject_of_model(
         model, (still,), {n: Free(q, min(0.5, q / 2), max(1.2, q)) if n in names else q for n, q in values.items()},
         ranges, outputs=outputs, initial_state="held",
     )  # fmt: skip
-    step = 2 * math.pi / COUNTS if space.counts is None else 2 * math.pi / space.counts if space.counts else 0.0
+    counts = (COUNTS if model.angles else 0.0) if space.counts is None else space.counts
+    step = 2 * math.pi / counts if counts else 0.0
     noise = QUIET * step if space.noise is None else space.noise
+    if space.counts is None and step == 0.0 and noise == 0.0:
+        raise InputError(f"The outputs of {model.name} are not known as angles of encoders: give noise, their standard "
+                         "deviation, or counts.")  # fmt: skip
     if step == 0.0 and noise == 0.0:
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
     count, finest = len(problem.names), FINE if model.angles else math.inf
