@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    each_once,
+    echo_json,
+    new_console,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
@@ -197,4 +211,6 @@ def _show(finished: FinishedDesign, console: Console) -> None:
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip
+    for note in plan.subject.notes:
+        say(console, escape(note), "  • ", 4)
     console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)
