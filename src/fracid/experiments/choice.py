@@ -123,10 +123,10 @@ def design(
     name = criterion or ("T" if against else "Ds" if of else "D")
     if name not in CRITERIA:
         raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
+    candidates = _some(space)  # before a project is searched
     subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
     subject.check(space)
     places = subject.places(of)
-    candidates = _some(space)
     tables = informations(subject, space, candidates, jobs=jobs, progress=progress)
     possible = [i for i, t in enumerate(tables) if isinstance(t, Information)]
     if not possible:
