@@ -24,7 +24,7 @@ FORMER = {
     "fracid.compare": "selection.comparison",
     "fracid.compiling": "solver.compilation",
     "fracid.costs": "problem.costs",
-    "fracid.criteria": "selection.bic",
+    "fracid.criteria": "selection.bic signals.correlation",
     "fracid.cut": "validation.unknown_past",
     "fracid.diagnostics": "estimation.parameter_verdicts estimation.cost_plane",
     "fracid.draft": "problem.draft",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fracid.bayes.laplace import StudentProposal, importance_sample
+from fracid.bayes.laplace import PILOT, StudentProposal, importance_sample
 from fracid.bayes.target import BoxPrior, GaussianApproximation
 from fracid.errors import InputError
 from fracid.problem.unknowns import Prior
@@ -98,6 +98,12 @@ def test_the_density_of_a_proposal_is_one_in_all():
 def test_khat_says_that_a_bent_posterior_or_one_of_two_peaks_is_not_laplaces(density, shape):
     sample = importance_sample(density, box(len(shape.mean), 10.0), shape, draws=4000, seed=1)
     assert not sample.trusted
+
+
+def test_a_second_proposal_that_promises_nothing_costs_its_first_draws_alone():
+    between = GaussianApproximation(np.ones(2), 0.01 * np.eye(2))
+    sample = importance_sample(TwoPeaks(6.0), box(2, 20.0), between, draws=2000, seed=1)
+    assert sample.simulations == 2000 + PILOT
 
 
 @pytest.mark.parametrize("executor", ["threads", pytest.param("processes", marks=pytest.mark.broad)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.bayes.evidence import laplace_evidence, require_evidence
 from fracid.bayes.target import approximation, calibrated, joint_prior
 from fracid.errors import InputError
 from fracid.estimation.covariance import uncertainty
@@ -38,6 +39,7 @@ def test_the_evidence_of_a_linear_model_with_normal_noise_is_the_closed_form():
     exact = 0.5 * np.linalg.slogdet(2 * np.pi * estimated)[1] - volume
     assert drawn.log_evidence == pytest.approx(exact, abs=0.05)
     assert drawn.trusted
+    assert laplace_evidence(problem, drawn.x).log_evidence == pytest.approx(exact, abs=0.05)
     true = SIGMA**2 * np.linalg.inv(regressors.T @ regressors)
     known = 0.5 * np.linalg.slogdet(2 * np.pi * true)[1] - volume
     assert drawn.log_evidence == pytest.approx(known, abs=0.15)  # the sandwich estimates the noise's covariance
@@ -121,6 +123,13 @@ def test_nothing_free_a_users_own_cost_and_another_method_are_refused_in_a_sente
         fracid.posterior(replace(swing, cost_function=own))
     with pytest.raises(InputError, match="unknown method 'nest': did you mean nested"):
         fracid.posterior(swing, method="nest")
+
+
+def test_evidence_of_a_parameter_without_bounds_is_refused(swing):
+    free = replace(swing, parameters={"b_alpha": Free(2e-4, 0.0, np.inf)})
+    with pytest.raises(InputError, match="no bounds, such as b_alpha: give it a lower and an upper one, or a prior"):
+        require_evidence(free)
+    require_evidence(replace(swing, parameters={"b_alpha": Free(2e-4, 0.0, np.inf, prior=Prior(2e-4, 1e-4))}))
 
 
 def test_odds_of_other_recordings_are_refused(swing):

@@ -84,6 +84,19 @@ def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, 
         assert name in out
 
 
+def test_posterior_odds_are_a_column_of_a_comparison_that_was_made_without(capsys, folder):
+    before = json.loads((folder / "run" / "compare.json").read_text(encoding="utf-8"))
+    code, out, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--evidence", *QUICK)
+    assert (code, err) == (0, "")
+    assert "log odds" in out
+    assert "+0.0" in out
+    after = json.loads((folder / "run" / "compare.json").read_text(encoding="utf-8"))
+    odds = [structure.pop("log_odds") for structure in after["structures"]]
+    assert max(odds) == 0.0
+    assert [structure.pop("log_odds") for structure in before["structures"]] == [None] * 4
+    assert after | {"amplitude": {}} == before | {"amplitude": {}}
+
+
 def test_the_run_folder_holds_numbers_table_and_figures(made):
     record = json.loads((made / "run" / "compare.json").read_text(encoding="utf-8"))
     assert [s["name"] for s in record["structures"]] == [

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import fracid
@@ -67,6 +68,53 @@ def test_of_a_project_it_fits_first_and_tells_programs_alone(capsys, folder, tmp
     assert (low + high) / 2 == pytest.approx(0.95, abs=1e-3)
     assert high - low < 1e-3
     assert len(record["experiments"]) == 3
+
+
+LAG = """
+import fracid
+
+def rhs(t, x, u, p, out):
+    out[0], out[1] = p[0] * u[0] - p[1] * x[0], (x[0] - x[1]) / 0.05  # a cell, and the low-pass of its logger
+
+model = fracid.Model("lag", rhs, ("cell", "read"), ("q", 1.0), {"volts": 1}, parameters=(
+    fracid.Parameter("gain", "V/A", 2.0, "of the current", lower=0.0), fracid.Parameter("rate", "1/s", 1.0, "of loss"),
+), inputs=("current",), zero="", source="")
+"""
+
+LAG_PROJECT = """
+[model]
+name = "lag.py:model"
+[model.parameters]
+gain = { start = 1.9, lower = 0.5, upper = 5.0 }
+rate = { start = 1.1, lower = 0.1, upper = 5.0 }
+[model.orders]
+q = { start = 0.9, lower = 0.5, upper = 1.0 }
+[[recording]]
+file = "lag.csv"
+volts = { column = "volts", unit = "V" }
+current = { column = "current", unit = "A", between = "line" }
+initial = { cell = 0.0 }
+[fit]
+initial_state = "rest"
+"""
+
+
+def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path):
+    (tmp_path / "lag.py").write_text(LAG, encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(LAG_PROJECT, encoding="utf-8")
+    time = np.linspace(0, 4, 81)
+    volts = 1.5 * (1 - np.exp(-time)) + 1e-2 * np.random.default_rng(1).standard_normal(81)
+    table = np.column_stack([time, time > 0, volts])
+    np.savetxt(tmp_path / "lag.csv", table, delimiter=",", header="time [s],current [A],volts [V]", comments="")
+    code, out, err = run(
+        capsys, "design", tmp_path / "rig.toml", "--trust", "--seconds", "4", "--rate", "20", "--experiments", "1",
+        "--voltage", "pulses,0.5,2,3", "--out", tmp_path / "next",
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    assert "from rest, pulses" in out
+    project = (tmp_path / "next" / "next.toml").read_text(encoding="utf-8")
+    assert "initial = { cell = 0.0 }" in project
+    assert 'current = { column = "current", unit = "A", between = "hold" }' in project
 
 
 @pytest.mark.parametrize(

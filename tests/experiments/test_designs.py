@@ -99,6 +99,15 @@ def test_correlated_residuals_count_as_their_effective_samples(plan):
     assert all(n.step == 0.0 for n in subject.noise.values())
 
 
+def test_a_value_at_its_bound_on_which_others_depend_is_named(plan):
+    problem = read(joint(plan), plan.subject.noise, np.random.default_rng(2))
+    free = problem.parameters["b_alpha"]
+    bounded = replace(problem, parameters=problem.parameters | {"b_alpha": replace(free, lower=free.start)})
+    (note,) = subject_of(bounded, SPACE).notes
+    assert note.startswith("b_alpha lies at its bound and is held there, on which the intervals of mu")
+    assert subject_of(bounded, SPACE, of=("b_alpha",)).notes == subject_of(problem, SPACE).notes == ()
+
+
 def test_a_clamped_arm_shows_no_lambda():
     space = fracid.DesignSpace(release=40, arm="clamped", seconds=2, rate=100)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
@@ -246,6 +255,13 @@ def test_what_no_experiment_can_have_is_refused(change, told):
 def test_what_cannot_be_designed_is_refused(space, options, told):
     with pytest.raises(InputError, match=told):
         fracid.design(RIG, replace(SPACE, **space), **{"free": FREE, "orders": ORDERS, **options})
+
+
+def test_the_noise_of_outputs_that_are_no_angles_is_asked_for():
+    cell = fracid.Model("cell", lambda *_: None, ("volts",), ("q",), {"volts": 0}, zero="", source="",
+                        parameters=(fracid.Parameter("rate", "1/s", 1.0, "of loss"),), inputs=("current",))  # fmt: skip
+    with pytest.raises(InputError, match="The outputs of cell are not known as angles of encoders: give noise"):
+        fracid.design(cell, fracid.DesignSpace(voltage=fracid.Pulses(1.0, 2.0, peak=1.0)))
 
 
 def test_a_sum_of_information_is_that_of_independent_experiments():

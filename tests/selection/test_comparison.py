@@ -65,6 +65,36 @@ def compared(truth):
     return judged(problem(swing(**TRUTHS[truth])), validation=others, **options)
 
 
+@cache
+def compared_with_odds():
+    """A comparison on two recordings of dry friction, with and without the evidence."""
+    fitted, others = problem(swing(dry=5e-5)), [swing(dry=5e-5, **OTHERS[0])]
+    rungs = ("viscous", "Coulomb")
+    return [judged(fitted, validation=others, rungs=rungs, evidence=asked) for asked in (False, True)]
+
+
+def test_posterior_odds_stand_beside_and_change_neither_claim_nor_verdict():
+    plain, with_odds = compared_with_odds()
+    assert all(math.isnan(row.log_odds) for row in plain.rows)
+    odds = {row.name: row.log_odds for row in with_odds.rows}
+    assert max(odds, key=odds.__getitem__) == "viscous + Coulomb, orders 1"
+    assert max(odds.values()) == 0.0
+    assert odds["viscous, orders 1"] < -50
+    assert -10 < odds["viscous + Coulomb, orders free"] < -0.5  # an order that is not needed costs what it narrows
+    assert [replace(row, log_odds=0.0) for row in plain.rows] == [replace(row, log_odds=0.0) for row in with_odds.rows]
+    for name in ("claim", "claim_reasons", "verdict", "notes"):
+        assert getattr(plain, name) == getattr(with_odds, name)
+    again = Comparison.of_json(json.loads(json.dumps(with_odds.to_json())))
+    assert [row.log_odds for row in again.rows] == [*odds.values()]
+    assert {line["log_odds"] for line in with_odds.table()} == {*odds.values()}
+
+
+def test_evidence_of_a_cost_of_ones_own_is_refused_before_anything_is_fitted():
+    own = replace(COSTS["rmse"], name="own", loss=None, weight=None, function=lambda time, e: float(np.sum(e**2)))
+    with pytest.raises(InputError, match="The cost own is a user's own, of unknown likelihood"):
+        judged(problem(swing(), cost_function=own), evidence=True)
+
+
 # --- the ladder -------------------------------------------------------------------------------------------
 
 

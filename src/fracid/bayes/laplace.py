@@ -44,7 +44,7 @@ BATCH = 25
 """Draws of one task."""
 
 PILOT = 400
-"""Draws of the first round; each following has so many more."""
+"""Draws of the first round; each following has so many more, if so many of it promise a better proposal."""
 
 ROUNDS = 3
 """Proposals at most."""
@@ -177,7 +177,7 @@ def importance_sample(
             f"laplace, {draws} draws, seed {seed}, round {number}",
             rng,
         )
-        pilot.extend(min(number * PILOT, draws), draws, execution)
+        pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share
         best = pilot if best is None or pilot.share > best.share else best
@@ -199,10 +199,17 @@ class _Round:
         self.likelihood, self.prior, self.proposal, self.name, self.rng = likelihood, prior, proposal, name, rng
         self.points, self.values, self.drawn = np.empty((0, len(proposal.centre))), np.empty(0), 0
 
-    def extend(self, count: int, total: int, execution: Execution) -> None:
-        """Draw and simulate so many more."""
-        before = len(self.values)
+    def extend(self, count: int, total: int, execution: Execution, *, than: float = 0.0) -> None:
+        """Draw so many more, and simulate them, or the first alone where no greater part than `than` counts."""
         points, drawn = self.proposal.draw(self.rng, count)
+        self.drawn += drawn
+        first = PILOT if than > 0 else len(points)
+        self._simulate(points[:first], total, execution)
+        if first < len(points) and self.share > than:
+            self._simulate(points[first:], total, execution)
+
+    def _simulate(self, points: FloatArray, total: int, execution: Execution) -> None:
+        before = len(self.values)
         tasks = [
             Task(f"{self.name}, draw {before + i}", (self.likelihood, points[i : i + BATCH]))
             for i in range(0, len(points), BATCH)
@@ -212,7 +219,6 @@ class _Round:
         results = replace(execution, progress=told).run(log_likelihoods, tasks)
         values = [-np.inf if v is None else v for batch in results.values() for v in batch]
         self.points, self.values = np.concatenate([self.points, points]), np.append(self.values, values)
-        self.drawn += drawn
 
     @property
     def log_ratios(self) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.bayes.evidence import log_fit
 from fracid.bayes.pareto import khat_limit
 from fracid.bayes.target import BoxPrior
 from fracid.cards import Card, CardDisplay, estimate_text, listed
@@ -266,8 +267,6 @@ def log_odds(first: Posterior, second: Posterior) -> float:
         raise InputError("The two posteriors are of different recordings: their evidence cannot be compared.")
     if math.isnan(first.log_evidence) or math.isnan(second.log_evidence):
         raise InputError("There is no evidence where a free parameter has no bounds: give it a lower and an upper one.")
-    better = first if first.cost <= second.cost else second
-    loss = a.cost_function.loss
-    power = (2 if a.cost_function.root else 1) * (1 if loss is None else loss.likelihood_factor)
-    fit = 0.5 * power * better.effective_samples * math.log(second.cost / first.cost)
+    samples = (first if first.cost <= second.cost else second).effective_samples
+    fit = log_fit(first.cost, samples, a.cost_function) - log_fit(second.cost, samples, a.cost_function)
     return first.log_evidence - second.log_evidence + fit

@@ -12,10 +12,10 @@ difference to first order, and a remainder:
 
 Next to the minimum :math:`T = δ = x - \hat x`: the curvature is the sandwich's in every direction.  Far from it T is
 what the model does there.  The remainder, which no change of parameters next to the minimum explains, counts by the
-effective samples of the residual's correlation time (:mod:`fracid.selection.bic`).  For many samples of white normal
-residuals :math:`C_S^{-1} = n A/2 V(\hat x)`, and L is the likelihood.  Without the remainder this is the
-quasi-posterior of Chernozhukov and Hong [CH]_; with it, points that move the scores alike are distinguished.  Müller
-[M]_ shows why the sandwich is the right curvature where a model is wrong.
+effective samples of the residual's correlation time (:func:`fracid.signals.correlation.effective_samples`).  For many
+samples of white normal residuals :math:`C_S^{-1} = n A/2 V(\hat x)`, and L is the likelihood.  Without the remainder
+this is the quasi-posterior of Chernozhukov and Hong [CH]_; with it, points that move the scores alike are
+distinguished.  Müller [M]_ shows why the sandwich is the right curvature where a model is wrong.
 
 ν stands for the few effective samples: the sandwich widens each standard error for them, by other factors for each of
 d parameters, which would bend the correlations of a joint covariance.  So :math:`C_S` is taken before it is widened,
@@ -62,7 +62,7 @@ from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.problem.unknowns import Free, Prior
-from fracid.selection.bic import effective_samples
+from fracid.signals.correlation import effective_samples
 
 __all__ = [
     "BoxPrior",
@@ -74,6 +74,7 @@ __all__ = [
     "inverse",
     "joint_prior",
     "likelihood_problem",
+    "require_likelihood",
 ]
 
 FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
@@ -173,6 +174,8 @@ class RecordedLikelihood:
     """At x̂, of each recording, shape (n_samples, n_outputs)."""
     projection: tuple[FloatArray, ...]
     """What turns a change of the outputs into T, of each recording, shape (n_samples, n_outputs, n)."""
+    gradient: FloatArray
+    """∂V/∂x at x̂, no more than rounding but for parameters at a bound, shape (n,)."""
 
     def log_likelihood(self, x: FloatArray) -> float:
         """See the top of this module."""
@@ -180,7 +183,7 @@ class RecordedLikelihood:
         errors = problem.errors(x)
         if isinstance(errors, Failure):
             return -math.inf
-        cost = problem.criterion(x, errors).cost
+        cost = problem.criterion.cost(x, errors)
         if not math.isfinite(cost):
             return -math.inf
         parts = zip(self.projection, self.errors, errors, strict=True)
@@ -261,7 +264,7 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
         Where no likelihood can be tempered: a user's own cost, nothing free, a run that fails, parameters that neither
         the data nor a bound fixes.
     """
-    _refuse(problem)
+    require_likelihood(problem)
     bare = likelihood_problem(problem)
     best = _minimum(bare, np.clip(x, bare.space.lower, bare.space.upper))
     notes = tuple[str, ...]()
@@ -290,8 +293,10 @@ def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int
     weights = problem.criterion.sample_weights(errors)
     projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J, strict=True))
     scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
+    gradient = sum((np.einsum("to,toi->i", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)),
+                   np.zeros(len(x)))  # fmt: skip
     return RecordedLikelihood(Portable(problem), x, best.cost, scale, effective_samples(errors), curvature, precision,
-                              degrees, tuple(errors), projection)  # fmt: skip
+                              degrees, tuple(errors), projection, gradient)  # fmt: skip
 
 
 def _degrees(widening: float) -> float:
@@ -350,7 +355,14 @@ def inverse(matrix: FloatArray) -> FloatArray:
     return np.asarray(relative / np.outer(unit, unit))
 
 
-def _refuse(problem: Problem) -> None:
+def require_likelihood(problem: Problem) -> None:
+    """Refuse a problem without a likelihood.
+
+    Raises
+    ------
+    InputError
+        If nothing is free, or the cost is a user's own.
+    """
     if not problem.names:
         raise InputError(
             "Nothing is free, so there is no posterior: give at least one order or parameter a start, a lower and an "

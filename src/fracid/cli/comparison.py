@@ -48,6 +48,7 @@ COMPARE_EXAMPLE = (
     'fracid compare rig.toml  [dim](fits use = "fit", judges on use = "validate"; writes runs/rig-compare)[/dim]',
     "fracid compare rig.toml --leave-one-out --jobs 8  [dim](each recording held out once)[/dim]",
     "fracid compare rig.toml --amplitude  [dim](do the orders drift as the swing dies?)[/dim]",
+    "fracid compare rig.toml --evidence  [dim](posterior odds beside BIC; they decide nothing)[/dim]",
     "fracid compare rig.toml --keep cable_stiffness  [dim](stays as the file has it)[/dim]",
     "fracid compare rig.toml --rung viscous --rung Coulomb  [dim](no others; --rung all: play, springpots too)[/dim]",
     "fracid compare rig.toml --json | jq .verdict",
@@ -62,6 +63,9 @@ def compare(
     ] = False,
     amplitude: Annotated[
         bool, typer.Option("--amplitude", help="Test whether orders drift with amplitude: friction in disguise.")
+    ] = False,
+    evidence: Annotated[
+        bool, typer.Option("--evidence", help="Quote each structure's posterior odds, bounds as priors.")
     ] = False,
     multi_start: Annotated[
         int | None, typer.Option("--multi-start", metavar="N", help="Starts of each fit.", min=1)
@@ -102,9 +106,9 @@ def compare(
     place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
     with shown(events=json_) as observer:
         finished = run_comparison(
-            project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, starts=multi_start, keep=keep or (),
-            rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed, jobs=jobs, observer=observer,
-            command=sys.argv[1:],
+            project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, evidence=evidence, starts=multi_start,
+            keep=keep or (), rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed,
+            jobs=jobs, observer=observer, command=sys.argv[1:],
         )  # fmt: skip
     if json_:
         typer.echo(finished.path.read_text(encoding="utf-8").rstrip("\n"))
@@ -149,10 +153,12 @@ def _show(finished: FinishedComparison, console: Console) -> None:
 def _print_structures(console: Console, comparison: Comparison) -> None:
     """In sample: the orders, how many parameters, what they are worth, and how near the fit comes; below, if narrow."""
     orders, scores = [*comparison.rows[0].orders], [*comparison.outputs, "ITAE"]
-    wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *more, fold=()) for more in (scores, ()))
+    odds = ["log odds"] * any(isfinite(row.log_odds) for row in comparison.rows)
+    wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *odds, *more, fold=()) for more in (scores, ()))
     for row in comparison.rows:
         values = [_order(*row.orders[n]) if row.fractional else "" for n in orders]
         cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
+        cells += [f"{row.log_odds:+.1f}" if isfinite(row.log_odds) else "–"] * len(odds)
         wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))
         narrow.add_row(*cells)
     if natural_width(console, wide) <= console.width:
@@ -168,7 +174,9 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         f"[dim]{'angles' if _angles(comparison) else 'outputs'}: RMSE and fit; "
         f"ITAE{' in ° s²' if _angles(comparison) else ''}; BIC above the lowest, of {comparison.effective_samples:.0f} "
         f"effective "
-        "samples; ← the paper's structure[/dim]",
+        "samples; "
+        + "log odds in nats against the most probable, bounds and priors as the project has them; " * len(odds)
+        + "← the paper's structure[/dim]",
         "  ",
         2,
     )

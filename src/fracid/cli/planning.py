@@ -7,7 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    each_once,
+    echo_json,
+    new_console,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
@@ -31,6 +45,10 @@ DESIGN_EXAMPLE = (
 )
 
 
+SWING = (5.0, 150.0)
+"""Angles from which a pendulum is released if none are given [°]."""
+
+
 @app.command(epilog="\n\n".join(DESIGN_EXAMPLE))
 def design(
     source: Annotated[
@@ -47,8 +65,11 @@ def design(
     ] = None,
     experiments: Annotated[int, typer.Option(metavar="N", help="How many.", min=1, max=1000)] = 3,
     release: Annotated[
-        str, typer.Option(metavar="DEG,DEG", help="Angles of release: two are a range; 0 for none.")
-    ] = "5,150",
+        str | None,
+        typer.Option(
+            metavar="DEG,DEG", help="Angles of release: two are a range; 0 for none.  5,150 of a pendulum if left out."
+        ),
+    ] = None,
     seconds: Annotated[str, typer.Option(metavar="S,S", help="Durations to choose from.")] = "20",
     rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Samples a second to choose from.")] = "500",
     arm: Annotated[str, typer.Option(metavar="NAME,NAME", help="The arm: free, clamped, or both.")] = "free",
@@ -98,7 +119,8 @@ def design(
     recordings' places empty, voltages, expected curves with a band, plan.json and figures.  Exit code 0 if it is done.
     """
     orders, limits = _assigned("--order", order, "mu=0.95"), _assigned("--limit", limit, "theta=2.5")
-    angles, durations, rates = _numbers("--release", release), _numbers("--seconds", seconds), _numbers("--rate", rate)
+    angles = (0.0,) if release is None else _numbers("--release", release)
+    durations, rates = _numbers("--seconds", seconds), _numbers("--rate", rate)
     from fracid.experiments.space import DesignSpace
     from fracid.workflows.planning import run_design
 
@@ -109,8 +131,8 @@ def design(
     with shown(events=json_) as observer:
         finished = run_design(
             source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
-            orders=orders or None, friction=friction, robust=robust, trust=trust, out=out, seed=seed, jobs=jobs,
-            observer=observer,
+            orders=orders or None, swing=SWING if release is None else (), friction=friction, robust=robust,
+            trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
         )  # fmt: skip
     if json_:
         echo_json(finished.result)
@@ -189,4 +211,6 @@ def _show(finished: FinishedDesign, console: Console) -> None:
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip
+    for note in plan.subject.notes:
+        say(console, escape(note), "  • ", 4)
     console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)

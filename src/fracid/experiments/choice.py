@@ -123,10 +123,10 @@ def design(
     name = criterion or ("T" if against else "Ds" if of else "D")
     if name not in CRITERIA:
         raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
+    candidates = _some(space)  # before a project is searched
     subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
     subject.check(space)
     places = subject.places(of)
-    candidates = _some(space)
     tables = informations(subject, space, candidates, jobs=jobs, progress=progress)
     possible = [i for i, t in enumerate(tables) if isinstance(t, Information)]
     if not possible:
@@ -265,8 +265,12 @@ def _some(space: DesignSpace) -> tuple[Candidate, ...]:
 def _excluded(tables: Sequence[Information | str]) -> str:
     reasons = [t for t in tables if isinstance(t, str)]
     common = max(set(reasons), key=reasons.count)
+    advice = "Widen the limits, release from nearer, or apply less." if common == BEYOND else (
+        "A recording that shows little leaves values that are no rig's: fix those that fracid fit calls not "
+        "identifiable, or plan with the rig's own, by its name in place of the run."
+    )  # fmt: skip
     return (f"None of the {len(tables)} candidates is possible; of {reasons.count(common)} the reason is: {common}. "
-            "Widen the limits, release from nearer, or apply less.")  # fmt: skip
+            f"{advice}")  # fmt: skip
 
 
 def _stacked(draws: Sequence[Sequence[Information]]) -> tuple[FloatArray, FloatArray]:

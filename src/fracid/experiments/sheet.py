@@ -206,15 +206,17 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
     known = subject.table.get("recording", {})
     for k, c in experiments:
         yield f"\n[[recording]]  # {c}"
-        yield f'name = "{k}: {c.release:g}°"\nfile = "recording-{k}.csv"'
+        yield f'name = "{k}: {f"{c.release:g}°" if c.release else c.voltage}"\nfile = "recording-{k}.csv"'
+        if hidden := {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs}:
+            yield f"initial = {_text(hidden)}"
         signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
         missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
         time = {} if "time" in signals else {"time": {"column": 0}}
         yield from (f"{n} = {_text(v)}" for n, v in {**time, **signals, **missing}.items())
         if c.voltage is not None:
             name = p.model.inputs[0]
-            column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1"), "between": "hold"})
-            yield f"{name} = {_text(column)}"
+            column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
+            yield f"{name} = {_text({**column, 'between': 'hold'})}"
             if "amplifier" in known:
                 yield f"amplifier = {_text(known['amplifier'])}"
         else:

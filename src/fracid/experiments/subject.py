@@ -23,8 +23,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.cards import listed
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.covariance import Uncertainty, jacobian, uncertainty
 from fracid.estimation.rounding import encoder_noise
@@ -76,6 +78,8 @@ class Subject:
     """What the plan is for, in words."""
     table: Mapping[str, Any]
     """The project file's tables ``model`` and ``recording`` (the first), as far as there is one."""
+    notes: tuple[str, ...] = ()
+    """What a plan should be read with, in sentences."""
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -250,8 +254,23 @@ def subject_of_problem(
     return Subject(
         _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
         noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
-        name or problem.model.name, table or {},
+        name or problem.model.name, table or {}, _notes(problem, precision, shared),
     )  # fmt: skip
+
+
+def _notes(problem: Problem, precision: Uncertainty, shared: NDArray[np.bool_]) -> tuple[str, ...]:
+    """That a value is held at its bound on which the intervals of others depend: a new recording may free it."""
+    notes = []
+    held = [u.name for i, u in enumerate(problem.unknowns)
+            if u.experiment is None and precision.at_bound[i] and not shared[i]]  # fmt: skip
+    for name in held:
+        others = [problem.names[i] for i, given in enumerate(precision.given) if shared[i] and name in given]
+        if others:
+            notes.append(
+                f"{name} lies at its bound and is held there, on which the intervals of {listed(others)} depend. A "
+                f"recording that frees it leaves them wider; name {name} too, and it stays free."
+            )
+    return tuple(notes)
 
 
 def subject_of_model(
@@ -287,8 +306,12 @@ def subject_of_model(
         model, (still,), {n: Free(q, min(0.5, q / 2), max(1.2, q)) if n in names else q for n, q in values.items()},
         ranges, outputs=outputs, initial_state="held",
     )  # fmt: skip
-    step = 2 * math.pi / COUNTS if space.counts is None else 2 * math.pi / space.counts if space.counts else 0.0
+    counts = (COUNTS if model.angles else 0.0) if space.counts is None else space.counts
+    step = 2 * math.pi / counts if counts else 0.0
     noise = QUIET * step if space.noise is None else space.noise
+    if space.counts is None and step == 0.0 and noise == 0.0:
+        raise InputError(f"The outputs of {model.name} are not known as angles of encoders: give noise, their standard "
+                         "deviation, or counts.")  # fmt: skip
     if step == 0.0 and noise == 0.0:
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
     count, finest = len(problem.names), FINE if model.angles else math.inf

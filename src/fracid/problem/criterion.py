@@ -73,11 +73,19 @@ class Criterion:
     def __call__(self, x: FloatArray, errors: list[FloatArray]) -> Evaluation:
         """Cost and rows of the errors at x."""
         levels = self._costs_by_output(errors)
-        cost = self._joined([self.cost_function.value(e.time, r, e.scored) for e, r in self._pairs(errors)])
-        if levels is not None and math.isfinite(cost):
-            cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+        cost = self._cost(errors, levels)
         rows = self._rows(x, errors, levels) if math.isfinite(cost) else None
         return Evaluation(x, cost * self._prior_factor(x), rows)
+
+    def cost(self, x: FloatArray, errors: list[FloatArray]) -> float:
+        """The cost alone."""
+        return self._cost(errors, self._costs_by_output(errors)) * self._prior_factor(x)
+
+    def _cost(self, errors: list[FloatArray], levels: FloatArray | None) -> float:
+        cost = self._joined([self.cost_function.value(e.time, r, e.scored) for e, r in self._pairs(errors)])
+        if levels is None or not math.isfinite(cost):
+            return cost
+        return float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
 
     # --- recordings --------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
-from math import inf
+from math import inf, nan
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -17,6 +17,7 @@ from fracid.schemas.result import AlternativeBlock, ClaimWord
 __all__ = [
     "AmplitudeBlock",
     "ComparisonBlock",
+    "EvidenceBlock",
     "FittedBlock",
     "RowBlock",
     "ScoreBlock",
@@ -73,6 +74,7 @@ class RowBlock(Block):
     in_sample: dict[str, ScoreBlock]
     held_out: dict[str, ScoreBlock]
     left_over: dict[str, LeftOverBlock] = Field({})
+    log_odds: Unknown = nan
 
 
 class WindowBlock(Block):
@@ -148,6 +150,14 @@ class ComparisonBlock(Coherent):
         if {row.fractional for row in self.rows} != {False, True} or not set(self.best.values()) <= names:
             return "its best structures are not among them"
         return ""
+
+
+class EvidenceBlock(Block):
+    """The evidence of a structure, as the journal of a comparison has it."""
+
+    log_evidence: Number
+    cost: Number
+    reason: str
 
 
 class FittedBlock(Block):

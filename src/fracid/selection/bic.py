@@ -4,7 +4,8 @@ r"""How two models of the same recordings are compared: Schwarz's criterion, wit
 
 with the rows r of the cost and k parameters: c = 1 for normal errors, whose level was maximised out, and 2 for those of
 Laplace (iae, itae), whose rows' squares add up to :math:`\sum |e|` [1]_.  Samples count for what they are worth: where
-the residuals are correlated over a time τ, n of them count as n/τ.  Both models must be given the same
+the residuals are correlated over a time τ, n of them count as n/τ
+(:func:`fracid.signals.correlation.effective_samples`).  Both models must be given the same
 :math:`n_{eff}`, that of the better one's residuals.  A difference above 10 is strong evidence [2]_.
 
 References
@@ -17,43 +18,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from fracid.arrays import FloatArray
 from fracid.problem.costs import Cost
-from fracid.signals.correlation import sokal_bandwidth
 
-__all__ = ["STRONG", "effective_samples", "schwarz"]
+__all__ = ["STRONG", "schwarz"]
 
 STRONG = 10.0
 """A difference above this is strong evidence [2]_."""
-
-
-def effective_samples(errors: list[FloatArray]) -> float:
-    """As how many independent samples correlated residuals count, 2 at least.
-
-    Parameters
-    ----------
-    errors : list of array, shape (n_samples, n_outputs)
-        The residuals of each recording; each output counts by its own scatter.
-
-    Returns
-    -------
-    float
-        n/τ with n samples of all outputs, and τ the correlation time of all together [samples].
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
-    >>> 8_000 < effective_samples([noise]) <= 10_000
-    True
-    >>> effective_samples([np.repeat(noise, 10, axis=0)]) < 15_000  # each sample ten times: nothing new
-    True
-    """
-    together = np.concatenate(errors)
-    spread = np.std(together, axis=0)
-    time = max(1.0, sokal_bandwidth(together / np.where(spread > 0, spread, 1.0)) / 5)  # five correlation times
-    return max(2.0, together.size / time)
 
 
 def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> float:

@@ -28,6 +28,9 @@ higher                                                     orders fit better and
 Without held-out recordings Schwarz's criterion has to do, and the verdict says so: what a model gains in sample, it may
 lose elsewhere.
 
+**The evidence**, where it is asked for, stands beside (:mod:`fracid.bayes.evidence`): each structure's likelihood,
+averaged over its bounds and priors, as log odds against the most probable one.  No rule above or below reads it.
+
 **The claim** asks for more, for held-out recordings lack the same physics: what is left over of the winner is noise or
 rounding, its orders exclude the integers, nothing of integer order does as well, and its orders do not drift with
 amplitude (:mod:`fracid.selection.claim`).
@@ -49,6 +52,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
@@ -65,16 +69,17 @@ from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
 from fracid.safety.schema import as_json
-from fracid.schemas.comparison import ComparisonBlock, FittedBlock, RowBlock, ScoreBlock
+from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
-from fracid.selection.bic import STRONG, effective_samples, schwarz
+from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.claim import OrderFound, claim_of
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
+from fracid.signals.correlation import effective_samples
 from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -146,6 +151,9 @@ class Row:
     """How the search ended, and from where it came."""
     left_over: Mapping[str, LeftOver] = field(default_factory=dict)
     """Fitted recording and output, in words → what is left over of it."""
+    log_odds: float = math.nan
+    """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN
+    where that was not asked for or cannot be told."""
 
     @property
     def error(self) -> float:
@@ -259,6 +267,7 @@ def compare(
     keep: Collection[str] = (),
     rungs: Collection[str] = BUILT_IN,
     amplitude: bool = False,
+    evidence: bool = False,
     seed: int | None = None,
     starts: int | None = None,
     executor: str = "threads",
@@ -283,6 +292,8 @@ def compare(
     amplitude : bool
         Whether the orders of the paper's structure and of the best fractional one are tested for a drift with
         amplitude (:mod:`fracid.selection.amplitude`).
+    evidence : bool
+        Whether each structure gets its posterior odds (:mod:`fracid.bayes.evidence`); no verdict or claim heeds them.
     seed, starts : int, optional
         Of each search; 1, or as the project says.
     executor, jobs, journal, progress
@@ -295,7 +306,8 @@ def compare(
     Raises
     ------
     InputError
-        If there is no ladder, one recording is too few, or a problem in memory is to be sent to processes.
+        If there is no ladder, one recording is too few, a problem in memory is to be sent to processes, or there is no
+        evidence: the cost is a user's own, or a free parameter has no bounds.
     Unfinished
         As :func:`fracid.tasks.tasks.run_tasks` does.
 
@@ -319,6 +331,9 @@ def compare(
     seed, starts = 1 if seed is None else seed, starts or 1
     folds = _folds(base, others, leave_one_out)
     study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
+    if evidence:
+        for s in study.ladder(WHOLE).structures:
+            require_evidence(s.problem)
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     notes: tuple[str, ...] = ()
@@ -329,6 +344,9 @@ def compare(
             "sample it moved the best ones.",
         )  # fmt: skip
         rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
+    if evidence:
+        rows, without = study.with_odds(rows, samples)
+        notes += without
     units = {n: unit for e in base.experiments for n, unit in e.units.items()}
     comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, samples, leave_one_out,
                             base.cost_function.name, seed, starts, units=units)  # fmt: skip
@@ -683,6 +701,23 @@ class _Study:
         self.done += len(tasks)
         return results
 
+    def with_odds(self, rows: Sequence[Row], samples: float) -> tuple[tuple[Row, ...], tuple[str, ...]]:
+        """The rows with their posterior odds, and why some have none."""
+        tasks = {row.name: Task(f"evidence | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
+                                                           dict(row.values), self.execution.jobs))
+                 for row in rows if math.isfinite(row.cost)}  # fmt: skip
+        results = self._run(_log_evidence, [*tasks.values()])
+        hierarchy, logs, without = self.ladder(WHOLE), {}, []
+        for name, task in tasks.items():
+            content = results[task.key]
+            if content["reason"]:
+                without.append(f"{name} has no evidence: {content['reason']}")
+                continue
+            fit = log_fit(content["cost"], samples, hierarchy[name].problem.cost_function)
+            logs[name] = content["log_evidence"] + fit
+        most = max(logs.values(), default=math.nan)
+        return tuple(replace(row, log_odds=logs.get(row.name, math.nan) - most) for row in rows), tuple(without)
+
     def alternative(self, comparison: Comparison, row: Row) -> Alternative | None:
         """What of integer order comes nearest to a fractional structure."""
         own = self.origin.load()[2]
@@ -731,6 +766,19 @@ def _test_amplitude(
     problem = fold.ladder[name].problem
     x = np.array([values[n] for n in problem.names])
     return amplitude_test(problem, x, others=fold.held_out, jobs=jobs).to_json()
+
+
+def _log_evidence(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
+    values: Mapping[str, float], jobs: int,
+) -> dict[str, Any]:  # fmt: skip
+    """A structure's evidence and least cost, or the reason why there is none."""
+    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
+    try:
+        found = laplace_evidence(problem, np.array([values[n] for n in problem.names]), jobs=jobs)
+    except InputError as error:
+        return as_json(EvidenceBlock, {"log_evidence": None, "cost": None, "reason": str(error)})
+    return as_json(EvidenceBlock, {"log_evidence": found.log_evidence, "cost": found.cost, "reason": ""})
 
 
 def _try_alternatives(
@@ -1015,6 +1063,7 @@ def _lines(row: Row, outputs: Sequence[str], units: Mapping[str, str]) -> Iterat
                     "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
                     "use": use, "output": output, **_rmse(s.rmse[output], units.get(output, "rad")),
                     "fit_percent": json_number(s.fit_percent[output]), "itae_rad_s2": json_number(s.itae[output]),
-                    "parameters": row.parameters, "bic_above_best": json_number(row.bic), "failed": s.failed,
+                    "parameters": row.parameters, "bic_above_best": json_number(row.bic),
+                    "log_odds": json_number(row.log_odds), "failed": s.failed,
                     **{f"order_{n}": value for n, (value, _) in row.orders.items()},
                 }  # fmt: skip

@@ -36,7 +36,8 @@ from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.schemas.result import AlternativeBlock
-from fracid.selection.bic import STRONG, effective_samples, schwarz
+from fracid.selection.bic import STRONG, schwarz
+from fracid.signals.correlation import effective_samples
 
 __all__ = [
     "Alternative",

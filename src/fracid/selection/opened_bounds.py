@@ -21,7 +21,8 @@ from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.limits import opened, with_bound, with_ranges
-from fracid.selection.bic import STRONG, effective_samples, schwarz
+from fracid.selection.bic import STRONG, schwarz
+from fracid.signals.correlation import effective_samples
 
 __all__ = ["OpenedBound", "open_bounds", "opened_bounds", "reopened"]
 

@@ -11,6 +11,7 @@ __all__ = [
     "autocorrelation",
     "bartlett_long_run",
     "correlation_time",
+    "effective_samples",
     "longest_stretch",
     "neighbour_sums",
     "power_spectrum",
@@ -158,3 +159,30 @@ def neighbour_sums(scores: FloatArray, m: int) -> FloatArray:
     total[m : m + len(scores)] = scores
     np.cumsum(total, axis=0, out=total)
     return np.asarray(total[m:] - total[:-m])
+
+
+def effective_samples(errors: list[FloatArray]) -> float:
+    """As how many independent samples correlated residuals count, 2 at least.
+
+    Parameters
+    ----------
+    errors : list of array, shape (n_samples, n_outputs)
+        The residuals of each recording; each output counts by its own scatter.
+
+    Returns
+    -------
+    float
+        n/τ with n samples of all outputs, and τ the correlation time of all together [samples].
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal((10_000, 1))
+    >>> 8_000 < effective_samples([noise]) <= 10_000
+    True
+    >>> effective_samples([np.repeat(noise, 10, axis=0)]) < 15_000  # each sample ten times: nothing new
+    True
+    """
+    together = np.concatenate(errors)
+    spread = np.std(together, axis=0)
+    time = max(1.0, sokal_bandwidth(together / np.where(spread > 0, spread, 1.0)) / 5)  # five correlation times
+    return max(2.0, together.size / time)

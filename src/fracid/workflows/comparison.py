@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fracid.bayes.evidence import require_evidence
 from fracid.errors import InputError
 from fracid.models.friction import RUNGS
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import file_stems
-from fracid.schemas.comparison import AmplitudeBlock, fault_of_fitted
+from fracid.schemas.comparison import AmplitudeBlock, EvidenceBlock, fault_of_fitted
 from fracid.schemas.result import AlternativeBlock
 from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import Comparison, compare
@@ -65,6 +66,7 @@ def run_comparison(
     out: str | Path | None = None,
     leave_one_out: bool = False,
     amplitude: bool = False,
+    evidence: bool = False,
     starts: int | None = None,
     keep: Sequence[str] = (),
     rungs: Sequence[str] = (),
@@ -85,7 +87,7 @@ def run_comparison(
     project : str, Path or Project
     out : str or Path, optional
         The folder; ``runs/rig-compare`` of ``rig.toml`` if left out.
-    leave_one_out, amplitude, keep
+    leave_one_out, amplitude, evidence, keep
         As of :func:`fracid.compare`.
     rungs : sequence of str, optional
         Of the ladder (:data:`fracid.models.friction.RUNGS`); ``all`` for all, up to the cable's if left out.
@@ -116,13 +118,15 @@ def run_comparison(
     project = loaded(project, preset, trust)
     folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
     options: dict[str, Any] = {
-        "leave_one_out": leave_one_out, "amplitude": amplitude, "keep": sorted(keep),
+        "leave_one_out": leave_one_out, "amplitude": amplitude, "evidence": evidence, "keep": sorted(keep),
         "rungs": list(RUNGS if "all" in rungs else rungs or BUILT_IN),
         "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
     }  # fmt: skip
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
-    ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation,
-           alternatives=project.alternatives)  # fmt: skip
+    hierarchy = ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation,
+                       alternatives=project.alternatives)  # fmt: skip
+    for structure in hierarchy.structures if evidence else ():
+        require_evidence(structure.problem)
     study = _study(project, options)
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
@@ -144,12 +148,12 @@ def run_comparison(
 
 def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
     """All that a fit depends on."""
-    same = {name: value for name, value in options.items() if name != "amplitude"}  # it adds to what there is
+    same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
     return {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
-    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "keep", "rungs", "seed")}
+    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "evidence", "keep", "rungs", "seed")}
     place = None if executor == "threads" else executor
     more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
     return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})
@@ -163,6 +167,8 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
     def fault(key: str, result: Any) -> str:
         if key.startswith("amplitude |"):
             return fault_of(result, AmplitudeBlock)
+        if key.startswith("evidence |"):
+            return fault_of(result, EvidenceBlock)
         if key.startswith("alternatives |"):
             return "" if result.get("alternative") is None else fault_of(result["alternative"], AlternativeBlock)
         if key.startswith("step |"):

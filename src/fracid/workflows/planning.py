@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,7 @@ def run_design(
     of: Sequence[str] = (),
     against: str | None = None,
     orders: Mapping[str, float] | None = None,
+    swing: Sequence[float] = (),
     friction: bool = False,
     robust: int = 0,
     trust: bool = False,
@@ -63,6 +64,8 @@ def run_design(
         As of :func:`fracid.design`.
     orders : mapping, optional
         Of a rig alone: the values of its orders.
+    swing : sequence of float
+        Angles from which a pendulum is released, in place of those of `space` [°]; other models are not.
     friction : bool
         Of a rig alone: with the friction that was found on real recordings of it.
     trust, observer
@@ -84,9 +87,13 @@ def run_design(
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
     with one_blas_thread(), unless_given(observer).progress("candidates") as tell:
+        known = _loaded(source, friction, trust)
+        model = known if isinstance(known, Model) else known.problem.model
+        if swing and model.pendulum:
+            space = replace(space, release=swing)
         plan = design(
-            _loaded(source, friction, trust), space, experiments=experiments, criterion=criterion, of=of,
-            against=against, orders=orders, robust=robust, seed=seed, jobs=jobs, progress=tell,
+            known, space, experiments=experiments, criterion=criterion, of=of, against=against, orders=orders,
+            robust=robust, seed=seed, jobs=jobs, progress=tell,
         )  # fmt: skip
     path = Path(source)
     folder = (
