@@ -551,7 +551,8 @@ def _refitted(
     """
     problem, watch, own = structure.problem, Watch(), structure.embed(values)
     nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
-    near, before = _descended(problem, own, jobs, watch), replace(problem, substeps=coarse).cost(own)
+    before = replace(problem, substeps=coarse).cost(own)
+    near = min(problem.evaluate(own), _descended(problem, own, jobs, watch), key=lambda e: e.cost)
     lowest = min([near, *nested], key=lambda e: e.cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
