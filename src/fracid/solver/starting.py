@@ -69,7 +69,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import helper
+from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.loop_arguments import RUN
 from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
 
 __all__ = [
@@ -315,7 +316,7 @@ def _inverse_gamma(x: float) -> float:
 # --- the start -------------------------------------------------------------------------------------
 
 
-@helper
+@when_called(START(RHS, RUN, types.int64))
 def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
