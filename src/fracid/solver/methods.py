@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -69,28 +70,29 @@ def _loops() -> Any:
     return schemes
 
 
-def _starting() -> Any:
-    from fracid.solver import starting
+@cache
+def _start() -> Kernel:
+    from fracid.solver.starting import start_together
 
-    return starting
+    return start_together
 
 
 def _pi2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_pi2, _starting().PI2, rhs, run, False, out)
+    return _begun(_loops().step_pi2, rhs, run, False, out)
 
 
 def _pi3(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_pi2, _starting().PI3, rhs, run, True, out)
+    return _begun(_loops().step_pi2, rhs, run, True, out)
 
 
 def _bdf2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_bdf2, _starting().BDF2, rhs, run, out)
+    return _begun(_loops().step_bdf2, rhs, run, out)
 
 
-def _begun(loop: Kernel, rule: int, rhs: Any, run: Run, *more: Any) -> tuple[int, int]:
-    """Run a loop from the start of its rule; it is compiled first, as another process may be compiling the start."""
+def _begun(loop: Kernel, rhs: Any, run: Run, *more: Any) -> tuple[int, int]:
+    """A loop with its start; it is compiled first, as another process may be compiling the start."""
     step = loop.compiled()
-    ended: tuple[int, int] = step(rhs, run, _starting().start_together(rhs, run, rule), *more)
+    ended: tuple[int, int] = step(rhs, run, _start().address(), *more)
     return ended
 
 

@@ -67,7 +67,7 @@ from numba import types
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
 from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import START, gauss_jordan
+from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, started
 
 __all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
 
@@ -379,11 +379,14 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
         f[i] = trial[i]
 
 
-@when_called(_ENDED(RHS, RUN, START, types.boolean, _matrix))
-def step_pi2(rhs, run, begin, third, out):
-    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
+@when_called(_ENDED(RHS, RUN, types.int64, types.boolean, _matrix))
+def step_pi2(rhs, run, starting, third, out):
+    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once.
+
+    `starting` is the address of :func:`fracid.solver.starting.start_together`.
+    """
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
-    known, x0, together, knots, parabolas = begin
+    begin, x0, together, knots, parabolas = started(starting, rhs, run, PI3 if third else PI2)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
@@ -426,7 +429,7 @@ def step_pi2(rhs, run, begin, third, out):
             if jumps:
                 history_part[i] += newest[i] * share[i] * jump[i]
             bend = curve * (f[i] - 2 * before[i] + earlier[i])
-            x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else known[n, i]
+            x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
             earlier[i], before[i] = before[i], f[i]
         if n >= first_free and len(relaxing):  # they follow the speed, or f would not be that of any motion
             for r in range(len(relaxing)):
@@ -505,11 +508,11 @@ def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing)
     return reuse
 
 
-@when_called(_ENDED(RHS, RUN, START, _matrix))
-def step_bdf2(rhs, run, begin, out):
+@when_called(_ENDED(RHS, RUN, types.int64, _matrix))
+def step_bdf2(rhs, run, starting, out):
     """``bdf2``: every step by Newton's method, from x going on in a straight line."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
-    known, x0, together, knots, parabolas = begin
+    begin, x0, together, knots, parabolas = started(starting, rhs, run, BDF2)
     m, states = len(past) - 1, len(slope)
     t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
@@ -542,7 +545,7 @@ def step_bdf2(rhs, run, begin, out):
             move = x[i] - before[i]
             goes_on = abs(move) <= 2 * abs(last_move[i])
             before[i], last_move[i] = x[i], move
-            x[i] = known[n, i] if n < first_free else x[i] + move if goes_on else x[i]
+            x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
         rhs(t, x, now, p, f)
         if n >= first_free:
             factors_valid = _settle(rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial,
