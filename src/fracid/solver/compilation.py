@@ -41,10 +41,11 @@ LOG.setLevel(logging.INFO)
 SOURCES = ("solver/*.py", "models/*.py", "export/recursion.py")
 """The modules that loops are made of; ``tests/solver/test_compilation.py`` looks for others."""
 
-helper = nb.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""For what only compiled functions call: without the wrappers for Python it takes a fifth less time to compile."""
-
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+helper = nb.njit(**_OPTIONS, **_UNWRAPPED)
+"""For what only compiled functions call: without the wrappers for Python it takes a fifth less time to compile."""
 
 RHS_SIGNATURE = types.void(types.float64, *[types.float64[::1]] * 4)
 """rhs(t, x, u, p, out): the one signature of every right-hand side."""
@@ -56,9 +57,10 @@ RHS = types.FunctionType(RHS_SIGNATURE)
 class Kernel:
     """A function that is compiled for one signature when it is first called."""
 
-    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+    def __init__(self, function: Callable[..., Any], signature: Any, wrapped: bool) -> None:
         """Compile nothing yet."""
         self._function, self._signature = function, signature
+        self._options = _OPTIONS | ({} if wrapped else _UNWRAPPED)
         self.beside: Callable[[], object] | None = None
         """Waits for a process that compiles this kernel; None where there is none."""
         self.compiled = cache(self._compiled)
@@ -73,7 +75,7 @@ class Kernel:
     def _compiled(self) -> Any:
         if self.beside is not None:
             self.beside()
-        return kept(self._signature, **_OPTIONS)(self._function)
+        return kept(self._signature, **self._options)(self._function)
 
     def address(self) -> int:
         """Where it is in memory, for a loop that calls it: through Python a call with a run takes 50 µs."""
@@ -85,12 +87,14 @@ class Kernel:
 
     def can_be_kept(self) -> bool:
         """Tell whether it is not on disk yet, and there is a folder for it."""
-        dispatcher = _with_cache(self._function, _OPTIONS)
+        dispatcher = _with_cache(self._function, self._options)
         return isinstance(dispatcher._cache, _Cache) and dispatcher._cache.lacks(self._signature, dispatcher.targetctx)
 
 
-def when_called(signature: Any) -> Callable[[Callable[..., Any]], Kernel]:
+def when_called(signature: Any, wrapped: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for this signature when it is first called; without the interpreter's lock when it runs.
+
+    One that is not `wrapped` has an address, and cannot be called from Python.
 
     Examples
     --------
@@ -102,7 +106,7 @@ def when_called(signature: Any) -> Callable[[Callable[..., Any]], Kernel]:
     8.0
     """
 
-    return lambda function: Kernel(function, signature)
+    return lambda function: Kernel(function, signature, wrapped)
 
 
 def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -339,7 +339,7 @@ def started(_, address, rhs, run, rule):
     return START(types.int64, *_CALL.args), emit
 
 
-@when_called(_CALL)
+@when_called(_CALL, wrapped=False)
 def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
