@@ -23,7 +23,7 @@ import logging
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, wraps
+from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ import numba as nb
 from numba import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-__all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "helper", "kept", "when_called"]
+__all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "Kernel", "helper", "kept", "kept_lazily", "when_called"]
 
 LOG = logging.getLogger("fracid.compilation")
 """Hears when something has to be compiled."""
@@ -41,7 +41,10 @@ LOG.setLevel(logging.INFO)
 SOURCES = ("solver/*.py", "models/*.py", "export/recursion.py")
 """The modules that loops are made of; ``tests/solver/test_compilation.py`` looks for others."""
 
-helper = nb.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+helper = nb.njit(**_OPTIONS, **_UNWRAPPED)
 """For what only compiled functions call: without the wrappers for Python it takes a fifth less time to compile."""
 
 RHS_SIGNATURE = types.void(types.float64, *[types.float64[::1]] * 4)
@@ -51,8 +54,47 @@ RHS = types.FunctionType(RHS_SIGNATURE)
 """A pointer to one."""
 
 
-def when_called(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+class Kernel:
+    """A function that is compiled for one signature when it is first called."""
+
+    def __init__(self, function: Callable[..., Any], signature: Any, wrapped: bool) -> None:
+        """Compile nothing yet."""
+        self._function, self._signature = function, signature
+        self._options = _OPTIONS | ({} if wrapped else _UNWRAPPED)
+        self.beside: Callable[[], object] | None = None
+        """Waits for a process that compiles this kernel; None where there is none."""
+        self.compiled = cache(self._compiled)
+        """Gives the compiled function."""
+        self._address = cache(self._placed)
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        return self.compiled()(*arguments)
+
+    def _compiled(self) -> Any:
+        if self.beside is not None:
+            self.beside()
+        return kept(self._signature, **self._options)(self._function)
+
+    def address(self) -> int:
+        """Where it is in memory, for a loop that calls it: through Python a call with a run takes 50 µs."""
+        return self._address()
+
+    def _placed(self) -> int:
+        (overload,) = self.compiled().overloads.values()
+        return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+    def can_be_kept(self) -> bool:
+        """Tell whether it is not on disk yet, and there is a folder for it."""
+        dispatcher = _with_cache(self._function, self._options)
+        return isinstance(dispatcher._cache, _Cache) and dispatcher._cache.lacks(self._signature, dispatcher.targetctx)
+
+
+def when_called(signature: Any, wrapped: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for this signature when it is first called; without the interpreter's lock when it runs.
+
+    One that is not `wrapped` has an address, and cannot be called from Python.
 
     Examples
     --------
@@ -64,19 +106,7 @@ def when_called(signature: Any) -> Callable[[Callable[..., Any]], Callable[..., 
     8.0
     """
 
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        @cache
-        def compiled() -> Callable[..., Any]:
-            kernel: Callable[..., Any] = kept(signature, nogil=True, error_model="numpy")(function)
-            return kernel
-
-        @wraps(function)
-        def run(*arguments: Any) -> Any:
-            return compiled()(*arguments)
-
-        return run
-
-    return decorate
+    return lambda function: Kernel(function, signature, wrapped)
 
 
 def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -97,15 +127,34 @@ def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callabl
     """
 
     def compile_it(function: Callable[..., Any]) -> Any:
-        dispatcher = nb.njit(**options)(function)
-        if keep and Path(function.__code__.co_filename).exists():
-            with suppress(RuntimeError, OSError):  # there is no folder that can be written
-                dispatcher._cache = _Cache(function)
+        dispatcher = _with_cache(function, options) if keep else nb.njit(**options)(function)
         dispatcher.compile(signature)
         dispatcher.disable_compile()
         return dispatcher
 
     return compile_it
+
+
+def kept_lazily(function: Callable[..., Any]) -> Any:
+    """Compile a function when it is first called, from Python or from compiled code, and keep that on disk.
+
+    Examples
+    --------
+    >>> @kept_lazily
+    ... def double(x):
+    ...     return 2 * x
+    >>> double(4.0)
+    8.0
+    """
+    return _with_cache(function, _OPTIONS)
+
+
+def _with_cache(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    dispatcher = nb.njit(**options)(function)
+    if Path(function.__code__.co_filename).exists():
+        with suppress(RuntimeError, OSError):  # there is no folder that can be written
+            dispatcher._cache = _Cache(function)
+    return dispatcher
 
 
 @cache
@@ -130,6 +179,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+
+    def lacks(self, signature: Any, target: Any) -> bool:
+        """Tell whether there is no file for this signature."""
+        path, _ = self._cache_file._place(self._index_key(signature, target.codegen()))
+        return not path.exists()
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         overload = None

@@ -15,10 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
+    from fracid.solver.compilation import Kernel
     from fracid.solver.loop_arguments import Run
 
 __all__ = ["METHODS", "Exported", "Method"]
@@ -54,6 +56,8 @@ class Method:
     """Of an input that jumps at a grid point it takes the values before and after it, that after it, or their mean."""
     sweeps: float = math.inf
     """The |J|h up to which its sweeps contract: a run that ends early beyond it owes that to them, perhaps."""
+    started: bool = True
+    """Whether :mod:`fracid.solver.starting` begins it."""
     raw: bool = False
     """Whether it sums x itself, which is right only for x(0) = 0."""
     exported: Exported | None = None
@@ -66,42 +70,68 @@ def _loops() -> Any:
     return schemes
 
 
+@cache
+def _start() -> Kernel:
+    from fracid.solver.starting import start_together
+
+    return start_together
+
+
+def _pi2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
+    return _begun(_loops().step_pi2, rhs, run, False, out)
+
+
+def _pi3(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
+    return _begun(_loops().step_pi2, rhs, run, True, out)
+
+
+def _bdf2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
+    return _begun(_loops().step_bdf2, rhs, run, out)
+
+
+def _begun(loop: Kernel, rhs: Any, run: Run, *more: Any) -> tuple[int, int]:
+    """A loop with its start; it is compiled first, as another process may be compiling the start."""
+    step = loop.compiled()
+    ended: tuple[int, int] = step(rhs, run, _start().address(), *more)
+    return ended
+
+
 METHODS = {
     "pi2": Method(
-        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run, False, out),
+        "pi", 2, _pi2,
         "everything, steep friction too; at order 1 a second-order ODE solver",
         at_a_jump="both", sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
-        "pi", 2, lambda rhs, run, out: _loops().step_pi2(rhs, run._replace(corrections=0), False, out),
+        "pi", 2, lambda rhs, run, out: _pi2(rhs, run._replace(corrections=0), out),
         "stiff systems: Newton's method at every step", at_a_jump="both",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
     ),
     "bdf2": Method(
-        "bdf", 2, lambda rhs, run, out: _loops().step_bdf2(rhs, run, out),
+        "bdf", 2, _bdf2,
         "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
-        "pi3", 3, lambda rhs, run, out: _loops().step_pi2(rhs, run, True, out),
+        "pi3", 3, _pi3,
         "smooth systems: often a thousandth of the error, in the same time",
         follows=2.0, exported=Exported("product rule of third order"),
     ),
     "gl": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, False, out),
         "the paper's scheme as it should be, on x - x(0)",
-        follows=1.0, at_a_jump="after", exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
+        follows=1.0, at_a_jump="after", started=False, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
     ),
     "gl-sequential": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl_sequential(rhs, run, out),
         "the same without the anti-damping of explicit Euler",
-        follows=1.0, at_a_jump="after",
+        follows=1.0, at_a_jump="after", started=False,
         exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
     ),
     "gl-paper": Method(
         "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, True, out),
         "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
-        follows=1.0, at_a_jump="after", raw=True,
+        follows=1.0, at_a_jump="after", started=False, raw=True,
         exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
     ),
 }  # fmt: skip

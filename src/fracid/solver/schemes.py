@@ -67,7 +67,7 @@ from numba import types
 from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
 from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, start_together
+from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, started
 
 __all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
 
@@ -379,11 +379,14 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
         f[i] = trial[i]
 
 
-@when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
-def step_pi2(rhs, run, third, out):
-    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
+@when_called(_ENDED(RHS, RUN, types.int64, types.boolean, _matrix))
+def step_pi2(rhs, run, starting, third, out):
+    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once.
+
+    `starting` is the address of :func:`fracid.solver.starting.start_together`.
+    """
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
-    begin, x0, together, knots, parabolas = start_together(rhs, run, PI3 if third else PI2)
+    begin, x0, together, knots, parabolas = started(starting, rhs, run, PI3 if third else PI2)
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
@@ -505,11 +508,11 @@ def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing)
     return reuse
 
 
-@when_called(_ENDED(RHS, RUN, _matrix))
-def step_bdf2(rhs, run, out):
+@when_called(_ENDED(RHS, RUN, types.int64, _matrix))
+def step_bdf2(rhs, run, starting, out):
     """``bdf2``: every step by Newton's method, from x going on in a straight line."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
-    begin, x0, together, knots, parabolas = start_together(rhs, run, BDF2)
+    begin, x0, together, knots, parabolas = started(starting, rhs, run, BDF2)
     m, states = len(past) - 1, len(slope)
     t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
     (window, sums, ahead), head = nothing_yet(kernels, end), 1

@@ -57,6 +57,7 @@ References
 """
 
 # mypy: disallow-untyped-decorators=False
+# ruff: noqa: ARG001 (an intrinsic names its arguments for its callers)
 
 from __future__ import annotations
 
@@ -66,10 +67,13 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import helper
+from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.loop_arguments import RUN
 from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
 
 __all__ = [
@@ -84,6 +88,7 @@ __all__ = [
     "gauss_jordan",
     "knots_up_to",
     "start_together",
+    "started",
 ]
 
 PI2, PI3, BDF2 = 0, 1, 2
@@ -315,7 +320,26 @@ def _inverse_gamma(x: float) -> float:
 # --- the start -------------------------------------------------------------------------------------
 
 
-@helper
+_CALL = START(RHS, RUN, types.int64)
+
+
+@intrinsic
+def started(_, address, rhs, run, rule):
+    """start_together(rhs, run, rule), which is compiled apart from the loops, from its address."""
+
+    def emit(context, builder, signature, args):
+        convention = context.call_conv
+        kind = convention.get_function_type(_CALL.return_type, _CALL.args)
+        there = builder.inttoptr(args[0], kind.as_pointer())
+        status, start = convention.call_function(builder, there, _CALL.return_type, _CALL.args, args[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return start
+
+    return START(types.int64, *_CALL.args), emit
+
+
+@when_called(_CALL, wrapped=False)
 def start_together(rhs, run, rule):
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 

@@ -27,14 +27,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import helper, kept
+from fracid.solver.compilation import helper, kept_lazily
 from fracid.solver.operators import gl_weights
 
 __all__ = [
@@ -137,10 +136,8 @@ def _exact_bdf(q: float, steps: int) -> Kernel:
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
 Real, Whole, Row = types.float64, types.int64, types.float64[::1]
 
-_compile: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
-
-@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+@kept_lazily
 def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
@@ -179,7 +176,7 @@ def zeta(s: float) -> float:
     return total
 
 
-@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+@kept_lazily
 def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""The weights of ``pi3``: those of f − δ²f/12 under ``pi``, less κ δ²f at the last step; and of the start.
 
@@ -222,7 +219,7 @@ def bdf_series(q: float, count: int) -> FloatArray:
     return d
 
 
-@kept(types.UniTuple(Row, 2)(Real, Whole), **_compile)
+@kept_lazily
 def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""Coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, k = 0 … steps, and half the one before, for the start.
 

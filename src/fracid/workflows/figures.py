@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
 
-__all__ = ["drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
+__all__ = ["drawing", "ended_with_this", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
@@ -57,11 +57,11 @@ def drawing(
         rig = _submitted(beside, _draw_rig, model, folder)  # starts it
 
     def draw(fit: Fit) -> tuple[Path, ...]:
-        with _ended_with_this(beside):
+        with ended_with_this(beside):
             return _draw(fit, project, folder, jobs, beside, rig, observer)
 
     try:
-        with _ended_with_this(beside):
+        with ended_with_this(beside):
             yield draw
     finally:
         if beside is not None:
@@ -69,7 +69,7 @@ def drawing(
 
 
 @contextmanager
-def _ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
+def ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
     """What ends the work here, Ctrl-C or a full disk, ends the process beside it: nobody waits for its figures."""
     try:
         yield

@@ -1,0 +1,68 @@
+"""The first run on a machine: what has to be compiled is compiled by two processes at the same time.
+
+Numba compiles behind one lock, so threads would wait for each other.  A process beside this one compiles the start of
+the method (:mod:`fracid.solver.starting`) and keeps it on disk, while this one compiles the loop, and then takes it
+from there.  It is started only where that is not on disk yet, and can be put there; where it dies, this one compiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fracid.safety.environment import ignore_settings
+from fracid.solver.methods import METHODS
+from fracid.tasks.local import deaf_to_ctrl_c, follow_parent
+from fracid.workflows.figures import ended_with_this
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from fracid.solver.compilation import Kernel
+
+__all__ = ["compiling_beside"]
+
+
+@contextmanager
+def compiling_beside(method: str, jobs: int) -> Iterator[None]:
+    """Have a process beside this one compile the start of a method, if it is not on disk and `jobs` is 2 or more."""
+    if jobs < 2 or not METHODS[method].started or not (kernel := _start()).can_be_kept():
+        yield
+        return
+    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
+    from multiprocessing import get_context
+
+    pool = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+    try:
+        with ended_with_this(pool):
+            with deaf_to_ctrl_c(), suppress(BrokenExecutor):
+                future = pool.submit(_compile)
+                kernel.beside = lambda: _ended(future)
+            yield
+    finally:
+        kernel.beside = None
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _start() -> Kernel:
+    from fracid.solver.starting import start_together  # not above: it takes a second to import
+
+    return start_together
+
+
+def _ended(future: Future[None]) -> None:
+    """Wait for it; how it ended, the disk tells."""
+    with suppress(CancelledError):
+        future.exception()
+
+
+def _prepare() -> None:
+    follow_parent()
+    ignore_settings(Path())
+
+
+def _compile() -> None:
+    _start().compiled()
