@@ -52,11 +52,18 @@ file = "early.csv"
 theta = { column = "theta", unit = "rad" }
 alpha = { column = "alpha", unit = "rad" }
 release_time = { start = -0.004, lower = -0.02, upper = 0.02 }
+[[recording]]
+name = "held out"
+file = "held_out.csv"
+theta = { column = "theta", unit = "rad" }
+alpha = { column = "alpha", unit = "rad" }
+release_time = { start = 0.003, lower = -0.02, upper = 0.02 }
+use = "validate"
 [fit]
 initial_state = "rest"
 """
 
-RECORDINGS = ["release", "driven", "let go late", "let go early"]
+RECORDINGS = ["release", "driven", "let go late", "let go early", "held out"]
 
 CALM = {"prefers_reduced_motion": "reduce"}
 
@@ -71,6 +78,7 @@ def material(tmp_path_factory):
     write_release(folder / "driven.csv", rig, alpha=0.0, inputs=driven(300), **truth)
     write_release(folder / "late.csv", rig, alpha=0.3, **truth)
     write_release(folder / "early.csv", rig, alpha=0.25, **truth)
+    write_release(folder / "held_out.csv", rig, alpha=0.2, **truth)
     (folder / "rig.toml").write_text(PROJECT, encoding="utf-8")
     project = fracid.load_project(folder / "rig.toml")
     open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
@@ -122,7 +130,11 @@ def test_the_page_simulates_the_fit_and_any_other_point_as_the_library_does(page
     problem, x = material.project.problem, material.x.copy()
     for name, value in (("lambda", 1.02), ("mu", 0.97), ("b_alpha", 4e-4)):
         x[problem.names.index(name)] = moved(page, name, value)
-    e = next(e for e in problem.experiments if e.name == recording)
+    e = next(e for e in (*problem.experiments, *material.project.validation) if e.name == recording)
+    if recording == "held out":
+        problem = problem.with_shared(x, (e,))
+        own = material.recordings[recording].initial | material.recordings[recording].parameters
+        x = np.array([own[u.target].value for u in problem.unknowns])
     outputs = problem.fitted(x, e)
     for k, degrees in enumerate(np.rad2deg(outputs).T):
         found = np.array(page.run(f"Array.from(explore.curves[{k}])"))
@@ -196,7 +208,7 @@ def test_what_cannot_be_explored_is_said_in_one_sentence(material):
         (replace(problem, method="bdf2"), "method bdf2"),
         (replace(problem, experiments=(late,), initial_state="measured"), "measured past"),
     ):
-        changed = replace(material, project=replace(material.project, problem=other))
+        changed = replace(material, project=replace(material.project, problem=other, validation=()))
         assert words in not_explored(changed)
         assert explore(changed) is None
         assert explore_scripts(changed) == []

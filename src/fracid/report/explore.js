@@ -27,7 +27,7 @@ class Explore {
     this.byKind("parameters").forEach(s => { s.below = s.low; });
     const choice = element("explore-recording");
     this.intro = [...element("explore").querySelector("p").childNodes];
-    this.recordings.forEach((r, k) => choice.append(new Option(r.name, k)));
+    this.recordings.forEach((r, k) => choice.append(new Option(r.use === "validate" ? `${r.name}, held out` : r.name, k)));
     choice.closest("label").hidden = this.recordings.length === 1;
     this.rows = this.sliders.map(s => this.row(s));
     choice.addEventListener("change", () => this.open(Number(choice.value)));

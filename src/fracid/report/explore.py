@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +45,7 @@ def not_explored(material: Material) -> str:
         return f"{functions[0]} is a function of the states, which is not written in JavaScript."
     if not isfinite(material.result["cost"]["value"] or inf):
         return "No run of the model reached the end of a recording."
-    if not any(True for _ in _explorable(problem)):
+    if not any(True for _ in _explorable(material)):
         return next(iter({reason for e in problem.experiments if (reason := _beyond(e))}))
     return ""
 
@@ -60,8 +61,18 @@ def _beyond(e: Experiment) -> str:
     return ""
 
 
-def _explorable(problem: Problem) -> Iterator[Experiment]:
-    return (e for e in problem.experiments if not _beyond(e))
+def _explorable(material: Material) -> Iterator[tuple[Problem, FloatArray, Experiment]]:
+    """The recordings that the page can simulate, fitted ones first, each with the problem and the unknowns it has."""
+    problem = material.project.problem
+    for e in problem.experiments:
+        if not _beyond(e):
+            yield problem, material.x, e
+    for e in material.project.validation:
+        found = material.recordings.get(e.name)
+        if not _beyond(e) and found is not None and isfinite(found.cost):
+            alone, own = problem.with_shared(material.x, (e,)), {**found.initial, **found.parameters}
+            x = [own[u.target].value if u.target in own else u.range.start for u in alone.unknowns]
+            yield alone, np.array(x), e
 
 
 def explore_scripts(material: Material) -> list[str]:
@@ -78,7 +89,7 @@ def explore(material: Material) -> dict[str, Any] | None:
         return None
     problem, result = material.project.problem, material.result
     orders = {n: e["value"] for n, e in result["orders"].items()}
-    recordings = [_recording(material, e) for e in list(_explorable(problem))[:MOST]]
+    recordings = [_recording(material, *one) for one in islice(_explorable(material), MOST)]
     return {
         "program": program(problem),
         "orders": orders,
@@ -153,16 +164,16 @@ def _output(material: Material, name: str) -> dict[str, Any]:
     return {"name": name, "letter": letter(name), "unit": shown, "factor": factor, "state": state}
 
 
-def _recording(material: Material, e: Experiment) -> dict[str, Any]:
+def _recording(material: Material, problem: Problem, x: FloatArray, e: Experiment) -> dict[str, Any]:
     """One recording as ``Fracid.simulate`` takes it, and what it is held against."""
-    problem = material.project.problem
-    values, driven = problem.parametrisation.unpack(material.x, e), problem.simulator.inputs(material.x, e)
+    values, driven = problem.parametrisation.unpack(x, e), problem.simulator.inputs(x, e)
     samples = min(len(e.measured), budget(len(material.recordings)))
     rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     sizes = problem.parametrisation.sizes(e)
     return {
         "name": e.name,
+        "use": material.recordings[e.name].use,
         "step": e.step / problem.substeps,
         "steps": rows - 1,
         "every": problem.substeps,
@@ -171,8 +182,8 @@ def _recording(material: Material, e: Experiment) -> dict[str, Any]:
         "whole": len(e.measured),
         "limit": LIMIT * float(np.max(sizes, initial=1.0)),
         "initial": values.initial,
-        "deflections": list(_deflections(problem, material.x, e)),
-        "unknowns": list(_unknowns(problem, material.x, e)),
+        "deflections": list(_deflections(problem, x, e)),
+        "unknowns": list(_unknowns(problem, x, e)),
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
         "inputs": _doubles(inputs),
         "jumps": None if driven.jumps is None else _doubles(driven.jumps[:rows]),
