@@ -128,6 +128,7 @@ def test_result_json_is_the_same_for_any_jobs_but_for_its_timing(capsys, project
     assert found[0] == found[1]
 
 
+@pytest.mark.broad
 @pytest.mark.usefixtures("undrawn")
 def test_the_paper_preset_ends_with_an_answer_and_its_warnings(capsys, folder, tmp_path):
     code, out, _ = run(capsys, "fit", folder / "rig.toml", "--preset", "paper", "--out", tmp_path)
@@ -139,6 +140,7 @@ def test_the_paper_preset_ends_with_an_answer_and_its_warnings(capsys, folder, t
     assert json.loads((tmp_path / "result.json").read_text())["preset"] == "paper"
 
 
+@pytest.mark.broad
 @pytest.mark.usefixtures("undrawn")
 def test_options_replace_what_the_file_says(capsys, project, tmp_path):
     path = project(FAST + RECORDING + FIT + 'seed = 3\noptimiser = "genetic"\n')

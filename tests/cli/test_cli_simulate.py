@@ -222,6 +222,7 @@ def test_a_simulation_that_runs_away_exits_3_and_writes_nothing(capsys, tmp_path
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.broad
 def test_a_step_that_is_too_long_above_order_one_is_refused_with_the_method_that_helps(capsys, tmp_path):
     stiff = ("simulate", "qube-servo2", "--order", "mu=1.05", "--set", "b_alpha=1", "--end", 10, "--step", "10ms")
     code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv")

@@ -364,6 +364,7 @@ def test_what_cannot_be_identified_as_asked_is_a_sentence_before_anything_is_sea
 # --- one command does not take another's place -----------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_fit_of_another_project_is_not_written_over(project, tmp_path, capsys, monkeypatch):
     drawn_so(monkeypatch, lambda _: ())
     folder = tmp_path / "run"
@@ -378,6 +379,7 @@ def test_the_fit_of_another_project_is_not_written_over(project, tmp_path, capsy
     other.rename(tmp_path / "gone.toml")
 
 
+@pytest.mark.broad
 def test_what_is_reproduced_does_not_take_the_place_of_a_result(project, tmp_path, capsys, monkeypatch):
     drawn_so(monkeypatch, lambda _: ())
     folder = tmp_path / "run"

@@ -95,6 +95,7 @@ def test_a_fit_that_python_began_ends_the_same_by_another_call_and_by_resume_run
         shutil.rmtree("run")
 
 
+@pytest.mark.broad
 def test_a_study_that_python_began_is_gone_on_with_from_a_shell(here, capsys):
     options = dict(levels=[1e-3], resolutions=[0.0], seeds=3, executor="threads", out="study")
     with pytest.raises(fracid.Unfinished):
