@@ -30,8 +30,8 @@ COARSE = 0.05
 HELPS = 0.7
 """A half step that leaves more than this part of what moved before does not help."""
 
-NEAR: Mapping[str, Any] = {"tolerance": 1e-4, "budget": 8}
-"""Least squares at half the step, to see how far its minimum is: friction that the record hardly shows may creep on."""
+NEAR: Mapping[str, Any] = {"tolerance": 1e-5, "budget": 20}
+"""Least squares at half the step, to see how far its minimum is."""
 
 HIGHER = 0.02
 """A minimum that costs more than this part more at a finer step is not the one that was there."""
