@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -66,9 +65,6 @@ COARSE_STEP = "step"
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
-SHIFT: Mapping[str, Any] = {"tolerance": 1e-5, "budget": 20}
-"""Least squares at half the step: from so near it ends within a hundredth of an interval."""
-
 FINEST = 32
 """Steps a sample that a fit chooses at most."""
 
@@ -93,7 +89,7 @@ def discretisation_check(
         return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    finer = uninterrupted(refined(second, x, jobs, Watch(), **SHIFT)).best.point
+    finer = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
     return _judged(problem, x, known, costs, finer)
 
 
