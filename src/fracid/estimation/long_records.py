@@ -86,6 +86,10 @@ TELLING = 30
 COPIES = 5
 """Of the derivatives, in what is made of them."""
 
+DENSE = 512 << 20
+"""Bytes of derivatives at most, which the correction takes as one matrix: of many recordings with unknowns of their own
+they are sparse, and their search is that of :mod:`fracid.optimise.blockwise`, on every sample."""
+
 MEMORY = 256 << 20
 """Bytes of simulated outputs that are kept where no folder keeps them."""
 
@@ -292,7 +296,8 @@ def _every(problem: Problem) -> int:
         return 1
     periods = [(len(e.measured) - 1) / e.swings if e.swings else math.inf for e in problem.experiments]
     most = min(min(periods) / PER_PERIOD, samples / FEWEST)
-    return 1 << max(0, math.floor(math.log2(most)))
+    every = 1 << max(0, math.floor(math.log2(most)))
+    return every if 8 * len(problem.names) * len(problem.outputs) * samples // every <= DENSE else 1
 
 
 def _differ(problem: Problem) -> bool:
