@@ -121,9 +121,9 @@ def last(text: str) -> str:
 
 
 def answer(
-    name: str, severity: float, seed: int, seconds: float, takes: int, with_compare: bool, folder: str
+    name: str, severity: float, seed: int, seconds: float, takes: int, commands: tuple[str, ...], folder: str
 ) -> dict[str, Any]:
-    """Return what fracid claims of one rig, from fit and from compare, with times [s]."""
+    """Return what fracid claims of one rig, from each of the commands, with times [s]."""
     here = Path(folder) / f"{name}_{severity:g}_{seed}"
     began = time.perf_counter()
     records = [recording(name, severity, seed=seed, take=k, seconds=seconds, release=HEIGHTS[k]) for k in range(takes)]
@@ -133,9 +133,9 @@ def answer(
     out: dict[str, Any] = {"kind": name, "severity": severity, "seed": seed, "fractional": truth.fractional,
                            "truth": truth.orders, "claims": {}, "reasons": {}, "seconds": seconds_of}  # fmt: skip
     if refusal := project(files):
-        return out | {"claims": {"fit": "failed", "compare": "failed"}, "reasons": {"fit": [refusal]}}
+        return out | {"claims": dict.fromkeys(commands, "failed"), "reasons": {commands[0]: [refusal]}}
     readers = {"fit": claim_of_fit, "compare": claim_of_compare}
-    for command in ("fit", "compare")[: 1 + with_compare]:
+    for command in commands:
         code, text, errors, seconds_of[command] = program(command, "project.toml", "--json", "--jobs", "1", "--out",
                                                           f"run-{command}", folder=here)  # fmt: skip
         if code:
@@ -232,18 +232,20 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the first rig")
     parser.add_argument("--quick", action="store_true", help="the middle severity, 12 s, one recording held out")
     parser.add_argument("--seconds", type=float, default=0.0, help="of each recording; 20, quick 12")
-    parser.add_argument("--no-compare", action="store_true", help="fit alone")
+    only = parser.add_mutually_exclusive_group()
+    only.add_argument("--no-compare", action="store_true", help="fit alone")
+    only.add_argument("--no-fit", action="store_true", help="compare alone")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for recordings, projects, runs and journal")
     parser.add_argument("--json", action="store_true", help="all answers as JSON on standard output")
     asked = parser.parse_args()
     seconds, takes = asked.seconds or (12.0 if asked.quick else 20.0), 2 if asked.quick else 3
-    commands = ("fit", "compare")[: 2 - asked.no_compare]
-    study = {"code": code(), "seconds": seconds, "takes": takes, "compare": not asked.no_compare}
+    commands = ("fit", "compare")[asked.no_fit : 2 - asked.no_compare]
+    study = {"code": code(), "seconds": seconds, "takes": takes, "commands": commands}
     folder = asked.out.resolve() / hashlib.sha256(json.dumps(study).encode()).hexdigest()[:12]
     tasks = [
         Task(f"{k.name} {severity:g} {seed}",
-             (k.name, severity, seed, seconds, takes, not asked.no_compare, str(folder)))
+             (k.name, severity, seed, seconds, takes, commands, str(folder)))
         for seed in range(asked.seed, asked.seed + asked.draws) for k in chosen(asked.kinds)
         for severity in ([k.severities[len(k.severities) // 2]] if asked.quick else k.severities)
     ]  # fmt: skip

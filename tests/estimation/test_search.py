@@ -8,7 +8,8 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.horizons import Watch, horizons
+from fracid.estimation.covariance import jacobian
+from fracid.estimation.horizons import Watch, horizons, refined
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
@@ -283,3 +284,42 @@ def test_the_first_horizon_holds_every_release():
                           initial_state="rest")  # fmt: skip
         lengths = [problem.until(horizon).experiments[0].time[-1] for horizon in horizons(problem)]
         assert min(lengths) >= 1.4
+
+
+# --- elements that come in by a jump -------------------------------------------------------------------------
+
+SPRINGS = {
+    "coulomb_theta": Free(1e-2, 0.0, 0.1), "coulomb_alpha": Free(3e-4, 0.0, 1e-2),
+    "presliding_theta": Free(1e-3, 0.0, 0.1), "presliding_damping_theta": Free(1e-3, 0.0, 0.1),
+    "arm_stiffness": Free(50.0, 0.0, 1e3), "play_theta": Free(1e-3, 0.0, 0.1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("off", "absent"),
+    [
+        ((), ()),
+        (("presliding_theta",), ("presliding_theta", "presliding_damping_theta")),
+        (("presliding_damping_theta", "coulomb_theta"), ()),
+        (("arm_stiffness",), ("arm_stiffness",)),
+        (("play_theta",), ("play_theta",)),
+    ],
+)
+def test_an_element_that_is_off_and_comes_in_by_a_jump_is_absent_and_what_acts_only_with_it_too(off, absent):
+    problem = stiff(parameters=SPRINGS)
+    x = np.array([0.0 if n in off else v for n, v in zip(problem.names, problem.start, strict=True)])
+    assert {n for n, gone in zip(problem.names, problem.absent(x), strict=True) if gone} == {*absent}
+
+
+def test_a_search_from_a_joint_that_does_not_give_does_not_let_it_give_by_a_hair():
+    problem = stiff(orders={"lambda": 1.0, "mu": Free(0.99, 0.6, 1.2)}, parameters={
+        **{n: v.start for n, v in WIDE.items()}, "presliding_theta": Free(1e-3, 0.0, 0.1),
+        "presliding_damping_theta": Free(1e-3, 0.0, 0.1),
+    }, initial_state="held")  # fmt: skip
+    x = np.array([0.99, 0.0, 0.0])
+    best = refined(problem, x, 1, Watch()).best
+    assert best.point[1:].tolist() == [0.0, 0.0]
+    assert best.cost < problem.cost(x)
+    J = jacobian(problem, best.point, np.arange(3))[0]
+    assert not J[..., 1:].any()
+    assert J[..., 0].any()

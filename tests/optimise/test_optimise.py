@@ -12,6 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least
 from fracid.optimise import (
     OPTIMISERS,
@@ -606,3 +607,27 @@ def test_least_squares_stops_where_no_unknown_changes_anything():
 def test_least_squares_stops_at_a_start_that_fits_to_the_last_bit():
     found = minimise(lambda x: Evaluation(x, 0.0, np.append(x - SPACE.start, 0.0)), least_squares(SPACE, None))
     assert (found.outcome, found.best.point.tolist()) == (Outcome.CONVERGED, SPACE.start.tolist())
+
+
+# --- what is held -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("blocks", [None, Blocks(np.array([-1, 0, 1]), np.array([0, 2, 4]))])
+def test_an_unknown_that_is_held_stays_at_its_start_and_is_never_moved(blocks):
+    asked = []
+
+    def evaluate(x):
+        asked.append(x.copy())
+        r = np.array([x[0] - 1, x[1] - 2, x[0] + x[1] - 3, x[2] - 5])
+        return Evaluation(x, float(r @ r), r)
+
+    held = np.array([False, False, True])
+    space = Space(("a", "b", "c"), np.zeros(3), np.full(3, 9.0), np.array([4.0, 4.0, 0.0]), blocks=blocks, held=held)
+    best = minimise(evaluate, least_squares(space, None)).best
+    assert {x[2] for x in asked} == {0.0}
+    np.testing.assert_allclose(best.point, [1.0, 2.0, 0.0], atol=1e-6)
+
+
+def test_a_space_that_is_held_altogether_is_at_its_minimum():
+    space = replace(SPACE, held=np.array([True, True]))
+    assert minimise(bowl, least_squares(space, None)).best.point.tolist() == SPACE.start.tolist()

@@ -102,13 +102,13 @@ def on_windows(
     return shared_values(pieces, uninterrupted(refined(pieces, best.point, jobs, watch, **FINE)).best.point)
 
 
-def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch: Watch) -> Result:
+def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch: Watch, **options: Any) -> Result:
     """Least squares on the whole record: first of what each recording has for itself, then of all."""
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:
         own = growing(alone, alone.start, jobs, watch).best
         values = {**values, **dict(zip(alone.names, own.point.tolist(), strict=True))}
-    return refined(problem, embedded(problem, values), jobs, watch)
+    return refined(problem, embedded(problem, values), jobs, watch, **options)
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:

@@ -588,15 +588,20 @@ def _sparse(directions: FloatArray) -> FloatArray:
 def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | Failure:
     """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
 
-    Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.
+    Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.  Of what no small step brings in
+    (:meth:`fracid.problem.Problem.absent`) it is 0.
     """
-    steps = _steps(problem, x)
+    steps, absent = _steps(problem, x), problem.absent(x)
     here = problem.errors(x)
     if isinstance(here, Failure):
         return here
     J = [np.empty((*e.shape, len(free))) for e in here]
 
     def differentiate(column: int) -> Failure | None:
+        if absent[free[column]]:
+            for j in J:
+                j[..., column] = 0.0
+            return None
         step = steps * (np.arange(len(x)) == free[column])
         plus, minus = problem.errors(x + step), problem.errors(x - step)
         if isinstance(plus, Failure) and isinstance(minus, Failure):

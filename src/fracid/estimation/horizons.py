@@ -167,7 +167,8 @@ def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> 
 
 def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
     space = problem.space
-    return least_squares(replace(space, start=np.clip(x, space.lower, space.upper)), None, **options)
+    start = np.clip(x, space.lower, space.upper)
+    return least_squares(replace(space, start=start, held=problem.absent(start)), None, **options)
 
 
 def horizons(problem: Problem) -> Iterator[float]:

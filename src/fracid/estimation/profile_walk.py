@@ -97,7 +97,7 @@ def refit(
         return problem.evaluate(x)
     names = tuple(problem.names[i] for i in free)
     blocks = None if space.blocks is None else space.blocks.of(free)
-    inner = Space(names, space.lower[free], space.upper[free], x[free], blocks=blocks)
+    inner = Space(names, space.lower[free], space.upper[free], x[free], blocks=blocks, held=problem.absent(x)[free])
 
     def whole(y: FloatArray) -> FloatArray:
         point = x.copy()

@@ -50,6 +50,9 @@ class Friction:
     """Whether its cost has minima enough that a search brings it in after all others: presliding, not drag."""
     signed: bool = False
     """Whether it may be of either sign, as a spring's rest may and a friction may not."""
+    jumps: bool = False
+    """Whether a little of it is far from none: to give by 1e-10 rad is a stiff spring in the place of sliding.  Small
+    steps from `off` tell nothing then; a search enters elsewhere."""
     part_of: str = ""
     """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
@@ -72,7 +75,7 @@ VISCOUS = Friction("viscous", power=1)
 
 COULOMB = Friction("Coulomb", power=0, begins=2e-3)
 
-PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True)
+PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True, jumps=True)
 
 LUGRE = Friction("LuGre", climbed=True)
 
@@ -82,7 +85,7 @@ SPRING = Friction("cable", rests=("theta_rest",))
 
 TILT = Friction("tilt", most=0.1, signed=True)
 
-PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True)
+PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True, jumps=True)
 
 SPRINGPOT = Friction("springpot", climbed=True)
 

@@ -31,6 +31,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
@@ -91,6 +92,8 @@ class Space:
     """Typical sizes, shape (n,), NaN where the start and the bounds are to tell; None for all."""
     blocks: Blocks | None = None
     """Which unknowns and rows belong to which recording, where that is worth using."""
+    held: NDArray[np.bool_] | None = None
+    """Unknowns that a local search leaves at their start, shape (n,); None for none."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that are none or do not hold the start."""

@@ -79,7 +79,7 @@ def blockwise(
     for _ in range(budget - 1):
         x = best.point
         if R is None:
-            R = yield from _linearised(best, blocks, differences(x))
+            R = yield from _linearised(best, blocks, differences(x), space.held)
             steepest = float(np.max(R.norms * size, initial=0.0)) ** 2
             α = α or FIRST * steepest
         step, expected = _step(R, α, space, size, x)
@@ -106,6 +106,7 @@ def _step(R: Arrowhead, α: float, space: Space, size: FloatArray, x: FloatArray
     """A step within the bounds, and by how much ½ Σ r² should fall."""
     g, step = R.gradient, np.zeros(len(x))
     held: NDArray[np.bool_] = ((x <= space.lower) & (g > 0)) | ((x >= space.upper) & (g < 0))
+    held = held if space.held is None else held | space.held
     while not held.all():
         free = x + R.step(np.where(held, np.inf, np.sqrt(α) / size))
         end = np.clip(free, space.lower, space.upper)
@@ -117,14 +118,17 @@ def _step(R: Arrowhead, α: float, space: Space, size: FloatArray, x: FloatArray
     return step, 0.0
 
 
-def _linearised(here: Evaluation, blocks: Blocks, h: FloatArray) -> Generator[FloatArray, list[Evaluation], Arrowhead]:
-    """R of [J r] by differences, the columns of a group at once; 0 where one fails."""
+def _linearised(
+    here: Evaluation, blocks: Blocks, h: FloatArray, held: NDArray[np.bool_] | None
+) -> Generator[FloatArray, list[Evaluation], Arrowhead]:
+    """R of [J r] by differences, the columns of a group at once; 0 where one fails, and of what is held."""
     x, r = here.point, np.asarray(here.residuals)
     parts = [
         np.column_stack([np.zeros((b - a, len(blocks.columns(k)))), r[a:b]])
         for k, (a, b) in enumerate(zip(blocks.rows, blocks.rows[1:], strict=False))
     ]
-    groups = list(blocks.groups)
+    moving = blocks.groups if held is None else [group[~held[group]] for group in blocks.groups]
+    groups = [group for group in moving if len(group)]
     while groups:
         points = np.tile(x, (len(groups), 1))
         for point, group in zip(points, groups, strict=True):

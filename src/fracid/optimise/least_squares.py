@@ -28,6 +28,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, InputError, at_least
@@ -47,7 +48,7 @@ LEAST = -100
 def least_squares(
     space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-8, budget: int = 100
 ) -> Optimiser:
-    """Minimise Σ r² from the start of the space.
+    """Minimise Σ r² from the start of the space; what that says is held stays there.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def least_squares(
     del rng  # nothing here is random
     from scipy.optimize import least_squares as scipy_least_squares
 
-    size = sizes(space)
+    size, moving = sizes(space), np.ones(len(space.names), dtype=bool) if space.held is None else ~space.held
     if space.blocks is not None:
         return blockwise(
             space, space.blocks, size, lambda x: _steps(space, size, x), tolerance=tolerance, budget=budget
@@ -87,7 +88,7 @@ def least_squares(
         unit = 0.0
 
         def physical(y: FloatArray) -> FloatArray:
-            return np.clip(space.start + (y - size), space.lower, space.upper)
+            return np.where(moving, np.clip(space.start + (y - size), space.lower, space.upper), space.start)
 
         def first_column(y: FloatArray) -> FloatArray:
             rows = residuals(physical(y))
@@ -108,7 +109,8 @@ def least_squares(
             x = physical(y)
             if not np.array_equal(x_good, x):
                 residuals(x)
-            R = triangle(_rows(good, x, evaluate(x + np.diag(_steps(space, size, x))), unit))
+            moved = evaluate((x + np.diag(_steps(space, size, x)))[moving]) if moving.any() else []
+            R = triangle(_rows(good, x, moved, moving, unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])
@@ -137,15 +139,21 @@ def _power_of_two(size: float) -> float:
     return math.ldexp(1.0, max(math.frexp(size)[1] - 1, LEAST)) if size > 0 else 1.0
 
 
-def _rows(base: FloatArray, x: FloatArray, batch: list[Evaluation], unit: float) -> Iterator[FloatArray]:
-    """Parts of [r J] at x, in a unit as `base` is, J by differences; 0 where one fails."""
+def _rows(
+    base: FloatArray, x: FloatArray, batch: list[Evaluation], moving: NDArray[np.bool_], unit: float
+) -> Iterator[FloatArray]:
+    """Parts of [r J] at x, in a unit as `base` is, J by differences; 0 where one fails, and of what is held."""
+    columns = np.flatnonzero(moving)
     for first in range(0, len(base), BLOCK):
         at = slice(first, first + BLOCK)
         r = base[at]
         rows = [None if e.residuals is None else e.residuals[at] / unit for e in batch]
-        h = [(e.point - x)[i] for i, e in enumerate(batch)]
-        J = [0 * r if s is None else (s - r) / step for s, step in zip(rows, h, strict=True)]
-        yield np.column_stack([r, *J])
+        h = [(e.point - x)[i] for i, e in zip(columns, batch, strict=True)]
+        J = np.zeros((len(r), len(x)))
+        for i, s, step in zip(columns, rows, h, strict=True):
+            if s is not None:
+                J[:, i] = (s - r) / step
+        yield np.column_stack([r, J])
 
 
 def sizes(space: Space) -> FloatArray:

@@ -34,6 +34,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.models import Model
@@ -138,6 +139,19 @@ class Parametrisation:
         lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
         scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
         return Space(self.names, lower, upper, self.start, None if np.all(np.isnan(scale)) else scale)
+
+    def absent(self, x: FloatArray) -> NDArray[np.bool_]:
+        """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,).
+
+        Their cost jumps (:attr:`fracid.models.friction.Friction.jumps`), or they act only with one that is not there.
+        """
+        kinds, needs = self.model.friction, {p.name: p.needs for p in self.model.parameters}
+        values = {p.name: [p.value] for p in self.model.parameters} | {n: [v] for n, v in self.parameter_starts.items()}
+        of = [u.target if u.kind == "parameter" else "" for u in self.unknowns]
+        values |= {n: [float(v) for v, target in zip(x, of, strict=True) if target == n] for n in of if n}
+        absent = [n in kinds and kinds[n].jumps and v == kinds[n].off for n, v in zip(of, x, strict=True)]
+        idle = [bool(needs.get(n)) and not any(any(values[other]) for other in needs[n]) for n in of]
+        return np.array([a or b for a, b in zip(absent, idle, strict=True)], dtype=bool)
 
     @cached_property
     def priors(self) -> dict[int, Prior]:

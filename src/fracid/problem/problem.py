@@ -25,6 +25,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
@@ -204,6 +205,10 @@ class Problem:
         space = self.parametrisation.space
         whole = self.criterion.priors or self.cost_function.loss is None
         return space if whole else replace(space, blocks=self.blocks)
+
+    def absent(self, x: FloatArray) -> NDArray[np.bool_]:
+        """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,)."""
+        return self.parametrisation.absent(x)
 
     @cached_property
     def blocks(self) -> Blocks | None:

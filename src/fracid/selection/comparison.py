@@ -534,10 +534,10 @@ def _fitted(
         if not math.isfinite(evaluation.cost):
             continue
         onward = _descended(problem, x, jobs, watch, budget=WARM)
-        ends.append((min(evaluation, onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
+        ends.append((min(evaluation, onward, key=_cost), f"from the optimum of {origin}"))
     best, how = min(ends, key=lambda end: end[0].cost)
     if how != ends[0][1] or problem.cost_function.loss is None:
-        best = min(best, _descended(problem, best.point, jobs, watch), key=lambda e: e.cost)
+        best = min(best, _descended(problem, best.point, jobs, watch), key=_cost)
     return best, how
 
 
@@ -552,8 +552,8 @@ def _refitted(
     problem, watch, own = structure.problem, Watch(), structure.embed(values)
     nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
     before = replace(problem, substeps=coarse).cost(own)
-    near = min(problem.evaluate(own), _descended(problem, own, jobs, watch), key=lambda e: e.cost)
-    lowest = min([near, *nested], key=lambda e: e.cost)
+    near = min(problem.evaluate(own), _descended(problem, own, jobs, watch), key=_cost)
+    lowest = min([near, *nested], key=_cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
     ends = [(near, how)]
@@ -564,31 +564,41 @@ def _refitted(
     for origin, simpler in below.items():
         x = structure.embed(simpler)
         onward = _descended(problem, x, jobs, watch)
-        ends.append((min(problem.evaluate(x), onward, key=lambda e: e.cost), f"from the optimum of {origin}"))
+        ends.append((min(problem.evaluate(x), onward, key=_cost), f"from the optimum of {origin}"))
     return min(ends, key=lambda end: end[0].cost)
 
 
 def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
-    """The lowest that a structure with rich friction comes to, from the optima below and by windows."""
+    """The lowest that a structure with rich friction comes to, from the optima below and by windows.
+
+    All go a few steps, and the lowest on: rich friction creeps to its minimum.
+    """
     problem, watch, ends = structure.problem, Watch(), []
+
+    def began(x: FloatArray, how: str) -> None:
+        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch, budget=WARM), key=_cost), how))
+
     for origin, values in below.items():
-        x = structure.embed(values)
-        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
-                     f"from the optimum of {origin}"))  # fmt: skip
+        began(structure.embed(values), f"from the optimum of {origin}")
     late = late_rungs(problem)
     names = late.get(structure.top, ())
     if not names:  # a drag or a cable came in last: it may matter more than all that came before
         simple = without(problem, [n for rung in late.values() for n in rung])
         lowest = growing(simple, simple.start, jobs, watch).best
-        x = structure.embed(dict(zip(simple.names, lowest.point.tolist(), strict=True)))
-        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch), key=lambda e: e.cost),
-                     "from the simpler structure"))  # fmt: skip
+        began(
+            structure.embed(dict(zip(simple.names, lowest.point.tolist(), strict=True))), "from the simpler structure"
+        )
     if names and not structure.fractional:
         (origin, values), *_ = below.items()
         start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
         shared = on_windows(problem, start, names, jobs, watch)
-        ends.append((on_the_whole(problem, shared, jobs, watch).best, f"from {origin} by windows"))
-    return min(ends, key=lambda end: end[0].cost)
+        ends.append((on_the_whole(problem, shared, jobs, watch, budget=WARM).best, f"from {origin} by windows"))
+    best, how = min(ends, key=lambda end: _cost(end[0]))
+    return min(best, _descended(problem, best.point, jobs, watch), key=_cost), how
+
+
+def _cost(evaluation: Evaluation) -> float:
+    return evaluation.cost
 
 
 def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
