@@ -156,10 +156,18 @@ def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative()
 
 
 @pytest.mark.broad
-def test_the_distance_is_that_of_a_fit_of_the_integer_order_model():
-    """Linear about its own minimum, the distance is what least squares leaves there."""
-    space = fracid.DesignSpace(release=60, seconds=4, rate=100, moment=0)
-    plan = fracid.design(RIG, space, experiments=1, against="integer", orders=ORDERS)
+@pytest.mark.parametrize(
+    ("release", "arm", "orders"),
+    [
+        (60, "free", ORDERS),
+        ((30, 90, 150), ("free", "clamped"), {"lambda": 1.0, "mu": 0.99}),
+        ((30, 90, 150), ("free", "clamped"), {"lambda": 0.98, "mu": 1.0}),
+    ],
+)
+def test_the_distance_is_that_of_a_fit_of_the_integer_order_model(release, arm, orders):
+    """Linear about its own minimum, the distance is what least squares leaves there; of a clamped arm too."""
+    space = fracid.DesignSpace(release=release, arm=arm, seconds=4, rate=100, moment=0)
+    plan = fracid.design(RIG, space, experiments=1, against="integer", orders=orders)
     problem = joint(plan)
     friction = freed_friction(problem)
     integer = replace(problem, orders=integer_values(problem), parameters={**problem.parameters, **friction})

@@ -6,7 +6,9 @@ outputs, the least :math:`\sum_e (r_e - J_e p)'W_e(r_e - J_e p)` over one p for 
 .. math::  T = c - b'A^{-1}b, \qquad c = \sum_e r_e'W_er_e, \quad b = \sum_e J_e'W_er_e, \quad A = \sum_e J_e'W_eJ_e ,
 
 initial states eliminated from each.  It is linear about the integer-order model that fits a first set of experiments
-best, by least squares, and again about the one that fits the chosen set.
+best, by least squares, and again about the one that fits the chosen set.  A free and a clamped arm have such a model
+each, :math:`p_e`, since what fits one may be far from the other; r is then :math:`y - y_1(p_e) + J_e(p_e - p_0)`, of
+one origin.
 
 The alternatives are those of the claim that cost no further state: viscous and dry friction free, and beside them one
 at a time what :data:`fracid.selection.integer_alternatives.ELEMENTS` has, a delay, a low-pass, a scale, drag, a cable,
@@ -17,7 +19,7 @@ residual may be what the plan is to explain.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -26,11 +28,11 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import jacobian
+from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange
-from fracid.experiments.space import Candidate, DesignSpace, by_motion
+from fracid.experiments.space import ARMS, Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject
-from fracid.optimise import least_squares, minimise
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.selection.integer_alternatives import ELEMENTS, Element
@@ -122,32 +124,45 @@ def alternatives_of(
     if all(isinstance(v, float | int) and abs(v - orders[n]) < CLOSE for n, v in integers.items() if n in orders):
         raise InputError("Every order is an integer, so that nothing is to be told from an integer-order model; give "
                          "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
-    first = _linearised(subject, space, candidates, range(len(candidates)), _few(candidates), jobs)
+    rivals = _rivals(subject, space, _by_arm(candidates, _few), {})
+    first = _linearised(subject, space, candidates, range(len(candidates)), rivals, jobs)
     chosen = first.chosen(count)
     alone = averaged(first.objective, first.parts, first.base)
     short = sorted({*chosen, *(first.allowed[int(i)] for i in np.argsort(alone)[:SHORTLIST])})
-    return _linearised(subject, space, candidates, short, [candidates[i] for i in dict.fromkeys(chosen)], jobs)
+    rivals = _rivals(subject, space, _by_arm([candidates[i] for i in dict.fromkeys(chosen)], list), rivals)
+    return _linearised(subject, space, candidates, short, rivals, jobs)
+
+
+def _by_arm(
+    candidates: Sequence[Candidate], some: Callable[[Sequence[Candidate]], list[Candidate]]
+) -> dict[str, list[Candidate]]:
+    """Arm → some of its candidates, the free one first."""
+    arms = sorted({c.arm for c in candidates}, key=ARMS.index)
+    return {arm: some([c for c in candidates if c.arm == arm]) for arm in arms}
 
 
 def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Two that differ most in their release, as a first set."""
-    nearest_first = sorted(candidates, key=lambda c: (c.arm == "clamped", c.voltage is not None, abs(c.release)))
-    free = [c for c in nearest_first if c.arm == nearest_first[0].arm and c.voltage == nearest_first[0].voltage]
-    return [*dict.fromkeys((free[0], free[-1]))]
+    nearest_first = sorted(candidates, key=lambda c: (c.voltage is not None, abs(c.release)))
+    same = [c for c in nearest_first if c.voltage == nearest_first[0].voltage]
+    return [*dict.fromkeys((same[0], same[-1]))]
 
 
 def _linearised(
     subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], which: Sequence[int],
-    fitted: Sequence[Candidate], jobs: int,
+    rivals: Mapping[str, _Rival], jobs: int,
 ) -> Alternatives:  # fmt: skip
     """The alternatives about the integer-order model that fits some experiments best."""
-    rival = _rival(subject, space, fitted)
+    common = _Common.of([*rivals.values()])
 
     def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:
         at = [which[i] for i in group]
         longest = max((candidates[i] for i in at), key=lambda c: c.seconds)
         problem = _simulated(subject, space, longest, "planned")
-        return [] if problem is None else _sums(subject, rival, problem, [candidates[i].samples for i in at])
+        rival = rivals.get(longest.arm)
+        if problem is None or rival is None:
+            return []
+        return _sums(subject, rival, common, problem, [candidates[i].samples for i in at])
 
     groups = by_motion([candidates[i] for i in which])
     with ThreadPoolExecutor(jobs) as pool:
@@ -157,63 +172,95 @@ def _linearised(
         raise InputError("No run of the integer-order model reaches the end of a candidate.")
     allowed = tuple(sorted(rows))
     parts = tuple(np.array([part]) for part in zip(*(rows[i] for i in allowed), strict=True))
-    vague = VAGUE * np.diag(rival.scale**-2.0)
-    base = np.zeros(1), np.zeros((1, len(rival.names))), vague[None]
-    return Alternatives((FRICTION, *rival.extra), rival.columns, rival.scale, parts, base, allowed)
+    vague = VAGUE * np.diag(common.scale**-2.0)
+    base = np.zeros(1), np.zeros((1, len(common.names))), vague[None]
+    return Alternatives((FRICTION, *common.extra), common.columns, common.scale, parts, base, allowed)
 
 
 @dataclass(frozen=True)
 class _Rival:
-    """The integer-order model that fits some experiments best, and what it may have beside."""
+    """The integer-order model that fits some experiments of one arm best, and what it may have beside."""
 
     orders: Mapping[str, Value]
     parameters: Mapping[str, Value]
     """Starting at the best."""
-    names: tuple[str, ...]
-    """Of what is free, and then of what the elements free."""
-    scale: FloatArray
-    """Typical size of each, shape (n,)."""
-    shared: int
-    """How many of the names are the model's."""
+    values: Mapping[str, float]
+    """Of what is free and inside its bounds, the best."""
+    sizes: Mapping[str, float]
+    """Of those and of what the elements free, how large they typically are."""
     extra: Mapping[str, tuple[str, ...]]
     """Element → what it frees."""
+
+    def of(self, problem: Problem) -> Problem:
+        """This model of the experiments of another problem of that arm."""
+        return replace(problem, orders=self.orders, parameters=self.parameters, memo=None)
+
+
+@dataclass(frozen=True)
+class _Common:
+    """What the models of all arms may move, from one origin."""
+
+    origin: Mapping[str, float]
+    """Value of each parameter that all alternatives may move."""
+    extra: Mapping[str, tuple[str, ...]]
+    """Element → what it frees."""
+    names: tuple[str, ...]
+    """Of all that is free, in order."""
+    scale: FloatArray
+    """Typical size of each, shape (n,)."""
+
+    @classmethod
+    def of(cls, rivals: Sequence[_Rival]) -> _Common:
+        origin = {n: v for rival in reversed(rivals) for n, v in rival.values.items()}
+        extra: dict[str, tuple[str, ...]] = {}
+        for rival in rivals:
+            for element, names in rival.extra.items():
+                extra[element] = tuple(dict.fromkeys((*extra.get(element, ()), *names)))
+        names = (*origin, *dict.fromkeys(n for more in extra.values() for n in more if n not in origin))
+        sizes = {n: size for rival in reversed(rivals) for n, size in rival.sizes.items()}
+        return cls(origin, extra, names, np.array([sizes[n] for n in names]))
 
     @property
     def columns(self) -> tuple[tuple[int, ...], ...]:
         """Which of the names each alternative may move."""
-        own = tuple(range(self.shared))
+        own = tuple(range(len(self.origin)))
         return (own, *((*own, *(self.names.index(n) for n in names)) for names in self.extra.values()))
 
-    def of(self, problem: Problem) -> Problem:
-        """This model of the experiments of another problem; a clamped arm stays clamped."""
-        clamped = {n: v for n, v in problem.parameters.items() if n == "J_theta" and not isinstance(v, Free)}
-        return replace(problem, orders=self.orders, parameters={**self.parameters, **clamped}, memo=None)
 
-
-def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> _Rival:
-    """Fit the integer-order model, friction free, to what the fractional one does."""
-    simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
-    problems = [p for p, c in zip(simulated, experiments, strict=True)
-                if p is not None and c.arm == experiments[0].arm]  # fmt: skip
-    if not problems:
+def _rivals(
+    subject: Subject, space: DesignSpace, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival]
+) -> dict[str, _Rival]:
+    """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
+    fitted = {arm: _rival(subject, space, some) for arm, some in experiments.items()}
+    rivals = {arm: rival for arm, rival in ({**known, **fitted}).items() if rival is not None}
+    if not rivals:
         raise InputError("No run of the model reaches the end of a candidate.")
+    return {arm: rivals[arm] for arm in ARMS if arm in rivals}
+
+
+def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> _Rival | None:
+    """Fit the integer-order model, friction free, to what the fractional one does; None where no run of that ends."""
+    simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
+    problems = [p for p in simulated if p is not None]
+    if not problems:
+        return None
     data = tuple(p.experiments[0] for p in problems)
     joint = replace(problems[0], experiments=data, substeps=max(p.substeps for p in problems))
     joints, kinds = ("", *moving(joint)), joint.model.friction
     friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
     joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
-    best = minimise(joint.evaluate, least_squares(joint.space, None)).best
+    grown = growing(joint, joint.start, 1, Watch()).best.point  # on the whole at once it may end a swing ahead
+    best = min((refined(joint, x, 1, Watch(), tolerance=1e-8).best for x in (joint.start, grown)), key=lambda e: e.cost)
     joint = replace(joint, parameters=_starting(joint, best.point))
     elements = {e.name: e.problem for e in _elements(joint)}
     extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
-    unknowns = {u.name: u for p in (joint, *elements.values()) for u in p.unknowns}
+    unknowns = {u.name: u.range for p in (joint, *elements.values()) for u in p.unknowns}
     width = joint.space.upper - joint.space.lower
     inside = np.minimum(best.point - joint.space.lower, joint.space.upper - best.point) > AT_BOUND * width
-    own = tuple(u.name for u, free in zip(joint.unknowns, inside, strict=True) if u.experiment is None and free)
-    names = (*own, *(n for more in extra.values() for n in more))
-    sizes = [(abs(u.range.start), u.range.upper - u.range.lower) for u in map(unknowns.__getitem__, names)]
-    scale = np.array([max(value, 1e-2 * min(width, 1.0)) for value, width in sizes])
-    return _Rival(joint.orders, joint.parameters, names, scale, len(own), extra)
+    values = {u.name: float(v) for u, v, free in zip(joint.unknowns, best.point, inside, strict=True)
+              if u.experiment is None and free}  # fmt: skip
+    sizes = {n: max(abs(of.start), 1e-2 * min(of.upper - of.lower, 1.0)) for n, of in unknowns.items()}
+    return _Rival(joint.orders, joint.parameters, values, sizes, extra)
 
 
 def _starting(problem: Problem, x: FloatArray) -> dict[str, Value]:
@@ -240,7 +287,9 @@ def _simulated(subject: Subject, space: DesignSpace, c: Candidate, name: str) ->
     return replace(p, experiments=(replace(p.experiments[0], name=name, measured=np.ascontiguousarray(outputs)),))
 
 
-def _sums(subject: Subject, rival: _Rival, problem: Problem, samples: Sequence[int]) -> list[tuple[FloatArray, ...]]:
+def _sums(
+    subject: Subject, rival: _Rival, common: _Common, problem: Problem, samples: Sequence[int]
+) -> list[tuple[FloatArray, ...]]:
     """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
     here = rival.of(problem)
     errors, J = here.errors(here.start), jacobian(here, here.start, np.arange(len(here.names)))
@@ -256,8 +305,9 @@ def _sums(subject: Subject, rival: _Rival, problem: Problem, samples: Sequence[i
             columns |= {n: more[0][..., k] for k, n in enumerate(names)}
     still = np.zeros(errors[0].shape)
     root = np.array([1 / math.sqrt(subject.noise_of(n).variance) for n in problem.outputs])
-    rows = np.stack([-columns.get(n, still) for n in (*rival.names, *own)], axis=-1) * root[:, None]
-    missed, n = errors[0] * root, len(rival.names)
+    rows = np.stack([-columns.get(n, still) for n in (*common.names, *own)], axis=-1) * root[:, None]
+    n, off = len(common.names), np.array([rival.values.get(n, v) - v for n, v in common.origin.items()])
+    missed = errors[0] * root + rows[..., : len(off)] @ off
     worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
     sums: list[tuple[FloatArray, ...]] = []
     for count in samples:
