@@ -10,15 +10,21 @@ best, by least squares, and again about the one that fits the chosen set.  A fre
 each, :math:`p_e`, since what fits one may be far from the other; r is then :math:`y - y_1(p_e) + J_e(p_e - p_0)`, of
 one origin.
 
-The alternatives are those of the claim that cost no further state: viscous and dry friction free, and beside them one
-at a time what :data:`fracid.selection.integer_alternatives.ELEMENTS` has, a delay, a low-pass, a scale, drag, a cable,
-a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not count, since its
-residual may be what the plan is to explain.
+The alternatives that choose are those of the claim that cost no further state: viscous and dry friction free, and
+beside them one at a time what :data:`fracid.selection.integer_alternatives.ELEMENTS` has, a delay, a low-pass, a scale,
+drag, a cable, a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not
+count, since its residual may be what the plan is to explain.
+
+Those that add states (play, presliding, Stribeck's friction, an elastic arm) have no derivative where they are off.
+They are fitted to the chosen set, by least squares as the claim does, and their distances stand beside
+(:func:`with_states`); of sets with both arms, each arm's element is its own, so that the distance is no more than that
+of one element.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -33,12 +39,13 @@ from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.space import ARMS, Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject
+from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
-from fracid.selection.integer_alternatives import ELEMENTS, Element
-from fracid.selection.integer_rival import freed_friction, integer_values, moving
+from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
+from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 
-__all__ = ["Alternatives", "alternatives_of"]
+__all__ = ["Alternatives", "alternatives_of", "with_states"]
 
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
@@ -133,6 +140,64 @@ def alternatives_of(
     return _linearised(subject, space, candidates, short, rivals, jobs)
 
 
+def with_states(
+    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], *, jobs: int = 1
+) -> dict[str, float]:
+    """How far each alternative that adds states stays from a set of experiments, fitted to it.
+
+    Parameters
+    ----------
+    subject : Subject
+        Of a fractional model.
+    space : DesignSpace
+    experiments : sequence of Candidate
+        Those that are chosen, repetitions too.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    dict
+        Alternative → distance in standard deviations of the noise.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.experiments.choice import subject_of
+    >>> space = DesignSpace(release=30, seconds=2, rate=100)
+    >>> subject = subject_of(fracid.rotary_pendulum("stepper-freeswing"), space, orders={"mu": 0.95})
+    >>> list(with_states(subject, space, space.candidates))
+    ['presliding', "Stribeck's friction"]
+    """
+    friction, squares = 0.0, dict[str, float]()
+    for arm in _by_arm(experiments, list).values():
+        times = Counter(arm)
+        rival = _rival(subject, space, [*times])
+        if rival is None:
+            continue
+        counts = [times[c] for c in times][: len(rival.problem.experiments)]
+        own = Rival(rival.problem, rival.best, "every order 1", {})
+        without = _square(subject, own, counts)
+        elements = [e for change in ELEMENTS for e in change(rival.problem)
+                    if e.slow and e.possible and e.whole is None]  # fmt: skip
+        for element in elements:
+            there = fitted_with(element, own, 0.0, jobs=jobs)
+            left = without if there is None else min(without, _square(subject, there, counts))
+            squares[element.name] = squares.get(element.name, 0.0) + left - without
+        friction += without
+    return {name: math.sqrt(max(0.0, friction + less)) for name, less in squares.items()}
+
+
+def _square(subject: Subject, rival: Rival, counts: Sequence[int]) -> float:
+    """What an integer-order model misses of some experiments, each so many times, in variances of the noise."""
+    errors = rival.problem.errors(rival.evaluation.point)
+    if isinstance(errors, Failure):
+        return math.inf
+    variances = np.array([subject.noise_of(n).variance for n in rival.problem.outputs])
+    worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
+    return worth * sum(k * float(np.sum(e**2 / variances)) for k, e in zip(counts, errors, strict=True))
+
+
 def _by_arm(
     candidates: Sequence[Candidate], some: Callable[[Sequence[Candidate]], list[Candidate]]
 ) -> dict[str, list[Candidate]]:
@@ -181,6 +246,9 @@ def _linearised(
 class _Rival:
     """The integer-order model that fits some experiments of one arm best, and what it may have beside."""
 
+    problem: Problem
+    """Of those experiments, starting at the best."""
+    best: Evaluation
     orders: Mapping[str, Value]
     parameters: Mapping[str, Value]
     """Starting at the best."""
@@ -260,7 +328,7 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     values = {u.name: float(v) for u, v, free in zip(joint.unknowns, best.point, inside, strict=True)
               if u.experiment is None and free}  # fmt: skip
     sizes = {n: max(abs(of.start), 1e-2 * min(of.upper - of.lower, 1.0)) for n, of in unknowns.items()}
-    return _Rival(joint.orders, joint.parameters, values, sizes, extra)
+    return _Rival(joint, best, joint.orders, joint.parameters, values, sizes, extra)
 
 
 def _starting(problem: Problem, x: FloatArray) -> dict[str, Value]:

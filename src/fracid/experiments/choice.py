@@ -15,7 +15,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import jacobian
 from fracid.estimation.search import search
-from fracid.experiments.alternatives import Alternatives, alternatives_of
+from fracid.experiments.alternatives import alternatives_of, with_states
 from fracid.experiments.criteria import CRITERIA, Objective, objective_named
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
@@ -134,17 +134,19 @@ def design(
     candidates = tuple(candidates[i] for i in possible)
     information = [t for t in tables if isinstance(t, Information)]
     parts, base = _stacked([information]), _base(subject)
-    alternatives: Alternatives | None = None
+    distances: Mapping[str, float] | None = None
     if name == "T":
         alternatives = alternatives_of(subject, space, candidates, experiments, jobs=jobs)
         chosen = alternatives.chosen(experiments)
+        states = with_states(subject, space, [candidates[i] for i in chosen], jobs=jobs)
+        distances = {**alternatives.distances(chosen), **states}
     else:
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
             chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
     return _plan(subject, space, name, tuple(subject.names[i] for i in places),
-                 _Table(candidates, information, chosen, len(tables) - len(possible)), alternatives)  # fmt: skip
+                 _Table(candidates, information, chosen, len(tables) - len(possible)), distances)  # fmt: skip
 
 
 def subject_of(
@@ -336,7 +338,7 @@ class _Table:
 
 def _plan(
     subject: Subject, space: DesignSpace, criterion: str, of: tuple[str, ...], table: _Table,
-    alternatives: Alternatives | None,
+    distances: Mapping[str, float] | None,
 ) -> Plan:  # fmt: skip
     base = Information(*(b[0] for b in _base(subject)))
     total = base
@@ -353,5 +355,5 @@ def _plan(
         subject, space, criterion, of, tuple(table.candidates[i] for i in table.chosen), expected,
         len(table.candidates), table.excluded, landscape,
         Information(total.curvature, total.scatter).covariance(subject.scale),
-        None if alternatives is None else alternatives.distances(table.chosen),
+        distances,
     )  # fmt: skip

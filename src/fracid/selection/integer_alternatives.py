@@ -59,7 +59,7 @@ from fracid.selection.integer_rival import (
 )
 from fracid.solver.inputs import Between
 
-__all__ = ["ELEMENTS", "Element", "integer_alternatives"]
+__all__ = ["ELEMENTS", "Element", "fitted_with", "integer_alternatives"]
 
 LATE = 0.02
 """A channel is looked for this much late or early [s]."""
@@ -255,7 +255,7 @@ def integer_alternatives(
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
             beside = _on_the_same_samples(problem, best, element)
-            there = None if beside is None else _fitted(element, here, beside.cost, jobs)
+            there = None if beside is None else fitted_with(element, here, beside.cost, jobs=jobs)
             if there is None or beside is None:
                 continue
             samples, gain_there = gain_over(there, problem, beside)
@@ -302,10 +302,23 @@ def _as_well(gain: float, cost: float, fractional: float) -> bool:
     return gain <= STRONG or cost <= (1 + SAME) * fractional
 
 
-def _fitted(element: Element, here: Rival, goal: float, jobs: int) -> Rival | None:
+def fitted_with(element: Element, here: Rival, goal: float, *, jobs: int = 1) -> Rival | None:
     """Least squares from the best integer-order model so far, with the element at each of its entries.
 
-    What is far from the goal, and hardly nearer than before, is left there.
+    Parameters
+    ----------
+    element : Element
+    here : Rival
+        That model at its minimum.
+    goal : float
+        A cost; what is far from it, and hardly nearer than before, is left there.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    Rival or None
+        None where its run fails.
     """
     problem = element.problem
     kinds = [n for n in element.names if n in problem.model.friction] if element.slow else []
