@@ -200,7 +200,7 @@ def test_compiled_and_plain_right_hand_side_agree(zero):
 
 @pytest.mark.parametrize("state", ["none", *STATES])
 def test_what_the_right_hand_side_reads_and_writes_is_known_before_a_run(state):
-    """Or every access would be checked, which takes as long as all else."""
+    """No access is checked in a run."""
     model = rotary_pendulum().equipped(STATES.get(state, ())[:1])
     reach = _largest_indices(model.rhs)
     assert reach is not None

@@ -33,8 +33,8 @@ RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray]
 def compile_rhs(rhs: Any) -> Any:
     """Compile a right-hand side once for all runs, and for all functions that mean the same.
 
-    fracid's own are cached on disk; a user's is compiled anew in each process, since Numba's cache does
-    not notice a change in what the function calls.  Where all indices are constants they are held against the
+    fracid's own are cached on disk and not checked; a user's is compiled anew in each process, since Numba's cache does
+    not notice a change in what the function calls.  Where all its indices are constants they are held against the
     sizes once, before a run; where one is computed, every access is checked (which costs up to the time of f again).
 
     Raises
@@ -56,7 +56,7 @@ def compile_rhs(rhs: Any) -> Any:
 @once_for_equals
 def _compiled(function: Any) -> Any:
     own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
-    checked = _largest_indices(function) is None
+    checked = not own and _largest_indices(function) is None  # of ours a test asks, for it takes a tenth of a second
     teach_helpers(function)
     options = {"_nrt": False} if own else {}  # ours allocate nothing, and counting who has x and out doubles their time
     try:
