@@ -22,8 +22,8 @@ from fracid.models import (
     model_from_name,
     rotary_pendulum,
 )
-from fracid.models.pendulum import PARAMETERS
-from fracid.solver.right_hand_side import compile_rhs
+from fracid.models.pendulum import PARAMETERS, STATES
+from fracid.solver.right_hand_side import _largest_indices, compile_rhs
 from oracles import furuta
 
 ZEROS = ("hanging", "upright")
@@ -196,6 +196,16 @@ def test_compiled_and_plain_right_hand_side_agree(zero):
     x, u, out = np.array([0.1, 2.0, 0.7, -3.0]), np.array([1.5]), np.empty(4)
     compiled(0.0, x, u, model.parameter_vector(), out)
     np.testing.assert_allclose(out, f(model, x, u), rtol=1e-13)
+
+
+@pytest.mark.parametrize("state", ["none", *STATES])
+def test_what_the_right_hand_side_reads_and_writes_is_known_before_a_run(state):
+    """No access is checked in a run."""
+    model = rotary_pendulum().equipped(STATES.get(state, ())[:1])
+    reach = _largest_indices(model.rhs)
+    assert reach is not None
+    assert 4 <= max(reach[1], reach[4]) <= len(model.states)
+    assert reach[3] == len(PARAMETERS)
 
 
 def test_a_model_survives_pickling():

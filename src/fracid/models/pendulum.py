@@ -384,6 +384,7 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
     """Return f of (15), with the states of `own` behind the four; gravity's sign and who is there are constants."""
     gravity = GRAVITY[zero]
     z_theta, z_alpha, y_theta, y_alpha, arm = (4 + own.index(n) if n in own else 0 for n in STATES)
+    arm_speed = arm + 1  # a constant: an index that the function computes would have every access checked
 
     def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
         C1, C3, C4, C6, J_theta = p[0], p[1], p[2], p[3], p[4]
@@ -430,7 +431,7 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         if arm and (play > 0.0 or stiffness > 0.0):  # two bodies: the hub first, then what the arm gets from it
             inertia = inertia if inertia > 0.0 else 0.2 * J_theta
             stiffness = stiffness if stiffness > 0.0 else CONTACT * inertia
-            turn, arm_rate = gap(theta - x[arm], play), x[arm + 1]
+            turn, arm_rate = gap(theta - x[arm], play), x[arm_speed]
             shaft = stiffness * turn + (damping * (theta_rate - arm_rate) if turn != 0.0 or play == 0.0 else 0.0)
             out[1] = (f_theta - b_hub * theta_rate - joint_theta - shaft) / inertia
             M11, f_theta, b_hub, joint_theta = M11 - inertia, shaft, 0.0, 0.0
@@ -449,12 +450,12 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
 
         det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
         out[0], out[2] = theta_rate, alpha_rate
-        out[arm + 1] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
+        out[arm_speed] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
         out[3] = (M11 * f_alpha - M12 * f_theta) / det
         if arm:
             out[arm] = arm_rate
             if play == 0.0 and stiffness == 0.0:  # one body after all
-                out[1] = out[arm + 1]
+                out[1] = out[arm_speed]
 
     # Named so that it can be pickled (see __getattr__) and its compiled code has its own file in Numba's cache.
     rhs.__qualname__ = rhs.__name__ = "_with_".join((zero, *own))

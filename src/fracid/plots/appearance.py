@@ -188,8 +188,11 @@ def _wrap_titles(figure: Figure, panels: list[Axes]) -> None:
 
 def _no_latex(figure: Figure) -> None:
     """Whatever the user's matplotlibrc says: names of recordings must not become commands."""
+    import matplotlib as mpl
     from matplotlib.text import Text
 
+    if not mpl.rcParams["text.usetex"]:  # no text has it, and looking at each makes every tick
+        return
     for text in figure.findobj(Text):
         if isinstance(text, Text):
             text.set_usetex(False)

@@ -33,8 +33,8 @@ RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray]
 def compile_rhs(rhs: Any) -> Any:
     """Compile a right-hand side once for all runs, and for all functions that mean the same.
 
-    fracid's own are cached on disk; a user's is compiled anew in each process, since Numba's cache does
-    not notice a change in what the function calls.  Where all indices are constants they are held against the
+    fracid's own are cached on disk and not checked; a user's is compiled anew in each process, since Numba's cache does
+    not notice a change in what the function calls.  Where all its indices are constants they are held against the
     sizes once, before a run; where one is computed, every access is checked (which costs up to the time of f again).
 
     Raises
@@ -56,10 +56,11 @@ def compile_rhs(rhs: Any) -> Any:
 @once_for_equals
 def _compiled(function: Any) -> Any:
     own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
-    checked = _largest_indices(function) is None
+    checked = not own and _largest_indices(function) is None  # of ours a test asks, for it takes a tenth of a second
     teach_helpers(function)
+    options = {"_nrt": False} if own else {}  # ours allocate nothing, and counting who has x and out doubles their time
     try:
-        return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked)(function)
+        return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked, **options)(function)
     except nb.core.errors.NumbaError as error:
         raise InputError(
             f"The right-hand side {name_of(function)} cannot be compiled by Numba: {_reason(error)} "
@@ -125,11 +126,23 @@ def _largest_indices(function: Any) -> tuple[int, ...] | None:
         else:
             continue
         argument = ir_utils.guard(ir_utils.get_definition, code, array)
+        if _is_tuple_taken_apart(code, argument):  # a, b, c, d = p[0], p[1], p[2], p[3]
+            continue
         constant = ir_utils.guard(ir_utils.find_const, code, index) if isinstance(index, ir.Var) else index
         if not (isinstance(argument, ir.Arg) and isinstance(constant, int)):
             return None
         sizes[argument.index] = max(sizes[argument.index], constant + 1 if constant >= 0 else -constant)
     return tuple(sizes)
+
+
+def _is_tuple_taken_apart(code: Any, value: Any) -> bool:
+    """Tell whether a value is a tuple written in place, whose entries go to names: no array, and as many by grammar."""
+    from numba.core import ir, ir_utils
+
+    if not (isinstance(value, ir.Expr) and value.op == "exhaust_iter"):
+        return False
+    whole = ir_utils.guard(ir_utils.get_definition, code, value.value)
+    return isinstance(whole, ir.Expr) and whole.op == "build_tuple"
 
 
 @lru_cache(maxsize=128)
