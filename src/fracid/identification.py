@@ -216,6 +216,7 @@ def identify(
             analysis.seen += failed(work, result.best.point)
         else:
             _examine(analysis, validation, whole if cut else None, jobs, clock)
+        analysis.problem.last_derivatives.clear()  # some hundred megabytes
         if analysis.interrupted:
             watching.interrupted()
         clock.end()

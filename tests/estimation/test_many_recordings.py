@@ -8,11 +8,15 @@ import pytest
 import fracid
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure
-from fracid.estimation.covariance import by_blocks, jacobian, uncertainty
+from fracid.estimation.agreement import spread
+from fracid.estimation.covariance import by_blocks, half_width, jacobian, uncertainty
 from fracid.estimation.curvature import curvature
 from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.optimise.least_squares import sizes
 from fracid.problem import Experiment, Free, Problem
+from fracid.problem.costs import COSTS
+from fracid.validation.discretisation import discretisation_check
 
 
 def recordings(count, samples, step=2e-2):
@@ -99,6 +103,50 @@ def test_what_the_data_do_not_see_is_named_by_blocks_too(thirty, monkeypatch):
     assert known.confounded
     assert sorted(found.confounded) == sorted(known.confounded)
     np.testing.assert_array_equal(np.isnan(found.standard_error), np.isnan(known.standard_error))
+
+
+@pytest.fixture(scope="module")
+def minimum(thirty):
+    """Twenty recordings by blocks, and their minimum."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fracid.problem.problem.MANY", 2)
+        made = problem(thirty[:20], parameters={"b_alpha": Free(3e-4, 0.0, 1e-2)})
+        yield made, refined(made, made.start, 1, Watch()).best.point
+
+
+def test_the_check_of_the_step_shifts_the_orders_as_a_search_at_half_the_step_does(minimum, monkeypatch):
+    made, x = minimum
+    known = uncertainty(made, x)
+    asked = []
+    monkeypatch.setattr("fracid.validation.discretisation.refined", lambda *a, **k: asked.append(a) or refined(*a, **k))
+    fast = discretisation_check(made, x, known, 1)
+    assert not asked
+    monkeypatch.setattr("fracid.validation.discretisation.nearly_equal_minimum", lambda *_: None)
+    full = discretisation_check(made, x, known, 1)
+    assert asked
+    assert abs(full.shift["mu"]) > 0.02 * half_width(known, x, 0)
+    assert fast.shift["mu"] == pytest.approx(full.shift["mu"], abs=0.01 * half_width(known, x, 0))
+    assert fast.cost_half_step == full.cost_half_step
+
+
+def test_derivatives_that_do_not_lead_to_the_minimum_leave_it_to_a_search(minimum):
+    made, x = minimum
+    euler = replace(made, method="gl")
+    assert nearly_equal_minimum(euler, x, made, 1) is None
+    assert nearly_equal_minimum(made, x, replace(made, cost_function=COSTS["iae"]), 1) is None
+
+
+def test_each_recording_alone_by_the_derivatives_of_all_is_what_its_own_fit_finds(minimum, monkeypatch):
+    made, x = minimum
+    made = replace(made, experiments=made.experiments[:6])
+    x = x[: len(made.names)]
+    with monkeypatch.context() as patch:
+        patch.setattr("fracid.estimation.agreement.refit", None)  # not asked
+        fast = spread(made, x)
+    monkeypatch.setattr("fracid.estimation.agreement.derivatives_of_each", lambda *_: {})
+    full = spread(made, x)
+    assert np.all(np.abs(fast.values - full.values) < 0.05 * full.standard_error)
+    np.testing.assert_allclose(fast.birge, full.birge, rtol=0.05)
 
 
 @pytest.mark.broad

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
-from fracid.estimation.covariance import uncertainty
+from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Experiment, Problem
 from fracid.safety.schema import as_json
@@ -123,17 +124,27 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
     at = dict(zip(problem.names, np.asarray(x).tolist(), strict=True))
 
+    J = derivatives_of_each(problem, np.asarray(x), jobs)
+
     def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
         one = replace(problem, experiments=(e,))
-        best = refit(one, np.array([at[n] for n in one.names]))
-        precision = uncertainty(one, best.point) if math.isfinite(best.cost) else None
+        best, precision = _alone(one, np.array([at[n] for n in one.names]), J.get(e.name))
         if precision is None or isinstance(precision, Failure):
             return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
         where = [one.names.index(problem.names[i]) for i in shared]
-        return best.point[where], precision.standard_error[where]
+        return best[where], precision.standard_error[where]
 
     with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
         estimates = list(pool.map(alone, problem.experiments))
     values, errors = (np.array(rows) for rows in zip(*estimates, strict=True))
     names = tuple(problem.names[i] for i in shared)
     return Spread(names, tuple(e.name for e in problem.experiments), values, errors)
+
+
+def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArray, Uncertainty | Failure | None]:
+    """The minimum of one recording, and what is known there: by the derivatives at x, where those lead to it."""
+    near = None if J is None else chord_of_one(one, x, J)
+    if J is not None and near is not None:
+        return near, uncertainty(one, near, derivatives=[J])
+    best = refit(one, x)
+    return best.point, uncertainty(one, best.point) if math.isfinite(best.cost) else None

@@ -71,6 +71,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -217,7 +218,9 @@ class Sandwich:
         return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
 
 
-def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertainty | Failure:
+def uncertainty(
+    problem: Problem, x: FloatArray, *, jobs: int = 1, derivatives: list[FloatArray] | None = None
+) -> Uncertainty | Failure:
     """Find the covariance at the minimum x, or say why there is none.
 
     Parameters
@@ -227,6 +230,8 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         Its minimum; elsewhere the result means nothing.
     jobs : int
         Threads.
+    derivatives : list of array, optional
+        Of the errors of each recording by all unknowns, shape (n_samples, n_outputs, n_unknowns); found if left out.
 
     Returns
     -------
@@ -253,7 +258,7 @@ def uncertainty(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Uncertaint
         return Failure(
             FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
         )
-    active, estimator, seen = _held(problem, x, jobs)
+    active, estimator, seen = _held(problem, x, jobs, derivatives)
     error = np.full(len(x), np.nan)
     if active.all():
         return Uncertainty(error, active, (), 0.0, 1.0, error)
@@ -347,11 +352,15 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     return linearisation if isinstance(linearisation, Failure) else _sandwich(problem, *linearisation, free)
 
 
-def _seen(problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int) -> _Seen | Failure:
+def _seen(
+    problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int, derivatives: list[FloatArray] | None = None
+) -> _Seen | Failure:
     """Errors of each recording at x and their derivatives by the unknowns `free`."""
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return errors
+    if derivatives is not None:
+        return errors, [j[..., free] for j in derivatives]
     J = jacobian(problem, x, free, jobs=jobs) if problem.blocks is None else by_blocks(problem, x, free, jobs=jobs)
     return J if isinstance(J, Failure) else (errors, J)
 
@@ -465,7 +474,9 @@ def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArra
     return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
 
 
-def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_], Sandwich | Failure, _Seen]:
+def _held(
+    problem: Problem, x: FloatArray, jobs: int, derivatives: list[FloatArray] | None = None
+) -> tuple[NDArray[np.bool_], Sandwich | Failure, _Seen]:
     """Which unknowns their bounds hold, shape (n_unknowns,), and of all others the sandwich, or why there is none.
 
     The last are errors and Jacobian of those others.
@@ -474,7 +485,7 @@ def _held(problem: Problem, x: FloatArray, jobs: int) -> tuple[NDArray[np.bool_]
     some = np.flatnonzero(~near | (away > 0))
     if not len(some):
         return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound"), ([], [])
-    linearisation = _seen(problem, x, some, jobs)
+    linearisation = _seen(problem, x, some, jobs, derivatives)
     if isinstance(linearisation, Failure):
         return near, linearisation, ([], [])
     errors, J = linearisation
@@ -506,6 +517,15 @@ def rows_and_scores_by_recording(
     rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
     return rows, scores
+
+
+def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
+    """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
+    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
+    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    for w, e, j in zip(weights, errors, J, strict=True):
+        rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
+        yield np.column_stack([rows, (np.sqrt(w / curvature) * loss.psi(e)).ravel()])
 
 
 def _joined(parts: list[FloatArray]) -> FloatArray:
@@ -620,10 +640,17 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
 def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> BlockJacobian | Failure:
     """The same of a problem of many recordings (:attr:`fracid.problem.Problem.blocks`), without its zeros."""
     assert problem.blocks is not None
+    by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
+    if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
+        return last if len(free) == len(by) else last.of(np.isin(by, free))
     here = problem.errors(x)
     if isinstance(here, Failure):
         return here
-    return block_jacobian(problem.errors, here, x, _steps(problem, x), problem.blocks, free, jobs=jobs)
+    J = block_jacobian(problem.errors, here, x, _steps(problem, x), problem.blocks, free, jobs=jobs)
+    problem.last_derivatives.clear()
+    if not isinstance(J, Failure):
+        problem.last_derivatives[x.tobytes()] = (free, J)
+    return J
 
 
 def _steps(problem: Problem, x: FloatArray) -> FloatArray:

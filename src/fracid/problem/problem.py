@@ -223,6 +223,11 @@ class Problem:
         rows = np.cumsum([0, *(len(e.measured) * len(self.outputs) for e in self.experiments)])
         return Blocks(recording, rows, 0 if self.weights == "equal" else len(self.outputs))
 
+    @cached_property
+    def last_derivatives(self) -> dict[bytes, tuple[Any, Any]]:
+        """Of many recordings, the point at which derivatives were asked last; by which unknowns, and those."""
+        return {}
+
     @property
     def ties(self) -> dict[str, str]:
         """Each tied order and parameter with the one that it follows in the end, which is tied to none."""

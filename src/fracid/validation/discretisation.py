@@ -21,6 +21,7 @@ from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import corrected, is_coarse
+from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -89,7 +90,9 @@ def discretisation_check(
         return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    finer = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
+    finer = nearly_equal_minimum(problem, x, second, jobs)
+    if finer is None:
+        finer = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
     return _judged(problem, x, known, costs, finer)
 
 
@@ -137,8 +140,11 @@ def finer_step(problem: Problem, x: FloatArray, check: Discretisation, jobs: int
     before, coarse, best = check, problem, None
     steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
     while check.warning and 2 * problem.substeps <= FINEST and 4 * problem.substeps * steps <= MOST_STEPS:
-        problem = replace(problem, substeps=2 * problem.substeps)
-        minimum = uninterrupted(refined(problem, x, jobs, Watch())).best
+        halved = replace(problem, substeps=2 * problem.substeps)
+        near = nearly_equal_minimum(problem, x, halved, jobs)
+        problem.last_derivatives.clear()
+        problem = halved
+        minimum = uninterrupted(refined(problem, x, jobs, Watch())).best if near is None else problem.evaluate(near)
         if minimum.reason:
             break
         known = uncertainty(problem, minimum.point, jobs=jobs)
