@@ -13,6 +13,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.tasks.display import shown
+from fracid.workflows.drawer import drawer
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -64,11 +65,12 @@ def demo(
         twin = "paper" if name == "paper-on-paper" else "reference"
         project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
-        with beginning(), shown("recording", events=json_, result=partial(_show, console=console)) as observer:
+        show = partial(_show, console=console)
+        with beginning(), shown("recording", events=json_, result=show) as observer, drawer(jobs) as draws:
             from fracid.workflows.fit import run  # here: it takes a second to import
 
             ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs, observer=observer,
-                      command=sys.argv[1:])  # fmt: skip
+                      command=sys.argv[1:], draws=draws)  # fmt: skip
         results[name] = ran.result
         show_figures(ran, console)
         if ran.undrawn:

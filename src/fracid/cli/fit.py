@@ -35,6 +35,7 @@ from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 from fracid.units import with_unit
+from fracid.workflows.drawer import drawer
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -108,11 +109,13 @@ def fit(
     recording.
     """
     place = one_place(executor, scheduler)
-    with beginning(), shown("recordings", events=json_, result=None if json_ else show_fit) as observer:
-        from fracid.workflows.fit import run  # here: it takes a second to import
+    show = None if json_ else show_fit
+    with beginning(), shown("recordings", events=json_, result=show) as observer, drawer(jobs) as draws:
+        from fracid.workflows.fit import run  # here: it takes a second to import, as what draws does meanwhile
 
         finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
-                       cut=cut, executor=place, trust=trust, observer=observer, command=sys.argv[1:])  # fmt: skip
+                       cut=cut, executor=place, trust=trust, observer=observer, command=sys.argv[1:],
+                       draws=draws)  # fmt: skip
     tell_fit(finished, json_=json_)
 
 

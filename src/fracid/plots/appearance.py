@@ -164,10 +164,14 @@ def _brief(label: str) -> str:
 
 @lru_cache(1000)
 def text_width(text: str, size: float) -> float:
-    """How long a line of text is [pt], formulas included."""
+    """How long a line of text is [pt], formulas included, to the control points of its letters."""
+    from matplotlib.path import Path
     from matplotlib.textpath import TextPath
 
-    return float(TextPath((0, 0), text, size=size).get_extents().width) if text.strip() else 0.0
+    if not text.strip():
+        return 0.0
+    outline = TextPath((0, 0), text, size=size)
+    return float(np.ptp(outline.vertices[outline.codes != Path.CLOSEPOLY, 0]))
 
 
 def _wrap_titles(figure: Figure, panels: list[Axes]) -> None:

@@ -33,7 +33,10 @@ if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["Material", "tried"]
+__all__ = ["Analyses", "Material", "analysed", "tried"]
+
+Analyses = Mapping[str, Mapping[str, "ResidualAnalysis"]]
+"""Recording → output → what its residual says."""
 
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
@@ -62,6 +65,8 @@ class Material:
     """The cost over two free orders."""
     notes: tuple[str, ...] = field(default=())
     """What differs from the run as it was."""
+    made: Analyses | None = None
+    """What each residual says, where somebody has asked before."""
 
     @classmethod
     def of_run(cls, run: SavedRun, plane: CostPlane | None = None) -> Material:
@@ -69,13 +74,15 @@ class Material:
         return cls(run.folder, run.result, run.project, run.x, run.recordings, plane, run.notes)
 
     @classmethod
-    def of_fit(cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None) -> Material:
+    def of_fit(
+        cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, made: Analyses | None = None
+    ) -> Material:
         """From a fit that has just been written to its folder."""
         try:
             result = read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
-        return cls(folder, result, project, fit.x, fit.recordings, plane)
+        return cls(folder, result, project, fit.x, fit.recordings, plane, made=made)
 
     def used(self, use: str) -> dict[str, Any]:
         """The block of result.json of each recording with that use."""
@@ -93,12 +100,9 @@ class Material:
         return f"{number(factor * value, form)}{unit if unit == '°' else f' {unit}'.rstrip()}"
 
     @cached_property
-    def analyses(self) -> dict[str, dict[str, ResidualAnalysis]]:
-        """Recording → output → what its residual says; of a very long one, the first :data:`ANALYSED` samples."""
-        return {
-            name: {n: residual_analysis(first_part(r), n, self.project.resolutions[name]) for n in r.measured}
-            for name, r in self.recordings.items()
-        }
+    def analyses(self) -> Analyses:
+        """What each residual says."""
+        return analysed(self.recordings, self.project.resolutions) if self.made is None else self.made
 
     @cached_property
     def as_recorded(self) -> dict[str, Recording]:
@@ -137,6 +141,14 @@ class Material:
             except InputError as error:
                 damaged.append(f"{error} It is left out here.")
         return contents, damaged
+
+
+def analysed(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]]) -> Analyses:
+    """Recording → output → what its residual says; of a very long one, the first :data:`ANALYSED` samples."""
+    return {
+        name: {n: residual_analysis(first_part(r), n, resolutions[name]) for n in r.measured}
+        for name, r in recordings.items()
+    }
 
 
 def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:

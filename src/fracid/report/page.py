@@ -19,7 +19,7 @@ from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
-from fracid.report.material import Material
+from fracid.report.material import Analyses, Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number, unit
@@ -61,6 +61,7 @@ def write_report(
     jobs: int = 1,
     out: str | Path | None = None,
     trust: bool = False,
+    analyses: Analyses | None = None,
 ) -> Path:
     """Write the report of a run: one HTML file that opens offline; of a folder of runs, an index of them.
 
@@ -78,6 +79,8 @@ def write_report(
         The file; ``report.html`` in the folder if left out.
     trust : bool
         Let the run's project run code of its own; see :func:`fracid.load_run`.
+    analyses : mapping, optional
+        Recording to output to what :func:`fracid.residual_analysis` says of its residual; asked for if left out.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def write_report(
     if out is None and not (folder / "result.json").exists() and runs_of(folder):
         return write_index(folder)
     path = folder / REPORT if out is None else Path(out)
-    text = report_page(_material(folder, fit, project, plane, jobs, trust))
+    text = report_page(_material(folder, fit, project, plane, jobs, trust, analyses))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
@@ -113,13 +116,14 @@ def write_report(
 
 
 def _material(
-    folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool
-) -> Material:
+    folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool,
+    analyses: Analyses | None,
+) -> Material:  # fmt: skip
     from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
         plane = plane or _plane(fit, fit.cost, jobs)
-        return Material.of_fit(folder, fit, project, plane)
+        return Material.of_fit(folder, fit, project, plane, analyses)
     run = load_run(folder, trust=trust)
     cost = run.result["cost"]["value"]
     return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))

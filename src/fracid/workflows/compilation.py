@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from fracid.safety.environment import ignore_settings
 from fracid.solver.methods import METHODS
 from fracid.tasks.local import deaf_to_ctrl_c, follow_parent
-from fracid.workflows.figures import ended_with_this
+from fracid.workflows.drawer import ended_with_this
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

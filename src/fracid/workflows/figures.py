@@ -1,30 +1,22 @@
-"""The figures of a run, and its report; in a fit with a process beside this one to draw the recordings.
-
-Matplotlib holds the interpreter's lock, so threads would draw one after the other.  The process is started when the fit
-begins, imports what drawing needs and draws the rig while the search runs, and draws the recordings while this one
-simulates the plane of the orders and writes the report: 4 s where 7 s would pass.  Where it dies, this process draws.
-"""
+"""The figures of a run, and its report; in a fit another process draws them (:mod:`fracid.workflows.drawer`)."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
-from fracid.safety.environment import ignore_settings
 from fracid.safety.text import file_stems
 from fracid.tasks.observer import Observer
+from fracid.workflows.drawer import Drawer, ended_with_this
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
-
     from matplotlib.figure import Figure
 
+    from fracid.arrays import FloatArray
     from fracid.estimation.cost_plane import CostPlane
     from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
@@ -32,7 +24,7 @@ if TYPE_CHECKING:
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
 
-__all__ = ["drawing", "ended_with_this", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
+__all__ = ["drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
@@ -40,60 +32,21 @@ Figures = Iterator[tuple[str, "Figure"]]
 
 @contextmanager
 def drawing(
-    project: Project, folder: Path, jobs: int, observer: Observer
+    project: Project, folder: Path, jobs: int, observer: Observer, drawer: Drawer
 ) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
-    """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
-    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
-    from multiprocessing import get_context
-
-    from fracid.tasks.local import deaf_to_ctrl_c
-
-    beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
-    # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
+    """Have the rig drawn while something else is done; gives the function that draws a fit into its folder."""
     model: Model | None = project.problem.model
-    if not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
+    # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
+    if drawer.pool is not None and not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
         model = None
-    with deaf_to_ctrl_c():
-        rig = _submitted(beside, _draw_rig, model, folder)  # starts it
+    rig = drawer.asked(_draw_rig, model, folder)
 
     def draw(fit: Fit) -> tuple[Path, ...]:
-        with ended_with_this(beside):
-            return _draw(fit, project, folder, jobs, beside, rig, observer)
+        with ended_with_this(drawer.pool):
+            return _draw(fit, project, folder, jobs, drawer, rig, observer)
 
-    try:
-        with ended_with_this(beside):
-            yield draw
-    finally:
-        if beside is not None:
-            beside.shutdown(wait=False, cancel_futures=True)
-
-
-@contextmanager
-def ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
-    """What ends the work here, Ctrl-C or a full disk, ends the process beside it: nobody waits for its figures."""
-    try:
-        yield
-    except BaseException:
-        for process in list((getattr(beside, "_processes", None) or {}).values()):
-            process.terminate()
-        raise
-
-
-def _prepare() -> None:
-    """Import what drawing needs, as long as there is somebody to draw for."""
-    from fracid.tasks.local import follow_parent
-
-    follow_parent()
-    with suppress(AttributeError, OSError):  # the search first
-        os.nice(5)
-    ignore_settings(Path())
-    import matplotlib.backends.backend_agg
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure  # noqa: F401
-    import statsmodels.stats.diagnostic  # type: ignore[import-untyped]
-    import statsmodels.tsa.stattools  # type: ignore[import-untyped]  # noqa: F401
-
-    import fracid.plots  # noqa: F401
+    with ended_with_this(drawer.pool):
+        yield draw
 
 
 def _draw(
@@ -101,50 +54,35 @@ def _draw(
     project: Project,
     folder: Path,
     jobs: int,
-    beside: ProcessPoolExecutor | None,
-    rig: Future[tuple[Path, ...]] | None,
+    drawer: Drawer,
+    rig: Callable[[], tuple[Path, ...]],
     observer: Observer,
 ) -> tuple[Path, ...]:
     """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
     from fracid.estimation.cost_plane import cost_plane, reaches
     from fracid.report import write_report
+    from fracid.report.material import analysed
 
-    recordings = fit.recordings, project.resolutions, folder
+    recordings = fit.recordings, project.resolutions
     observer.stage("figures")
-    future = _submitted(beside, _draw_recordings, *recordings)
+    analyses = drawer.asked(analysed, *recordings) if isfinite(fit.cost) else None
+    drawn = [drawer.asked(_draw_recordings, *recordings, folder)]
     rest = saved(of_search(fit), folder)
-    if isfinite(fit.cost):
+    if analyses is not None:
         two = len(fit.problem.order_indices) >= 2
         if two:
             observer.stage("cost over the orders")
         reach = reaches(fit.problem, fit.x, fit.orders) if two else 0.0
         plane = cost_plane(fit.problem, fit.x, reach=reach, jobs=jobs) if two else None
-        rest += saved(of_plane(fit, plane, folder), folder) if plane is not None else ()
+        if plane is not None:
+            drawn.append(drawer.asked(_draw_plane, plane, fit.x[list(fit.problem.order_indices[:2])], folder,
+                                      fit.problem.cost_function.name))  # fmt: skip
         observer.stage("page")
-        rest += (write_report(folder, fit, project, plane=plane, jobs=jobs),)
+        page = write_report(folder, fit, project, plane=plane, jobs=jobs, analyses=analyses())
+        drawn.append(lambda: (page,))
     observer.stage("figures of the recordings")
-    first = _awaited(rig, _draw_rig, fit.problem.model, folder)
-    return first + _awaited(future, _draw_recordings, *recordings) + rest
-
-
-def _submitted(
-    beside: ProcessPoolExecutor | None, work: Callable[..., tuple[Path, ...]], *what: Any
-) -> Future[tuple[Path, ...]] | None:
-    """What is to be drawn, on its way to the other process; None where there is none, or where it is dead already."""
-    try:
-        return None if beside is None else beside.submit(work, *what)
-    except BrokenExecutor:
-        return None
-
-
-def _awaited(
-    future: Future[tuple[Path, ...]] | None, work: Callable[..., tuple[Path, ...]], *what: Any
-) -> tuple[Path, ...]:
-    """What the other process drew, or this one draws."""
-    try:
-        return work(*what) if future is None else future.result()
-    except BrokenExecutor:
-        return work(*what)
+    first, of_all, *more = [path() for path in (rig, *drawn)]
+    return sum((of_all, rest, *more), first)
 
 
 def _draw_rig(model: Model | None, folder: Path) -> tuple[Path, ...]:
@@ -155,6 +93,10 @@ def _draw_recordings(
     recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], folder: Path
 ) -> tuple[Path, ...]:
     return saved(of_recordings(recordings, resolutions), folder)
+
+
+def _draw_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str) -> tuple[Path, ...]:
+    return saved([("cost-over-orders", _plane_figure(plane, best, folder, cost_name, "screen"))], folder)
 
 
 def saved(figures: Iterable[tuple[str, Figure]], folder: Path, formats: tuple[str, ...] = ("svg", "png"),
@@ -203,9 +145,12 @@ def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:
 
 def of_plane(fit: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
+    best = fit.x[list(fit.problem.order_indices[:2])]
+    yield "cost-over-orders", _plane_figure(plane, best, folder, fit.problem.cost_function.name, style)
+
+
+def _plane_figure(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str) -> Figure:
     from fracid.report.material import tried
 
-    first, second = fit.problem.order_indices[:2]
-    best = (float(fit.x[first]), float(fit.x[second]))
-    yield "cost-over-orders", plane.plot(best=best, evaluations=tried(folder, plane.names),
-                                         cost_name=fit.problem.cost_function.name, style=style)  # fmt: skip
+    evaluations, (first, second) = tried(folder, plane.names), best.tolist()
+    return plane.plot(best=(first, second), evaluations=evaluations, cost_name=cost_name, style=style)

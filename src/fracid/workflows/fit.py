@@ -43,6 +43,7 @@ from fracid.tasks.observer import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.compilation import compiling_beside
+from fracid.workflows.drawer import Drawer, drawer
 from fracid.workflows.figures import drawing
 from fracid.workflows.records import command_of
 
@@ -95,6 +96,7 @@ def run(
     figures: bool = True,
     observer: Observer | None = None,
     command: Sequence[str] | None = None,
+    draws: Drawer | None = None,
 ) -> FinishedRun:
     """Identify what a project leaves free, and write the run folder: what ``fracid fit`` does.
 
@@ -129,6 +131,8 @@ def run(
         shown if it is left out.
     command : sequence of str, optional
         What environment.json says was typed; if left out, the command that does the same.
+    draws : Drawer, optional
+        Who draws, where somebody was started for that before (:mod:`fracid.workflows.drawer`).
 
     Returns
     -------
@@ -191,7 +195,8 @@ def run(
         one_blas_thread(),
         _nothing_left(folder, lambda: searching and not resume),
         open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
-        drawing(project, folder, jobs, watching) if figures else nullcontext(_undrawn) as draw,
+        drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
+        drawing(project, folder, jobs, watching, beside) if figures else nullcontext(_undrawn) as draw,
     ):
         fit = _identified(project, opened, jobs, watching, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip

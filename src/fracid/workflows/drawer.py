@@ -1,0 +1,114 @@
+"""A process beside a fit, which draws: matplotlib holds the interpreter's lock, so threads would wait for each other.
+
+It is started first of all.  While this process imports what a fit needs, it imports what drawing needs; while this one
+searches, it draws the rig; while this one simulates the plane of the orders and writes the page, it tests the residuals
+and draws.  Where it dies, or where there is none, this process does its work.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from fracid.safety.environment import ignore_settings
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
+__all__ = ["Drawer", "drawer", "ended_with_this"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Drawer:
+    """Who draws: the process beside this one, or this one.
+
+    Examples
+    --------
+    >>> length = Drawer(None).asked(len, "alpha")
+    >>> length()
+    5
+    """
+
+    pool: ProcessPoolExecutor | None
+    """Of one process; None where this one does all."""
+
+    def asked(self, work: Callable[..., T], *what: Any) -> Callable[[], T]:
+        """Have something done; what is given back waits for it, and gives its result."""
+        if self.pool is None:
+            return lambda: work(*what)
+        try:
+            future = self.pool.submit(work, *what)
+        except BrokenExecutor:
+            return lambda: work(*what)
+
+        def result() -> T:
+            try:
+                return future.result()
+            except BrokenExecutor:
+                return work(*what)
+
+        return result
+
+
+@contextmanager
+def drawer(jobs: int) -> Iterator[Drawer]:
+    """Start the process, with two jobs or more; it ends when the block does, and with what ends that early.
+
+    Examples
+    --------
+    >>> with drawer(1) as alone:
+    ...     alone.asked(len, "alpha")()
+    5
+    """
+    if jobs < 2:
+        yield Drawer(None)
+        return
+    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
+    from multiprocessing import get_context
+
+    from fracid.tasks.local import deaf_to_ctrl_c
+
+    pool = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+    try:
+        with ended_with_this(pool):
+            with deaf_to_ctrl_c(), suppress(BrokenExecutor):
+                pool.submit(int)  # starts it
+            yield Drawer(pool)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
+    """What ends the work here, Ctrl-C or a full disk, ends the process beside it: nobody waits for its figures."""
+    try:
+        yield
+    except BaseException:
+        for process in list((getattr(beside, "_processes", None) or {}).values()):
+            process.terminate()
+        raise
+
+
+def _prepare() -> None:
+    """Import what drawing needs, as long as there is somebody to draw for."""
+    from fracid.tasks.local import follow_parent
+
+    follow_parent()
+    with suppress(AttributeError, OSError):  # the search first
+        os.nice(5)
+    ignore_settings(Path())
+    import matplotlib.backends.backend_agg
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401
+    import statsmodels.stats.diagnostic  # type: ignore[import-untyped]
+    import statsmodels.tsa.stattools  # type: ignore[import-untyped]  # noqa: F401
+
+    import fracid.plots
+    import fracid.report.material  # noqa: F401
