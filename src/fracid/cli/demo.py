@@ -13,7 +13,7 @@ import typer
 from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.tasks.display import shown
-from fracid.workflows.drawer import drawer
+from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,7 +67,8 @@ def demo(
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
         show = partial(_show, console=console)
         with beginning(), shown("recording", events=json_, result=show) as observer, drawer(jobs) as draws:
-            from fracid.workflows.fit import run  # here: it takes a second to import
+            with importing():
+                from fracid.workflows.fit import run  # here: it takes a second to import
 
             ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs, observer=observer,
                       command=sys.argv[1:], draws=draws)  # fmt: skip

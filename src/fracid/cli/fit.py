@@ -35,7 +35,7 @@ from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 from fracid.units import with_unit
-from fracid.workflows.drawer import drawer
+from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -111,7 +111,8 @@ def fit(
     place = one_place(executor, scheduler)
     show = None if json_ else show_fit
     with beginning(), shown("recordings", events=json_, result=show) as observer, drawer(jobs) as draws:
-        from fracid.workflows.fit import run  # here: it takes a second to import, as what draws does meanwhile
+        with importing():
+            from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
         finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
                        cut=cut, executor=place, trust=trust, observer=observer, command=sys.argv[1:],
