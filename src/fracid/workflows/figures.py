@@ -43,12 +43,9 @@ def drawing(
     project: Project, folder: Path, jobs: int, observer: Observer
 ) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
     """Get ready to draw while something else is done; gives the function that draws a fit into its folder."""
-    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
-    from multiprocessing import get_context
+    from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes  # not above: every command's help would wait
 
-    from fracid.tasks.local import deaf_to_ctrl_c
-
-    beside = ProcessPoolExecutor(1, get_context("spawn"), _prepare) if jobs > 1 else None
+    beside = fresh_processes(1, _prepare) if jobs > 1 else None
     # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
     model: Model | None = project.problem.model
     if not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
