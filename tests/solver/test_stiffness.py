@@ -113,7 +113,7 @@ def test_a_run_whose_sweeps_ran_away_is_no_blow_up_of_the_solution(mu, b_alpha):
 
 
 def test_a_step_that_no_number_of_parts_makes_short_enough_says_infinite():
-    assert too_long("pi2", np.array([1e-9]), [np.array([[-3e4]])], np.ones(1), 100).parts == np.inf
+    assert too_long("gl", np.array([1e-9]), [np.array([[-3e4]])], np.ones(1), 100).parts == np.inf
 
 
 def test_a_matrix_beyond_all_numbers_has_no_modes():
