@@ -291,7 +291,7 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         ("fit, 3 free", fit_project("many"), 6.4, 400),
         ("report", report_run("many"), 6.4, 500),
     ]),
-    "own": (make_own, [("fit, 3 free and 4 of each recording", fit_project("own"), 32.0, 1000)]),
+    "own": (make_own, [("fit, 3 free and 4 of each recording", fit_project("own"), 32.0, 1300)]),
     "long": (make_long, [
         (".npz, check", check_file("long.npz"), 240.0, 1200),
         (".csv, check", check_file("long.csv"), 240.0, 2500),

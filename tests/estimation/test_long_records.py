@@ -7,12 +7,14 @@ import pytest
 
 import fracid
 from fracid.estimation import long_records
+from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, refined
-from fracid.estimation.long_records import coarse_problem, corrected, is_coarse, own_substeps
+from fracid.estimation.long_records import as_fitted, coarse_problem, corrected, is_coarse, own_substeps
 from fracid.estimation.windows import in_parts, in_windows
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.coarse import coarser, means
+from fracid.workflows.profiles import _on_every_sample
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 STEP, SECONDS = 1e-3, 12.0
@@ -49,6 +51,26 @@ def test_coarse_errors_at_every_step_are_the_means_of_all_errors(problem, coarse
     k, n = coarse.experiments[0].means, len(errors)
     assert k == 8
     np.testing.assert_allclose(errors, means(every[: (n - 1) * k + k // 2 + 1], k), atol=1e-12)
+
+
+def test_a_problem_as_fitted_has_the_means_of_the_residuals_of_every_sample(problem, coarse):
+    x = 1.001 * problem.start
+    (errors,), (every,) = as_fitted(problem, x).errors(x), problem.errors(x)
+    k, n = coarse.experiments[0].means, len(errors)
+    np.testing.assert_allclose(errors, means(every[: (n - 1) * k + k // 2 + 1], k), atol=1e-10)
+
+
+@pytest.mark.broad
+def test_a_profile_of_a_long_record_is_that_of_every_sample(problem, coarse):
+    x = refined(problem, problem.start, 1, Watch()).best.point
+    every = profile(problem, x, parameters=["mu"], points=4)
+    exact = as_fitted(problem, x)
+    assert is_coarse(exact)
+    fast = _on_every_sample(profile(exact, x, parameters=["mu"], points=4), problem)
+    assert fast.cost == pytest.approx(every.cost, rel=1e-3)
+    assert fast.profiles["mu"].cost.min() >= 0.999 * fast.cost
+    half = np.diff(every.profiles["mu"].interval95) / 2
+    np.testing.assert_allclose(fast.profiles["mu"].interval95, every.profiles["mu"].interval95, atol=0.1 * half)
 
 
 @pytest.mark.broad

@@ -10,7 +10,7 @@ from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.parameter_verdicts import identifiability
+from fracid.estimation.parameter_verdicts import _halved, _powers, identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.models import Model, Parameter
 from fracid.models.joints import presliding
@@ -283,3 +283,14 @@ def test_the_speed_at_the_start_is_not_known_from_a_record_far_rougher_than_its_
         x = np.array([0.0, 0.0, 0.4, 0.0])
         starts[name] = identifiability(p, x)[f"D^lambda theta(0) [{name}]"].kind
     assert starts == {"smooth": "identifiable", "rough": "practically not"}
+
+
+def test_where_half_the_motion_has_another_start_no_power_is_told():
+    t, free = 2e-2 * np.arange(100), {"presliding_theta": Free(1e-3, 1e-5, 2e-3)}
+    for speed in np.geomspace(1e-4, 1.0, 60):  # the arm slides at once; at half the speed it does not
+        e = Experiment("swing", 2e-2, np.column_stack([speed * t, 0.3 * np.cos(5 * t)]), np.zeros((1, 1)))
+        p = Problem(RIG, (e,), FREE, {**free, "coulomb_theta": 1e-3})
+        if replace(p, experiments=(_halved(e),)).names != p.names:
+            assert np.all(np.isnan(_powers(p, p.start, 1)))
+            return
+    pytest.fail("no speed begins otherwise than half of it")

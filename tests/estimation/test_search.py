@@ -10,7 +10,7 @@ import fracid
 from fracid.errors import InputError
 from fracid.estimation.covariance import jacobian
 from fracid.estimation.horizons import Watch, horizons, refined
-from fracid.estimation.search import search
+from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
 from fracid.optimise import (
@@ -125,6 +125,20 @@ def test_many_starts_never_end_above_one(starts):
     p = stiff(swing(end=2.0), parameters={"C1": WIDE["C1"], "coulomb_theta": WIDE["coulomb_theta"]})
     one = search(p, MULTISTART, np.random.default_rng(1))[0]
     assert search(p, MULTISTART, np.random.default_rng(1), starts=starts)[0].best.cost <= one.best.cost
+
+
+def test_a_record_too_short_for_a_horizon_has_many_starts_too():
+    late = replace(swing(1.0), release_time=Free(0.1, 0.0, 0.5))  # the release may lie in the middle of it
+    short = stiff(late, parameters={}, initial_state="held")
+    assert not [*horizons(short)]
+    _, made = search(short, OPTIMISERS["multistart"], np.random.default_rng(1), starts=3)
+    assert len(made) >= 3
+
+
+def test_what_no_quantity_has_is_not_regressed():
+    twin = swing()
+    huge = replace(twin, measured=1e99 * twin.measured)
+    assert [origin for origin, _ in _regression_start(stiff(huge))] == []
 
 
 def test_where_the_regression_does_not_apply_sobol_points_take_its_place():

@@ -631,3 +631,19 @@ def test_an_unknown_that_is_held_stays_at_its_start_and_is_never_moved(blocks):
 def test_a_space_that_is_held_altogether_is_at_its_minimum():
     space = replace(SPACE, held=np.array([True, True]))
     assert minimise(bowl, least_squares(space, None)).best.point.tolist() == SPACE.start.tolist()
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.08, 0.28), (-0.9125990569846123, -0.8125990569846123), (0.96, 1.16)])
+def test_a_population_begins_at_a_bound_too(lower, upper):
+    for start in (lower, upper):
+        space = Space(("a",), np.array([lower]), np.array([upper]), np.array([start]))
+        search = OPTIMISERS["differential-evolution"].function(space, np.random.default_rng(1), generations=2)
+        assert lower <= minimise(lambda x: Evaluation(x, float(x[0] ** 2)), search).best.point[0] <= upper
+
+
+def test_a_cost_whose_square_is_no_number_is_a_run_that_failed():
+    space = Space(("a",), np.array([0.0]), np.array([9.0]), np.array([1.0]))
+    search = OPTIMISERS["least-squares"].function(space, None)
+    end = minimise(lambda x: Evaluation(x, 1e199, np.full(3, 1e199)), search)
+    assert end.outcome is Outcome.ALL_FAILED
+    assert end.best.reason == "the cost is 1e+199"

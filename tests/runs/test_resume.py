@@ -1,5 +1,6 @@
 """A run killed at any moment and resumed repeats nothing and ends as if it had not been killed."""
 
+import itertools
 import json
 import shutil
 import signal
@@ -126,6 +127,17 @@ def test_a_finished_run_leaves_no_memo_and_says_that_there_is_nothing_to_do(proj
         main(["resume", str(tmp_path / "run")])
     assert end.value.code == 0
     assert "is finished; its result is" in capsys.readouterr().out
+
+
+def test_a_clock_that_jumps_about_changes_nothing(project, whole, tmp_path, monkeypatch):
+    jumps = itertools.cycle([-86_400.0, 3_600.0, -1e9, 86_400.0])
+    real = time.time
+    monkeypatch.setattr("time.time", lambda: real() + next(jumps))
+    folder = tmp_path / "run"
+    fitted_until(2, project, folder)
+    fitted(project, folder, resume=True)
+    assert result(folder) == whole[0]
+    assert json.loads((folder / "result.json").read_text())["timing"]["total"] > 0
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.broad) for k in range(2, 8))])

@@ -601,6 +601,9 @@ PROJECTS = [
     project("a prior as narrow as that",
             FREE.format("start = 1.0, lower = 0.8, upper = 1.2, prior = { mean = 1.0, sd = 1e-320 }"),
             "mu: the prior's sd = 9.99989e-321 is beyond what can be computed with; expected 1e-12 … 1e+100."),
+    project("a prior about zero as narrow as that", ONE + "[model.parameters]\ntheta_rest = "
+            "{ start = 0.0, lower = -0.5, upper = 0.5, prior = { mean = 0.0, sd = 5e-324 } }",
+            "theta_rest: the prior's sd = 4.94066e-324 is beyond what can be computed with; expected 1e-100 … 1e+100."),
     project("a channel's scale beyond all numbers", ONE.replace('"alpha" }', '"alpha", scale = 1e308 }'),
             "scale = 1e+308 is beyond what can be computed with; expected 1e-100 … 1e+100."),
     *(project(f"an angle in {unit}", ONE.replace('"alpha" }', f'"alpha", unit = "{unit}" }}'),

@@ -14,7 +14,8 @@ and read.  It must end as a recording without gaps in its logic, or as a :class:
 message is one printable line.  Anything else is a failure:
 
 * another exception, a warning, a word on standard output or error;
-* more than 5 s of processor time, or more than 1 GiB of memory beyond what the idle process has;
+* more than 5 s of processor time, two minutes for a whole fit, or more than 1 GiB of memory beyond what the idle
+  process has;
 * the death of the process.
 
 ``search`` goes on from a project: the checks before a search, and its first steps, as ``fracid fit`` takes them; every
@@ -61,6 +62,8 @@ STEPS = 25
 """Evaluations after which a search has taken its first steps."""
 WHOLE_FITS = 40
 """One input in so many is fitted to the end."""
+LONGER = 24.0
+"""So many times as long such a one may take."""
 BATCH = 300.0
 """Seconds after which counts are kept; a child needs some to import all that it reads with."""
 LONGEST = 700
@@ -99,7 +102,7 @@ def _read(reader: str, number: int, file: Path) -> None:
         # what load_project does, but that all bytes are a text
         project = project_from_text(file.read_bytes().decode("utf-8", "replace"), file)
         if reader == "search":
-            _search(project, whole=number % WHOLE_FITS == WHOLE_FITS - 1)
+            _search(project, whole=_is_whole(number))
         return
     ways: list[dict[str, Any]] = [
         {},
@@ -111,6 +114,16 @@ def _read(reader: str, number: int, file: Path) -> None:
     _assert_whole(recording)
     json.dumps(recording.report.to_dict(), allow_nan=False)
     assert recording.report.verdict.isprintable()
+
+
+def _is_whole(number: int) -> bool:
+    """Whether a search goes on to the end of a fit."""
+    return number % WHOLE_FITS == WHOLE_FITS - 1
+
+
+def _limit(reader: str, number: int) -> float:
+    """Of processor time [s]."""
+    return SECONDS * (LONGER if reader == "search" and _is_whole(number) else 1.0)
 
 
 class _Enough(Exception):
@@ -192,7 +205,7 @@ def _child(reader: str, numbers: range, at: mmap.mmap, results: int, folder: Pat
     with os.fdopen(results, "w") as pipe:
         for number in numbers:
             at[:8] = struct.pack("<q", number)
-            signal.setitimer(signal.ITIMER_PROF, SECONDS)
+            signal.setitimer(signal.ITIMER_PROF, _limit(reader, number))
             outcome = judge(reader, number, folder)
             signal.setitimer(signal.ITIMER_PROF, 0)
             if (size := os.lseek(quiet, 0, os.SEEK_CUR)) > said:
@@ -300,7 +313,10 @@ def _one_child(reader: str, numbers: range, end: float, at: mmap.mmap, folder: P
     number = struct.unpack("<q", at[:8])[0]
     died = signal.Signals(os.WTERMSIG(status)).name if os.WIFSIGNALED(status) else f"exit {os.WEXITSTATUS(status)}"
     # those between the last report and the death are run again by the next child, but for the last
-    tally.add(number, f"! more than {SECONDS:g} s of processor time" if died == "SIGPROF" else f"! died by {died}")
+    tally.add(
+        number,
+        f"! more than {_limit(reader, number):g} s of processor time" if died == "SIGPROF" else f"! died by {died}",
+    )
     return _again_without(reader, range(reached, number), folder, tally, at, end, number)
 
 

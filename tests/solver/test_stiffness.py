@@ -7,6 +7,7 @@ import pytest
 import fracid
 from fracid.solver.methods import METHODS
 from fracid.solver.operators import mittag_leffler
+from fracid.solver.stiffness import modes, too_long
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 
@@ -109,6 +110,14 @@ def test_a_run_whose_sweeps_ran_away_is_no_blow_up_of_the_solution(mu, b_alpha):
     solved = fracid.simulate(model, **rig, method="bdf2")
     assert solved.completed
     assert solved.fault is None
+
+
+def test_a_step_that_no_number_of_parts_makes_short_enough_says_infinite():
+    assert too_long("gl", np.array([1e-9]), [np.array([[-3e4]])], np.ones(1), 100).parts == np.inf
+
+
+def test_a_matrix_beyond_all_numbers_has_no_modes():
+    assert modes(np.array([[1e308, -np.inf], [np.inf, 1e308]]), np.full(2, 1e10)).size == 0
 
 
 def test_a_run_that_its_step_made_grow_is_not_called_completed():

@@ -30,6 +30,7 @@ from fracid.cli.completion import Group
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
+from fracid.tasks.ending import ended_in_a_sentence
 
 __all__ = [
     "CORES",
@@ -112,7 +113,7 @@ def main(arguments: list[str] | None = None) -> None:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")  # the threads are fracid's: of runs, not of small matrices
     ignore_settings(Path())
     try:
-        with safe_children():
+        with safe_children(), ended_in_a_sentence():
             app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, zeros_together
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure, FailureReason
 
@@ -85,7 +85,7 @@ def block_jacobian(
     [[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]]
     """
     some = blocks.of(free)
-    parts = [np.zeros((*e.shape, len(some.columns(k)))) for k, e in enumerate(here)]
+    parts = zeros_together([(*e.shape, len(some.columns(k))) for k, e in enumerate(here)])
 
     def differentiate(group: NDArray[np.int64]) -> Failure | None:
         h = np.zeros(len(x))

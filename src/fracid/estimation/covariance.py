@@ -383,6 +383,7 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     ]
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
     wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
+    del rows, scores, samples  # as large as all recordings, and squares of all unknowns follow
     known = 2 * level * prior / norm**2
     covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) for parts in (S, S0))
     inverse, directions, condition = bread.inverse, bread.unseen / norm, bread.condition

@@ -37,6 +37,7 @@ from fracid.solver.methods import METHODS
 from fracid.tasks.simulation_cache import Recent
 
 __all__ = [
+    "as_fitted",
     "coarse_problem",
     "corrected",
     "is_coarse",
@@ -246,13 +247,27 @@ def part_of(problem: Problem) -> Problem:
     return problem.until(PART * problem.experiments[0].step)
 
 
-def nearby(problem: Problem, x: FloatArray) -> Problem:
-    """What has nearly the shape of a problem's cost about x, and is cheap: of long records a part; else the problem."""
+def as_fitted(problem: Problem, x: FloatArray) -> Problem:
+    """A problem as a fit leaves it at x: on coarser recordings where these are long, with the residuals of its steps.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 1e-3, np.full((300_000, 2), 0.1), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0}, initial_state="rest")
+    >>> [len(as_fitted(problem, problem.start).experiments[0].measured), problem.experiments[0].sampled is still]
+    [75000, True]
+    """
     coarse = coarse_problem(problem)
     if not is_coarse(coarse):
         return problem
     exact = with_defect(coarse, x, own_substeps(coarse, problem.substeps))
-    return part_of(coarse if isinstance(exact, Failure) else exact)
+    return coarse if isinstance(exact, Failure) else exact
+
+
+def nearby(problem: Problem, x: FloatArray) -> Problem:
+    """What has nearly the shape of a problem's cost about x, and is cheap: of long records a part; else the problem."""
+    return part_of(as_fitted(problem, x))
 
 
 def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: float) -> FloatArray:

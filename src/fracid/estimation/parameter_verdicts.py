@@ -245,6 +245,8 @@ def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
     if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
         return np.full(len(x), np.nan)
     smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
+    if smaller.names != problem.names:  # half the motion begins otherwise: a joint that slid does not
+        return np.full(len(x), np.nan)
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
     norms = column_norms(problem, x, jobs=jobs), column_norms(smaller, np.where(angles, 0.5 * x, x))
     if isinstance(norms[0], Failure) or isinstance(norms[1], Failure):

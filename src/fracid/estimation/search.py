@@ -53,6 +53,9 @@ __all__ = ["search"]
 CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
 
+STRANGE = 1e50
+"""What was measured does not reach as far; the regression takes fourth powers of it."""
+
 
 def search(
     problem: Problem, optimiser: Entry, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
@@ -141,7 +144,7 @@ def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
     """The regression's start, where the model is a rotary pendulum and the regression finds anything."""
     from fracid.regression import start_values  # here: its packages take a second to import
 
-    if problem.ties:  # it knows none
+    if problem.ties or any(np.max(np.abs(e.measured)) > STRANGE for e in problem.experiments):  # it knows none
         return []
     try:
         x, _ = start_values(problem)
@@ -159,12 +162,13 @@ def _sobol_starts(
     measured = np.array([u.kind in ("initial", "time") for u in problem.unknowns])
     points = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
     evaluations: list[Evaluation] = []
+    whole = max(float(e.time[-1]) for e in problem.experiments)
 
     def score() -> Optimiser:
         evaluations.extend((yield points))
         return Outcome.GENERATIONS_DONE
 
-    minimised(problem.until(next(horizons(problem))), score(), jobs, watch, "starts on the first swing")
+    minimised(problem.until(next(horizons(problem), whole)), score(), jobs, watch, "starts on the first swing")
     order = sorted(range(len(evaluations)), key=lambda i: evaluations[i].cost)  # an interrupted one has scored nothing
     return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
 

@@ -53,6 +53,9 @@ __all__ = [
     "minimise",
 ]
 
+GREATEST = 1e150
+"""Of a cost, whose rows are squared."""
+
 
 class Outcome(Enum):
     """How a search ended; the value is the sentence."""
@@ -332,10 +335,10 @@ def minimise(
 
 
 def _sound(e: Evaluation) -> Evaluation:
-    """Make every cost that is no finite number infinite, with a reason and without residuals."""
-    if math.isfinite(e.cost):
+    """Make every cost that is no number, or whose square is none, infinite, with a reason and without residuals."""
+    if abs(e.cost) <= GREATEST:
         return e
-    return replace(e, cost=math.inf, residuals=None, reason=e.reason or f"the cost is {e.cost}")
+    return replace(e, cost=math.inf, residuals=None, reason=e.reason or f"the cost is {e.cost:.3g}")
 
 
 def _result(best: Evaluation | None, outcome: Outcome | None, count: int, batch: list[Evaluation]) -> Result:

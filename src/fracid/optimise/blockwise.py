@@ -16,11 +16,12 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, zeros_together
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space
 
@@ -123,10 +124,9 @@ def _linearised(
 ) -> Generator[FloatArray, list[Evaluation], Arrowhead]:
     """R of [J r] by differences, the columns of a group at once; 0 where one fails, and of what is held."""
     x, r = here.point, np.asarray(here.residuals)
-    parts = [
-        np.column_stack([np.zeros((b - a, len(blocks.columns(k)))), r[a:b]])
-        for k, (a, b) in enumerate(zip(blocks.rows, blocks.rows[1:], strict=False))
-    ]
+    parts = zeros_together([(b - a, len(blocks.columns(k)) + 1) for k, (a, b) in enumerate(pairwise(blocks.rows))])
+    for part, rows in zip(parts, np.split(r[: blocks.rows[-1]], blocks.rows[1:-1]), strict=True):
+        part[:, -1] = rows
     moving = blocks.groups if held is None else [group[~held[group]] for group in blocks.groups]
     groups = [group for group in moving if len(group)]
     while groups:

@@ -18,6 +18,9 @@ from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_gener
 
 __all__ = ["OPTIMISER", "differential_evolution"]
 
+ROUNDING = 1e-14
+"""Of a range."""
+
 
 def differential_evolution(
     space: Space, rng: np.random.Generator, *, population: int = 10, generations: int = 40, tolerance: float = 1e-6
@@ -58,12 +61,27 @@ def differential_evolution(
             return np.array([e.cost for e in evaluate(np.clip(points.T.reshape(-1, len(space.names)), *corners))])
 
         result = scipy_differential_evolution(
-            costs, list(zip(*corners, strict=True)), x0=space.start, rng=rng, popsize=population, maxiter=generations,
-            tol=tolerance, vectorized=True, updating="deferred", polish=False,
+            costs, list(zip(*corners, strict=True)), x0=_within(space.start, *corners), rng=rng, popsize=population,
+            maxiter=generations, tol=tolerance, vectorized=True, updating="deferred", polish=False,
         )  # fmt: skip
         return Outcome.CONVERGED if result.success else Outcome.GENERATIONS_DONE
 
     return as_generator(run)
+
+
+def _within(start: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """The start; from a bound where SciPy's rounding puts it outside by a last digit, a few digits inside.
+
+    Examples
+    --------
+    >>> ends = np.array([0.08]), np.array([0.28])
+    >>> bool(0.08 < _within(ends[0], *ends)[0] < 0.08 + 1e-12)
+    True
+    """
+    width = upper - lower
+    place = (start - 0.5 * (lower + upper)) * (1 / width) + 0.5  # as SciPy has it
+    inside = np.clip(start, lower + ROUNDING * width, upper - ROUNDING * width)
+    return np.asarray(np.where((place < 0) | (place > 1), inside, start))
 
 
 OPTIMISER = Entry(

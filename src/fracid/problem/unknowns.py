@@ -43,7 +43,7 @@ class Prior:
                 "(to fix a value give the number alone)."
             )
         refuse_beyond("the prior's mean", self.mean)
-        refuse_beyond("the prior's sd", self.sd, FINEST * abs(self.mean))
+        refuse_beyond("the prior's sd", self.sd, max(FINEST * abs(self.mean), SMALLEST))
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,8 @@ class Free:
                     f"scale = {self.scale:g} is far beyond the range from {self.lower:g} to {self.upper:g}; expected a "
                     "size within it."
                 )
+        if self.prior is not None and math.isfinite(self.upper - self.lower):
+            refuse_beyond("the prior's sd", self.prior.sd, FINEST * (self.upper - self.lower))
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
             raise InputError(
                 f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "

@@ -124,8 +124,9 @@ def modes(J: FloatArray, gain: FloatArray) -> NDArray[np.complex128]:
     >>> modes(np.array([[0.0, 1.0], [-900.0, 0.0]]), np.full(2, 1e-2)).imag.round(3).tolist()
     [0.3, -0.3]
     """
-    scaled = gain[:, None] * J
-    if not math.isfinite(float(np.sum(scaled))):
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = gain[:, None] * J
+    if not np.all(np.isfinite(scaled)):
         return np.empty(0, dtype=np.complex128)
     return np.asarray(np.linalg.eigvals(scaled), dtype=np.complex128)
 
@@ -162,7 +163,7 @@ class TooLong:
     limit: float
     """The |J|h that the scheme follows."""
     parts: float
-    """Into how many the step must be divided."""
+    """Into how many the step must be divided; infinite where no number is enough."""
 
 
 def too_long(
@@ -195,7 +196,9 @@ def too_long(
     sizes = [float(np.max(np.abs(m))) if (m := modes(J, gain)).size else 0.0 for J in linear]
     follows, largest = METHODS[method].follows, max(sizes, default=0.0)
     if largest > follows:
-        return TooLong(largest, follows, (2 * largest / follows) ** (1 / float(np.max(orders))))
+        with np.errstate(over="ignore"):  # an order of 10⁻⁹ asks for more parts than there are numbers
+            parts = float(np.float64(2 * largest / follows) ** (1 / float(np.max(orders))))
+        return TooLong(largest, follows, parts)
     if METHODS[method].family != "pi" or not np.max(orders) > 1:
         return None
     scaled = [gain[:, None] * J for J in linear]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
@@ -29,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.safety.environment import ignore_settings
+from fracid.tasks.ending import undisturbed
 from fracid.tasks.job import (
     Ended,
     Ends,
@@ -43,7 +45,10 @@ from fracid.tasks.job import (
     unpacked,
 )
 
-__all__ = ["deaf_to_ctrl_c", "follow_parent", "on_processes", "on_threads"]
+__all__ = ["deaf_to_ctrl_c", "follow_parent", "fresh_processes", "on_processes", "on_threads"]
+
+SILENT = "ignore:resource_tracker:UserWarning"
+"""To Python's tracker of semaphores, which warns of each that it removes, as it should after a kill."""
 
 
 def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], window: int) -> Ends:
@@ -105,8 +110,7 @@ def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple
 
 
 def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
-    fresh = multiprocessing.get_context("spawn")  # a fork of a process with threads may hang
-    with _closing(ProcessPoolExecutor(jobs, fresh, _prepare_worker, (packed,))) as pool:
+    with _closing(fresh_processes(jobs, _prepare_worker, packed)) as pool:
 
         def start(task: Task) -> Future[Ended]:
             with deaf_to_ctrl_c():  # the first ones start the processes
@@ -152,9 +156,24 @@ def deaf_to_ctrl_c() -> Iterator[None]:
     resource_tracker.ensure_running()  # the first start of a process would start it, and so end the block
     before = mask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        with undisturbed():
+            yield
     finally:
         mask(signal.SIG_SETMASK, before)
+
+
+def fresh_processes(jobs: int, prepare: Callable[..., None], *given: Any) -> ProcessPoolExecutor:
+    """A pool of spawned processes, each of which begins with `prepare(*given)`: a fork of one with threads may hang.
+
+    What removes its semaphores where this process is killed does so in silence.
+    """
+    if sys.platform != "win32":
+        sys.warnoptions.append(SILENT)
+        try:
+            resource_tracker.ensure_running()
+        finally:
+            sys.warnoptions.remove(SILENT)
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), prepare, given)
 
 
 def follow_parent() -> None:

@@ -56,6 +56,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
 from fracid.problem import Experiment, Free, Problem
+from fracid.problem.checks import MOST_STEPS
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import measure_signal
@@ -299,16 +300,27 @@ def _before_the_input(e: Experiment, y: FloatArray) -> float | None:
 
 def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Finding]:
     if beyond := at.too_long:
-        more = substeps * math.ceil(beyond.parts)
+        more = _or_substeps(substeps, beyond.parts)
         scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
         yield Finding("stiff", at.recording, beyond.size, beyond.limit, "|J|h",
             f"the step is too long for {method}: |J|h is {beyond.size:.3g} at the start's values, and {scheme} follows "
-            f'up to about {beyond.limit:.3g}. Type method = "{other}" in [fit], or substeps = {more}.')  # fmt: skip
+            f'up to about {beyond.limit:.3g}. Type method = "{other}" in [fit]{more}.')  # fmt: skip
     elif at.steps < STEPS_A_PERIOD:
-        more = substeps * math.ceil(2 * STEPS_A_PERIOD / at.steps)
         yield Finding("coarse-steps", at.recording, at.steps, STEPS_A_PERIOD, "steps a period",
             f"the fastest oscillation has {at.steps:.2g} steps a period, where {STEPS_A_PERIOD:.0f} are too few "
-            f"already. Type substeps = {more} in [fit].")  # fmt: skip
+            f"already. {_finer(substeps, 2 * STEPS_A_PERIOD / at.steps)}")  # fmt: skip
+
+
+def _or_substeps(substeps: int, parts: float) -> str:
+    """So many, where a run of them can be had."""
+    return f", or substeps = {substeps * math.ceil(parts)}" if parts < MOST_STEPS else ""
+
+
+def _finer(substeps: int, parts: float) -> str:
+    """So many substeps, where a run of them can be had."""
+    if parts < MOST_STEPS:
+        return f"Type substeps = {substeps * math.ceil(parts)} in [fit]."
+    return "No step is short enough: a value in [model.parameters] may be off."
 
 
 def _worst(findings: Iterable[Finding]) -> list[Finding]:

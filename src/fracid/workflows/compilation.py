@@ -15,8 +15,13 @@ from typing import TYPE_CHECKING
 
 from fracid.safety.environment import ignore_settings
 from fracid.solver.methods import METHODS
+<<<<<<< HEAD
 from fracid.tasks.local import deaf_to_ctrl_c, follow_parent
 from fracid.workflows.drawer import ended_with_this
+=======
+from fracid.tasks.local import deaf_to_ctrl_c, follow_parent, fresh_processes
+from fracid.workflows.figures import ended_with_this
+>>>>>>> load
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -32,10 +37,7 @@ def compiling_beside(method: str, jobs: int) -> Iterator[None]:
     if jobs < 2 or not METHODS[method].started or not (kernel := _start()).can_be_kept():
         yield
         return
-    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
-    from multiprocessing import get_context
-
-    pool = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+    pool = fresh_processes(1, _prepare)
     try:
         with ended_with_this(pool):
             with deaf_to_ctrl_c(), suppress(BrokenExecutor):

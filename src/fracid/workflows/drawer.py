@@ -71,12 +71,9 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     if jobs < 2:
         yield Drawer(None)
         return
-    from concurrent.futures import ProcessPoolExecutor  # not above: every command's help would wait for it
-    from multiprocessing import get_context
+    from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes  # not above: every command's help would wait
 
-    from fracid.tasks.local import deaf_to_ctrl_c
-
-    pool = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+    pool = fresh_processes(1, _prepare)
     try:
         with ended_with_this(pool):
             with deaf_to_ctrl_c(), suppress(BrokenExecutor):

@@ -15,6 +15,7 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import Profiles, profile
 from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
+from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
 from fracid.problem import Problem
@@ -112,7 +113,9 @@ def run_profiles(
         fitted, x = _fitted(source, seed, jobs, trust, watching)
     watching.stage("profiles")
     with one_blas_thread(), _remembered(folder) as memo:
-        problem = replace(fitted, memo=memo)
+        problem = as_fitted(replace(fitted, memo=memo), x)
+        if is_coarse(problem):
+            watching.notice(_note(problem))
         likelihood = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
         watching.stage("intervals")
         precision = uncertainty(problem, likelihood.x, jobs=jobs)
@@ -123,6 +126,7 @@ def run_profiles(
         watching.stage("identifiability")
         verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
+        likelihood = _on_every_sample(likelihood, fitted)
         record = as_json(LikelihoodBlock, likelihood.to_json() | {
             "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": verdicts,
@@ -135,7 +139,22 @@ def run_profiles(
         if isinstance(memo, Memo):
             memo.remove()
     watching.stage("")
-    return FinishedProfiles(replace(likelihood, problem=fitted), resampling, verdicts, folder, figures, record)
+    return FinishedProfiles(likelihood, resampling, verdicts, folder, figures, record)
+
+
+def _note(problem: Problem) -> str:
+    means = max(e.means for e in problem.experiments)
+    return f"The recordings are long: they are profiled on means of {means} samples, as they were fitted."
+
+
+def _on_every_sample(likelihood: Profiles, fitted: Problem) -> Profiles:
+    """Profiles with the costs that their points have on all samples."""
+    if not is_coarse(likelihood.problem):
+        return replace(likelihood, problem=fitted)
+    here, there = likelihood.cost, fitted.cost(likelihood.x)
+    own = {n: replace(p, cost=on_all_samples(fitted, p.cost, here, there)) for n, p in likelihood.profiles.items()}
+    notes = (*likelihood.notes, _note(likelihood.problem))
+    return replace(likelihood, problem=fitted, cost=there, profiles=own, notes=notes)
 
 
 @contextmanager

@@ -1,0 +1,114 @@
+"""SIGTERM and SIGHUP end a run in a sentence, at any stage, and what was done is gone on with."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.tasks import ending
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGHUP")
+
+PROJECT = """
+[model]
+name = "rotary-pendulum"
+rig = "srv02-rotpen"
+[model.orders]
+lambda = { start = 1.0, lower = 0.6, upper = 1.2 }
+mu = { start = 1.0, lower = 0.6, upper = 1.2 }
+[[recording]]
+file = "swing.npz"
+theta = { column = "theta" }
+alpha = { column = "alpha" }
+[fit]
+initial_state = "rest"
+"""
+
+ENDED = """
+import os, signal, sys
+from concurrent.futures import ProcessPoolExecutor
+import fracid.identification as stages, fracid.workflows.figures as figures
+from fracid.cli import main
+stage, name, submit = sys.argv[1], sys.argv[2], ProcessPoolExecutor.submit
+def here(where):
+    if where == stage:
+        os.kill(os.getpid(), getattr(signal, name))
+begin, draw = stages._Clock.begin, figures._draw
+def begins(clock, name, key):
+    here(name)
+    begin(clock, name, key)
+def draws(*what):
+    here("figures")
+    return draw(*what)
+def submits(pool, *what):
+    future = submit(pool, *what)
+    here("start of a process")
+    return future
+stages._Clock.begin, figures._draw, ProcessPoolExecutor.submit = begins, draws, submits
+if __name__ == "__main__":
+    main(["fit", "rig.toml", "--out", "run", "--jobs", "2"])
+"""
+
+
+@pytest.fixture
+def heard(monkeypatch):
+    """The signals that would have ended this process."""
+    numbers = []
+    monkeypatch.setattr(ending, "_end", numbers.append)
+    monkeypatch.setattr(ending, "_LATE", [])
+    return numbers
+
+
+@pytest.mark.parametrize("name", ending.NAMES)
+def test_a_signal_ends_at_once_and_waits_for_a_process_that_is_being_started(heard, name):
+    number = getattr(signal, name)
+    with ending.ended_in_a_sentence():
+        os.kill(os.getpid(), number)
+        assert heard == [number]
+        with ending.undisturbed():
+            os.kill(os.getpid(), number)
+            assert heard == [number]
+        assert heard == [number, number]
+    assert signal.getsignal(number) is signal.SIG_DFL
+
+
+def test_a_signal_that_is_ignored_stays_ignored(heard):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with ending.ended_in_a_sentence():
+            os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert heard == []
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize(
+    ("name", "stage"),
+    [("SIGTERM", "start of a process"), ("SIGTERM", "search"), ("SIGHUP", "intervals"), ("SIGTERM", "figures"),
+     ("SIGHUP", "figures")],
+)  # fmt: skip
+def test_a_fit_ended_at_any_stage_says_so_in_a_sentence_and_goes_on(name, stage, tmp_path):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=3.0)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((301, 2))
+    theta, alpha = (run.states[:, [0, 2]] + noise).T
+    np.savez(tmp_path / "swing.npz", time=0.01 * np.arange(301), theta=theta, alpha=alpha)
+    (tmp_path / "rig.toml").write_text(PROJECT)
+    (tmp_path / "ended.py").write_text(ENDED)
+    ended = subprocess.run(
+        [sys.executable, "ended.py", stage, name], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == -getattr(signal, name)
+    assert f"error: {name} ended this. What was done is kept" in ended.stderr
+    assert "Traceback" not in ended.stderr
+    assert "leaked" not in ended.stderr
+    command = [sys.executable, "-m", "fracid", "resume", "run"]
+    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (again.returncode, "Traceback" in again.stderr) == (0, False)
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["outcome"].startswith("converged")
