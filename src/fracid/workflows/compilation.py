@@ -15,13 +15,8 @@ from typing import TYPE_CHECKING
 
 from fracid.safety.environment import ignore_settings
 from fracid.solver.methods import METHODS
-<<<<<<< HEAD
-from fracid.tasks.local import deaf_to_ctrl_c, follow_parent
-from fracid.workflows.drawer import ended_with_this
-=======
 from fracid.tasks.local import deaf_to_ctrl_c, follow_parent, fresh_processes
-from fracid.workflows.figures import ended_with_this
->>>>>>> load
+from fracid.workflows.drawer import ended_with_this
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
