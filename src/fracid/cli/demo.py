@@ -65,8 +65,11 @@ def demo(
         twin = "paper" if name == "paper-on-paper" else "reference"
         project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
-        show = partial(_show, console=console)
-        with beginning(), shown("recording", events=json_, result=show) as observer, drawer(jobs) as draws:
+        with (
+            beginning(),
+            shown("recording", events=json_, result=partial(_show, console=console)) as observer,
+            drawer(jobs) as draws,
+        ):
             with importing():
                 from fracid.workflows.fit import run  # here: it takes a second to import
 
