@@ -33,12 +33,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
-from fracid.estimation.covariance import NORMAL_95, jacobian, uncertainty
+from fracid.estimation.covariance import jacobian, uncertainty
 from fracid.estimation.curvature import curvature, start_shift
 from fracid.models import RIGS
 from fracid.optimise import Evaluation, Space, genetic, least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.regression import LUMPED
 from fracid.validation.unknown_past import cut_check, whole_records

@@ -26,13 +26,14 @@ import numpy as np
 
 import fracid
 from fracid.errors import Failure
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
+from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.search import search
 from fracid.experiments.choice import VAGUE, informations
 from fracid.experiments.information import Information
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import subject_of_problem
 from fracid.optimise import optimiser_from_name
+from fracid.quantiles import NORMAL_95
 from fracid.tasks.job import one_blas_thread
 
 ROOT = Path(__file__).parent.parent

@@ -32,11 +32,12 @@ from scipy.signal import lfilter
 
 import fracid
 from fracid.errors import Failure
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, uncertainty
+from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Free, Problem
+from fracid.quantiles import NORMAL_95
 from fracid.solver.memory import compressed
 from fracid.validation.after_search import after
 from fracid.validation.before_search import before

@@ -16,7 +16,7 @@ PACKAGE = Path(fracid.__file__).parent
 
 LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
-    {"figures", "files", "qr"},
+    {"figures", "files", "qr", "quantiles"},
     {"arrowhead"},
     {"safety"},
     {"cards", "schemas"},

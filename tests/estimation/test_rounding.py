@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.estimation.covariance import NORMAL_95, uncertainty
+from fracid.estimation.covariance import uncertainty
 from fracid.estimation.rounding import edges, half_widths, noise_in_steps
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Problem
+from fracid.quantiles import NORMAL_95
 from twins import COUNT, RIG
 
 STEP = 4e-3

@@ -24,7 +24,7 @@ from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
-from fracid.report.material import Material, first_part
+from fracid.report.material import Material
 from fracid.report.rig import rig_lengths
 from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
 from fracid.report.verdict import verdict
@@ -32,6 +32,7 @@ from fracid.report.whiskers import orders_drawn
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison import Comparison, Row, Score
+from fracid.validation.residual_analyses import first_part
 from twins import RIG, write_release
 
 HOSTILE = "</script><img src=x onerror=\"window.hit=1\"> & 'swing'"
@@ -961,7 +962,7 @@ def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the
     assert np.shares_memory(part.measured[output], r.measured[output])
     assert first_part(r) is r
     assert "of the first" not in report_page(material)
-    monkeypatch.setattr("fracid.report.material.first_part", lambda r: first_part(r, few))
+    monkeypatch.setattr("fracid.validation.residual_analyses.first_part", lambda r: first_part(r, few))
     long = replace(material)  # nothing looked at yet
     assert long.analyses[name][output].samples <= few
     assert f"of the first {long.analyses[name][output].samples}" in report_page(long)

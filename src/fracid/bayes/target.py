@@ -56,12 +56,13 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.estimation.covariance import NORMAL_95, Sandwich, jacobian, sandwich
+from fracid.estimation.covariance import Sandwich, jacobian, sandwich
 from fracid.estimation.profile_walk import refit
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.problem.unknowns import Free, Prior
+from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import effective_samples
 
 __all__ = [

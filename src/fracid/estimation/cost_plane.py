@@ -18,13 +18,13 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.estimation.long_records import nearby, on_all_samples
 from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
-from fracid.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from fracid.problem import Problem
 
 __all__ = ["CostPlane", "cost_plane", "reaches"]
 
@@ -128,6 +128,8 @@ def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> 
     >>> reaches(problem, problem.start, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
     (0.08, 0.15)
     """
+    from fracid.estimation.long_records import nearby  # here: a process that draws a plane needs no solver
+
     places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
     near = nearby(problem, x)
     return tuple(_reach(near, x, i, orders.get(problem.unknowns[i].target)) for i in places)
@@ -185,6 +187,8 @@ def cost_plane(
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
     """
+    from fracid.estimation.long_records import nearby, on_all_samples
+
     at = list(problem.order_indices[:2])
     if len(at) < 2:
         raise InputError("The plane of the orders needs two free orders.")

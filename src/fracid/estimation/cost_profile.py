@@ -54,10 +54,11 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, at_least, unknown_name
-from fracid.estimation.covariance import METHODS, NORMAL_95
-from fracid.estimation.profile_walk import LOWER, THRESHOLD, THRESHOLD_2, Branch, End, Surface, crossing, refit, walk
+from fracid.estimation.covariance import METHODS
+from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Style, draw
 from fracid.problem import Problem
+from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 from fracid.solver.trajectory import vector
@@ -160,7 +161,7 @@ class JointProfile:
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return as_json(JointBlock, vars(self) | {"threshold": THRESHOLD_2})
+        return as_json(JointBlock, vars(self) | {"threshold": CHI2_95[2]})
 
 
 def _profile_of(name: str, block: ProfileBlock, unknowns: int) -> Profile:
@@ -193,7 +194,7 @@ class Profiles(CardDisplay):
         return as_json(ProfilesBlock, {
             "cost": {"name": self.problem.cost_function.name, "value": self.cost},
             "minimum": dict(zip(self.problem.names, self.x.tolist(), strict=True)),
-            "threshold": None if self.problem.cost_function.loss is None else THRESHOLD,
+            "threshold": None if self.problem.cost_function.loss is None else CHI2_95[1],
             "profiles": {n: p.to_json() for n, p in self.profiles.items()},
             "joint": None if self.joint is None else self.joint.to_json(),
             "notes": self.notes,

@@ -92,6 +92,7 @@ from fracid.estimation.rounding import edges, half_widths
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.qr import triangle
+from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, neighbour_sums, products_by_lag, sokal_bandwidth
 
 __all__ = [
@@ -117,9 +118,6 @@ _Seen = tuple[list[FloatArray], list[FloatArray] | BlockJacobian]
 
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
-
-NORMAL_95 = 1.959963984540054
-"""Half the width of a 95 % interval, in standard errors."""
 
 METHODS = {
     "sandwich": "sandwich with the prewhitened Newey-West long-run covariance",

@@ -40,11 +40,12 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import NORMAL_95, Uncertainty, column_norms, uncertainty
+from fracid.estimation.covariance import Uncertainty, column_norms, uncertainty
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
+from fracid.quantiles import NORMAL_95
 from fracid.units import with_unit
 
 __all__ = ["Verdict", "identifiability"]

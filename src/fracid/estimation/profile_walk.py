@@ -19,17 +19,12 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.estimation.covariance import NORMAL_95, Sandwich, at_bound, sandwich
+from fracid.estimation.covariance import Sandwich, at_bound, sandwich
 from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
 from fracid.problem import Problem
+from fracid.quantiles import CHI2_95, NORMAL_95
 
-__all__ = ["LOWER", "THRESHOLD", "THRESHOLD_2", "Branch", "End", "Surface", "crossing", "refit", "walk"]
-
-THRESHOLD = NORMAL_95**2
-"""95 % of χ² with one degree of freedom."""
-
-THRESHOLD_2 = -2 * math.log(0.05)
-"""95 % of χ² with two."""
+__all__ = ["LOWER", "Branch", "End", "Surface", "crossing", "refit", "walk"]
 
 TOLERANCE = 1e-7
 """Of the refit that finds the minimum, relative to V."""
@@ -148,7 +143,7 @@ class Surface:
     def kappa(self, i: int) -> float:
         """κ of one unknown; the mean over all where the data do not see it."""
         if not self.calibrated:
-            return 2 * max(self.top.cost, 1e-300) / THRESHOLD  # W = 3.84 where the cost has doubled
+            return 2 * max(self.top.cost, 1e-300) / CHI2_95[1]  # W = 3.84 where the cost has doubled
         shape = self.sandwich(i)
         at = int(np.searchsorted(shape.free, i))
         identifiable = shape.inverse[at, at] > 0 and not _blind(shape, at)

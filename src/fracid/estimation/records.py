@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.figures import Style, draw
-from fracid.problem import Experiment
 from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from fracid.problem import Experiment
 
 __all__ = ["Estimate", "RecordingFit", "deviations_of"]
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError
-from fracid.estimation.covariance import NORMAL_95
 from fracid.experiments.sheet import write_sheet
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
 from fracid.figures import Style, draw
 from fracid.fit import Fit
+from fracid.quantiles import NORMAL_95
 from fracid.runs.saved import SavedRun
 from fracid.units import GREEK
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.estimation.covariance import NORMAL_95
-from fracid.estimation.profile_walk import THRESHOLD, THRESHOLD_2
 from fracid.plots import appearance
+from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
@@ -82,11 +81,11 @@ def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
 def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None:
     label, factor = _unknown_label(panel.name, panel.unit, model)
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
-    top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * THRESHOLD, CEILING))
+    top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * CHI2_95[1], CEILING))
     axes.plot(values, rise, color=appearance.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
     limits = axes.get_xlim()
     if calibrated:
-        axes.axhline(THRESHOLD, color=appearance.VERMILLION, lw=1.1, label="95 % threshold, 3.84")
+        axes.axhline(CHI2_95[1], color=appearance.VERMILLION, lw=1.1, label="95 % threshold, 3.84")
         ends = [factor * end if end is not None else edge for end, edge in
                 zip(panel.interval95, panel.values[[0, -1]] * factor, strict=True)]  # fmt: skip
         axes.axvspan(*ends, color=appearance.BLUE, alpha=0.10, lw=0, label="95 % interval")
@@ -111,8 +110,8 @@ def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
     )
     first, second = factors[0] * joint.first, factors[1] * joint.second
     first, second, rise = _smoothed(first, second, joint.rise)
-    axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, THRESHOLD_2], cmap="Blues_r", alpha=0.6)
-    axes.contour(first, second, rise.T, levels=[THRESHOLD_2], colors=[appearance.VERMILLION], linewidths=1.4)
+    axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, CHI2_95[2]], cmap="Blues_r", alpha=0.6)
+    axes.contour(first, second, rise.T, levels=[CHI2_95[2]], colors=[appearance.VERMILLION], linewidths=1.4)
     axes.plot([], [], color=appearance.VERMILLION, lw=1.4, label="95 % region, 5.99")
     axes.plot(
         factors[0] * joint.best[0],

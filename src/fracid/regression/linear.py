@@ -13,6 +13,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
+from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.regression.credibility import belief
 from fracid.regression.estimators import (
@@ -59,9 +60,6 @@ LOUDEST = 25.0
 
 WIDE = 0.1
 """An interval of an order wider than this says nothing about it."""
-
-NORMAL_95 = 1.959963984540054
-"""Half the width of a 95 % interval, in standard errors."""
 
 POOR = 85.0
 """An equation that fits by less [%] does not fit."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from array import array
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +15,14 @@ from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
 from fracid.recording import Recording, inspect_recording
 from fracid.report.sentences import number
-from fracid.runs.folder import EVALUATIONS
-from fracid.safety.schema import Block, lines_of, read_as
+from fracid.runs.evaluations import tried
+from fracid.safety.schema import Block, read_as
 from fracid.schemas.comparison import ComparisonBlock
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.result import ResultBlock
-from fracid.schemas.run_record import EnvironmentBlock, EvaluationLine
+from fracid.schemas.run_record import EnvironmentBlock
 from fracid.units import SHOWN_UNITS
-from fracid.validation.residuals import residual_analysis
+from fracid.validation.residual_analyses import Analyses, analysed
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
@@ -31,15 +30,8 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
-    from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["Analyses", "Material", "analysed", "tried"]
-
-Analyses = Mapping[str, Mapping[str, "ResidualAnalysis"]]
-"""Recording → output → what its residual says."""
-
-ANALYSED = 600_000
-"""Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
+__all__ = ["Material"]
 
 BESIDE: dict[str, tuple[type[Block], str]] = {
     "profiles.json": (ProfilesBlock, "fracid profile RUN"),
@@ -143,22 +135,6 @@ class Material:
         return contents, damaged
 
 
-def analysed(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]]) -> Analyses:
-    """Recording → output → what its residual says; of a very long one, the first :data:`ANALYSED` samples."""
-    return {
-        name: {n: residual_analysis(first_part(r), n, resolutions[name]) for n in r.measured}
-        for name, r in recordings.items()
-    }
-
-
-def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
-    """The first so many samples of a recording and its simulation, without a copy."""
-    if r.time.size <= samples:
-        return r
-    measured, fitted = ({n: y[:samples] for n, y in lines.items()} for lines in (r.measured, r.fitted))
-    return replace(r, time=r.time[:samples], measured=measured, fitted=fitted)
-
-
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
     if not {"from", "to"} & table.keys() and recording.report.resampled is None:
         return recording  # it was used whole
@@ -169,12 +145,3 @@ def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, .
         )  # fmt: skip
     except (FracidError, OSError):
         return recording
-
-
-def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
-    """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""
-    flat = array("d")
-    for line in lines_of(folder / EVALUATIONS, EvaluationLine):
-        if all(n in line["point"] for n in names):
-            flat.extend(line["point"][n] for n in names)
-    return np.array(flat).reshape(-1, 2)

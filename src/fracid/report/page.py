@@ -19,7 +19,7 @@ from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
-from fracid.report.material import Analyses, Material
+from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number, unit
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
+    from fracid.validation.residual_analyses import Analyses
     from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["REPORT", "report_page", "write_report"]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.report.charts import RIGHT, Band, Chart, Mark, Series, encoder_ticks
-from fracid.report.material import first_part
 from fracid.report.samples import base64_floats, extremes
 from fracid.report.sentences import joined, letter, number
+from fracid.validation.residual_analyses import first_part
 
 if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit

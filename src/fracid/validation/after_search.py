@@ -23,10 +23,11 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, by_blocks, jacobian
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, by_blocks, jacobian
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
+from fracid.quantiles import NORMAL_95
 from fracid.signals.noise import noise_level
 from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed

@@ -48,10 +48,11 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import LEAST_SHIFT, NORMAL_95, Uncertainty, jacobian, rows_and_scores
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, jacobian, rows_and_scores
 from fracid.findings import Finding
 from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem
+from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
 from fracid.units import with_unit

@@ -2,7 +2,8 @@
 
 It is started first of all.  While this process imports what a fit needs, it imports what drawing needs; while this one
 searches, it draws the rig; while this one simulates the plane of the orders and writes the page, it tests the residuals
-and draws.  Where it dies, or where there is none, this process does its work.
+and draws.  What it has not begun when this one is done with that, this one draws, from the last.  Where it dies, or
+where there is none, this process does its work.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Drawer:
     """Of one process; None where this one does all."""
 
     def asked(self, work: Callable[..., T], *what: Any) -> Callable[[], T]:
-        """Have something done; what is given back waits for it, and gives its result."""
+        """Have something done; what is given back does it where nobody has begun, else waits, and gives its result."""
         if self.pool is None:
             return lambda: work(*what)
         try:
@@ -50,6 +51,8 @@ class Drawer:
             return lambda: work(*what)
 
         def result() -> T:
+            if future.cancel():
+                return work(*what)
             try:
                 return future.result()
             except BrokenExecutor:
@@ -130,4 +133,4 @@ def _prepare() -> None:
         import statsmodels.tsa.stattools  # type: ignore[import-untyped]  # noqa: F401
 
         import fracid.plots
-        import fracid.report.material  # noqa: F401
+        import fracid.validation.residual_analyses  # noqa: F401

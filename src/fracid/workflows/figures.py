@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,13 +62,16 @@ def _draw(
     """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
     from fracid.estimation.cost_plane import cost_plane, reaches
     from fracid.report import write_report
-    from fracid.report.material import analysed
+    from fracid.validation.residual_analyses import analysed
 
-    recordings = fit.recordings, project.resolutions
     observer.stage("figures")
-    analyses = drawer.asked(analysed, *recordings) if isfinite(fit.cost) else None
-    drawn = [drawer.asked(_draw_recordings, *recordings, folder)]
+    analyses = drawer.asked(analysed, fit.recordings, project.resolutions) if isfinite(fit.cost) else None
+    drawn = [rig]
+    for stem, recording, output in _pictures(fit.recordings):
+        resolution = project.resolutions.get(recording.name, {})
+        drawn.append(drawer.asked(_draw_recording, stem, recording, output, resolution, folder))
     rest = saved(of_search(fit), folder)
+    drawn.append(lambda: rest)
     if analyses is not None:
         two = len(fit.problem.order_indices) >= 2
         if two:
@@ -81,18 +85,18 @@ def _draw(
         page = write_report(folder, fit, project, plane=plane, jobs=jobs, analyses=analyses())
         drawn.append(lambda: (page,))
     observer.stage("figures of the recordings")
-    first, of_all, *more = [path() for path in (rig, *drawn)]
-    return sum((of_all, rest, *more), first)
+    written = [paths() for paths in reversed(drawn)]  # the last are those that the process beside has not begun
+    return tuple(chain.from_iterable(reversed(written)))
 
 
 def _draw_rig(model: Model | None, folder: Path) -> tuple[Path, ...]:
     return () if model is None else saved(of_rig(model), folder)
 
 
-def _draw_recordings(
-    recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], folder: Path
+def _draw_recording(
+    stem: str, recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], folder: Path
 ) -> tuple[Path, ...]:
-    return saved(of_recordings(recordings, resolutions), folder)
+    return saved([(stem, _recording_figure(recording, output, resolution, "screen"))], folder)
 
 
 def _draw_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str) -> tuple[Path, ...]:
@@ -123,16 +127,27 @@ def of_recordings(
     recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], style: str = "screen"
 ) -> Figures:
     """Figure 2 of each recording, and Figure 3 of each output of those that were fitted."""
-    from fracid.plots import fitted_over_time, residual_plots
+    for stem, recording, output in _pictures(recordings):
+        yield stem, _recording_figure(recording, output, resolutions.get(recording.name, {}), style)
 
+
+def _pictures(recordings: Mapping[str, RecordingFit]) -> Iterator[tuple[str, RecordingFit, str | None]]:
+    """File name, recording, and the output whose residual is drawn; None for the motion itself."""
     stems = file_stems(recordings)
     for recording in recordings.values():
         if not isfinite(recording.cost):
             continue
-        stem, resolution = stems[recording.name], resolutions.get(recording.name, {})
-        yield f"figure2-{stem}", fitted_over_time(recording, resolution=resolution, style=style)
+        yield f"figure2-{stems[recording.name]}", recording, None
         for output in recording.measured if recording.use == "fit" else ():
-            yield f"figure3-{stem}-{output}", residual_plots(recording, output, resolution=resolution, style=style)
+            yield f"figure3-{stems[recording.name]}-{output}", recording, output
+
+
+def _recording_figure(recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], style: str) -> Figure:
+    from fracid.plots import fitted_over_time, residual_plots
+
+    if output is None:
+        return fitted_over_time(recording, resolution=resolution, style=style)
+    return residual_plots(recording, output, resolution=resolution, style=style)
 
 
 def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:
@@ -150,7 +165,7 @@ def of_plane(fit: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "
 
 
 def _plane_figure(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str) -> Figure:
-    from fracid.report.material import tried
+    from fracid.runs.evaluations import tried
 
     evaluations, (first, second) = tried(folder, plane.names), best.tolist()
     return plane.plot(best=(first, second), evaluations=evaluations, cost_name=cost_name, style=style)

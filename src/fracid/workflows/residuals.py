@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
+from fracid.validation.residual_analyses import Analyses
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.records import json_document, write_files
@@ -23,8 +24,6 @@ from fracid.workflows.records import json_document, write_files
 __all__ = ["FinishedResiduals", "run_residuals"]
 
 RESULT = "residuals.json"
-
-Analyses = Mapping[str, Mapping[str, ResidualAnalysis]]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,24 @@
+"""What the search of a run has evaluated, from its folder."""
+
+from __future__ import annotations
+
+from array import array
+from pathlib import Path
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.runs.folder import EVALUATIONS
+from fracid.safety.schema import lines_of
+from fracid.schemas.run_record import EvaluationLine
+
+__all__ = ["tried"]
+
+
+def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
+    """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""
+    flat = array("d")
+    for line in lines_of(folder / EVALUATIONS, EvaluationLine):
+        if all(n in line["point"] for n in names):
+            flat.extend(line["point"][n] for n in names)
+    return np.array(flat).reshape(-1, 2)

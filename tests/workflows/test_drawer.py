@@ -1,0 +1,38 @@
+"""The process beside a fit: what it has not begun, this one does; and it draws without the solver."""
+
+import sys
+import time
+
+import fracid
+from fracid.estimation.cost_plane import CostPlane
+from fracid.estimation.records import RecordingFit
+from fracid.validation.residual_analyses import analysed
+from fracid.workflows.drawer import drawer
+from fracid.workflows.figures import _draw_recording
+
+
+def its_process(_, seconds=0.0):
+    time.sleep(seconds)
+    return sys.modules["os"].getpid()
+
+
+def modules_with(*_material):
+    return [name for name in ("numba", "fracid.solver.solve", "fracid.problem.problem") if name in sys.modules]
+
+
+def test_what_the_process_beside_has_not_begun_is_done_here():
+    with drawer(2) as beside:
+        answers = [beside.asked(its_process, n, 0.3) for n in range(6)]
+        processes = [answer() for answer in reversed(answers)]
+    here = its_process(None)
+    assert processes[0] == here, "the last is not begun by the time it is asked for"
+    assert processes[-1] != here, "the first is"
+    assert len(set(processes)) == 2
+
+
+def test_the_process_beside_imports_no_solver_to_draw():
+    with drawer(2) as beside:
+        assert (
+            beside.asked(modules_with, fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording)()
+            == []
+        )
