@@ -31,8 +31,6 @@ def test_what_the_process_beside_has_not_begun_is_done_here():
 
 
 def test_the_process_beside_imports_no_solver_to_draw():
+    material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording
     with drawer(2) as beside:
-        assert (
-            beside.asked(modules_with, fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording)()
-            == []
-        )
+        assert beside.pool.submit(modules_with, *material).result() == []
