@@ -1,5 +1,7 @@
 """The process beside a fit: what it has not begun, this one does; and it draws without the solver."""
 
+import os
+import signal
 import sys
 import time
 
@@ -13,7 +15,7 @@ from fracid.workflows.figures import _draw_recording
 
 def its_process(_, seconds=0.0):
     time.sleep(seconds)
-    return sys.modules["os"].getpid()
+    return os.getpid()
 
 
 def modules_with(*_material):
@@ -24,7 +26,7 @@ def test_what_the_process_beside_has_not_begun_is_done_here():
     with drawer(2) as beside:
         answers = [beside.asked(its_process, n, 0.3) for n in range(6)]
         processes = [answer() for answer in reversed(answers)]
-    here = its_process(None)
+    here = os.getpid()
     assert processes[0] == here, "the last is not begun by the time it is asked for"
     assert processes[-1] != here, "the first is"
     assert len(set(processes)) == 2
@@ -34,3 +36,12 @@ def test_the_process_beside_imports_no_solver_to_draw():
     material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording
     with drawer(2) as beside:
         assert beside.pool.submit(modules_with, *material).result() == []
+
+
+def test_what_a_killed_process_leaves_undone_is_done_here():
+    with drawer(2) as beside:
+        process = beside.asked(its_process, None)
+        answers = [beside.asked(its_process, n, 0.5) for n in range(4)]
+        os.kill(next(iter(beside.pool._processes)), signal.SIGKILL)
+        assert {answer() for answer in reversed(answers)} == {os.getpid()}
+        assert beside.asked(its_process, None)() == process() == os.getpid()

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import gc
 import os
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -26,10 +28,16 @@ __all__ = ["Drawer", "drawer", "ended_with_this", "importing"]
 
 T = TypeVar("T")
 
+AHEAD = 2
+"""Pieces that the process has."""
+
 
 @dataclass(frozen=True)
 class Drawer:
     """Who draws: the process beside this one, or this one.
+
+    The process is given two pieces at a time, so that it has one to go on with; the others wait here, where they can
+    be taken back.  (Before Python 3.12 a pool that dies with a cancelled piece forgets the others.)
 
     Examples
     --------
@@ -40,25 +48,58 @@ class Drawer:
 
     pool: ProcessPoolExecutor | None
     """Of one process; None where this one does all."""
+    _waiting: deque[_Piece] = field(default_factory=deque)
+    _given: list[Future[Any]] = field(default_factory=list)
+    """Unfinished ones."""
+    _lock: threading.RLock = field(default_factory=threading.RLock)
 
     def asked(self, work: Callable[..., T], *what: Any) -> Callable[[], T]:
         """Have something done; what is given back does it where nobody has begun, else waits, and gives its result."""
-        if self.pool is None:
-            return lambda: work(*what)
-        try:
-            future = self.pool.submit(work, *what)
-        except BrokenExecutor:
-            return lambda: work(*what)
+        piece = _Piece(work, what)
+        with self._lock:
+            self._waiting.append(piece)
+        self._give()
 
         def result() -> T:
-            if future.cancel():
-                return work(*what)
-            try:
-                return future.result()
-            except BrokenExecutor:
-                return work(*what)
+            with self._lock:
+                here = piece in self._waiting
+                if here:
+                    self._waiting.remove(piece)
+            if not here and piece.future is not None:
+                with suppress(BrokenExecutor):
+                    answer: T = piece.future.result()
+                    return answer
+            return work(*what)
 
         return result
+
+    def _give(self) -> None:
+        """The process its next pieces, as long as it lives."""
+        with self._lock:
+            while self.pool is not None and self._waiting and len(self._given) < AHEAD:
+                try:
+                    future = self.pool.submit(self._waiting[0].work, *self._waiting[0].what)
+                except BrokenExecutor:
+                    return
+                self._waiting.popleft().future = future
+                self._given.append(future)
+                future.add_done_callback(self._done)
+
+    def _done(self, future: Future[Any]) -> None:
+        if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
+            return  # nor ask a pool that is ending for its lock
+        with self._lock:
+            self._given.remove(future)
+        self._give()
+
+
+@dataclass(eq=False)
+class _Piece:
+    """Something to do, and its future where the process has it."""
+
+    work: Callable[..., Any]
+    what: tuple[Any, ...]
+    future: Future[Any] | None = None
 
 
 @contextmanager
