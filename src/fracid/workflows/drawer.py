@@ -119,11 +119,11 @@ def drawer(jobs: int) -> Iterator[Drawer]:
 
     pool = fresh_processes(1, _prepare)
     try:
-        with ended_with_this(pool):
-            with deaf_to_ctrl_c(), suppress(BrokenExecutor):
-                pool.submit(int)  # starts it
-            yield Drawer(pool)
+        with deaf_to_ctrl_c(), suppress(BrokenExecutor):
+            pool.submit(int)  # starts it
+        yield Drawer(pool)
     finally:
+        _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
         pool.shutdown(wait=False, cancel_futures=True)
 
 
@@ -133,9 +133,13 @@ def ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        for process in list((getattr(beside, "_processes", None) or {}).values()):
-            process.terminate()
+        _terminate(beside)
         raise
+
+
+def _terminate(pool: ProcessPoolExecutor | None) -> None:
+    for process in list((getattr(pool, "_processes", None) or {}).values()):
+        process.terminate()
 
 
 @contextmanager
