@@ -39,6 +39,11 @@ def pytest_configure():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def _minutes(item):
+    marker = item.get_closest_marker("slow")
+    return marker.kwargs.get("minutes", 0) if marker else 0
+
+
 @pytest.hookimpl(tryfirst=True)  # before what is not asked for is left out
 def pytest_collection_modifyitems(items):
     """Mark what is broad: of the variants of a test all but those that ``few`` keeps, spread evenly, and the rest."""
@@ -53,6 +58,7 @@ def pytest_collection_modifyitems(items):
         at = {round(k * (len(of_one) - 1) / max(kept - 1, 1)) for k in range(kept)}
         for item in (item for k, item in enumerate(of_one) if k not in at):
             item.add_marker("broad")
+    items.sort(key=_minutes, reverse=True)  # the longest first, so that none is left to run alone at the end
 
 
 def processor_time():

@@ -70,7 +70,7 @@ def test_fits_in_other_processes_and_many_in_threads_are_those_of_this_one(probl
         assert list(pool.map(_fitted, [problem] * 24)) == [alone] * 24
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=2)
 def test_two_hundred_fits_from_eight_threads_are_one_and_leave_no_thread_behind(problem):
     alone, before = _fitted(problem), threading.active_count()
     with ThreadPoolExecutor(8) as pool:

@@ -312,10 +312,10 @@ def test_a_studys_exit_code_is_that_of_its_command(tmp_path, capsys):
 # --- the program itself ------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=5)
 def test_killed_at_twenty_random_moments_and_resumed_each_time_the_results_are_identical(project, tmp_path):
     rng = np.random.default_rng(20)
-    words = [str(project), "--multi-start", "6"]
+    words = [str(project), "--multi-start", "3"]
 
     def fracid_program(*words):
         return subprocess.Popen([sys.executable, "-m", "fracid", *words], stdout=subprocess.DEVNULL)

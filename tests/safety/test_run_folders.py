@@ -278,8 +278,8 @@ def test_an_input_of_the_fuzzing_is_found_again_by_its_number(sent, tmp_path):
         assert said[0] == said[1]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(minutes=2)
 def test_for_some_minutes_no_spoilt_run_folder_does_harm(tmp_path):
-    ended, failures = fuzz_runs.fuzz(fuzz_runs.made(tmp_path / "good"), range(10**6), seconds=240)
+    ended, failures = fuzz_runs.fuzz(fuzz_runs.made(tmp_path / "good"), range(10**6), seconds=120)
     assert failures == {}
     assert sum(ended.values()) > 20
