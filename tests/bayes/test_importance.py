@@ -1,10 +1,12 @@
 """Laplace's approximation corrected by importance sampling, on densities whose posterior and evidence are known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fracid.bayes.laplace import PILOT, StudentProposal, importance_sample
-from fracid.bayes.target import BoxPrior, GaussianApproximation
+from fracid.bayes.target import BoxPrior, GaussianApproximation, approximation
 from fracid.errors import InputError
 from fracid.problem.unknowns import Prior
 from fracid.tasks.journal import Journal
@@ -81,6 +83,26 @@ def test_beyond_a_bound_nothing_is_drawn_and_no_correlation_lost():
     exact = 0.5 * np.linalg.slogdet(2 * np.pi * COVARIANCE)[1] - np.log(2) - np.log(10 * 20 * 2e-2)
     assert sample.log_evidence == pytest.approx(exact, abs=0.05)
     assert sample.effective_draws > 1500
+
+
+def test_with_one_parameter_at_its_bound_the_others_begin_on_the_ridge_and_not_beside_it():
+    ridge = np.array([[1.0, -0.998], [-0.998, 1.0]])
+    prior = BoxPrior(np.array([-50.0, 0.0]), np.array([50.0, 10.0]), {})
+    likelihood = SimpleNamespace(precision=np.linalg.inv(ridge), centre=np.zeros(2), degrees=np.inf)
+    shape = approximation(likelihood, prior, np.array([False, True]))
+    assert shape.mean == pytest.approx([0.0, 0.0], abs=0.01)  # 5 sd of it beside: 0.3
+    sample = importance_sample(Normal(ridge), prior, shape, draws=1000, seed=1)
+    assert sample.trusted
+    assert sample.log_evidence == pytest.approx(
+        0.5 * np.linalg.slogdet(2 * np.pi * ridge)[1] - np.log(2 * 100 * 10), abs=0.1
+    )
+
+
+def test_a_mode_beyond_its_bounds_is_the_one_within_them():
+    ridge, prior = np.array([[1.0, 0.9], [0.9, 1.0]]), BoxPrior(np.zeros(2), np.full(2, 100.0), {0: Prior(-3.0, 1.0)})
+    likelihood = SimpleNamespace(precision=np.linalg.inv(ridge), centre=np.array([0.5, 2.0]), degrees=np.inf)
+    shape = approximation(likelihood, prior, np.zeros(2, dtype=bool))
+    assert shape.mean == pytest.approx([0.0, 2.0 - 0.9 * 0.5], abs=0.02)  # the second, given the first at 0
 
 
 def test_the_density_of_a_proposal_is_one_in_all():

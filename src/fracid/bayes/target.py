@@ -336,10 +336,15 @@ def approximation(
     mean, precision = np.where(np.isfinite(width), 0.5 * (prior.lower + prior.upper), 0.0), 12 / width**2
     for i, normal in prior.normal.items():
         mean[i], precision[i] = normal.mean, normal.sd**-2
-    covariance = inverse(likelihood.precision + np.diag(precision))
-    centre = covariance @ (likelihood.precision @ likelihood.centre + precision * mean)
-    centre[at_bound] = likelihood.centre[at_bound]
-    return GaussianApproximation(np.clip(centre, prior.lower, prior.upper), covariance, likelihood.degrees)
+    total, pull = likelihood.precision + np.diag(precision), likelihood.precision @ likelihood.centre + precision * mean
+    centre, held = likelihood.centre.copy(), at_bound.copy()
+    while not np.all(held):  # the mode of the others, given what is held: a correlated one moves with it
+        some = np.ix_(~held, ~held)
+        centre[~held] = inverse(total[some]) @ (pull - total[:, held] @ centre[held])[~held]
+        if not np.any(beyond := ~held & ((centre < prior.lower) | (centre > prior.upper))):
+            break
+        centre, held = np.clip(centre, prior.lower, prior.upper), held | beyond
+    return GaussianApproximation(centre, inverse(total), likelihood.degrees)
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
