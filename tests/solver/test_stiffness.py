@@ -116,6 +116,14 @@ def test_a_step_that_no_number_of_parts_makes_short_enough_says_infinite():
     assert too_long("gl", np.array([1e-9]), [np.array([[-3e4]])], np.ones(1), 100).parts == np.inf
 
 
+@pytest.mark.parametrize("size", [1e10, 1e160, 1e300])
+@pytest.mark.parametrize("order", [1e-50, 0.02, 1.0])
+def test_rates_and_determinants_beyond_all_numbers_are_looked_at_as_far_as_there_are_numbers(size, order):
+    linear = size * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    told = too_long("pi2", np.array([1.4, order]), [linear], np.ones(2), 100)
+    assert told is None or told.parts > 1
+
+
 def test_a_matrix_beyond_all_numbers_has_no_modes():
     assert modes(np.array([[1e308, -np.inf], [np.inf, 1e308]]), np.full(2, 1e10)).size == 0
 

@@ -87,6 +87,9 @@ OUT_OF_ALL_BOUNDS = 1e3
 GROWTH = 1.0
 """What a scheme makes grow is told where it grows by e or more over the run."""
 
+FASTEST = 600.0
+"""Logarithm of the fastest rate that is looked at: a number beyond it is none."""
+
 LOW_ORDER, SETTLED = 0.1, 100.0
 """Below this order an explicit scheme tells after how many samples it comes within 1/100."""
 
@@ -242,12 +245,12 @@ def _growing(
     orders: FloatArray,
 ) -> int:
     """Roots s of det(1 − diag(σ_i(s)) gJ) with Re s > rate, by the turns of its argument along Re s = rate."""
-    fastest = max(1.0, float(np.abs(scaled).sum())) ** (1 / float(np.min(orders)))  # bounds the equation's roots
-    end = highest if math.isfinite(highest) else 1e3 * fastest
+    fastest = math.log(max(1.0, float(np.abs(scaled).sum()))) / float(np.min(orders))  # bounds the equation's roots
+    end = highest if math.isfinite(highest) else 1e3 * math.exp(min(fastest, FASTEST))
     s = rate + 1j * np.append(0.0, np.geomspace(rate / 100, end, 400))
     of = {q: symbol(s, q) for q in set(orders.tolist())}
     rows = np.stack([of[q] for q in orders.tolist()], axis=1)
-    argument = np.unwrap(np.angle(np.linalg.det(np.eye(len(orders)) - rows[:, :, None] * scaled)))
+    argument = np.unwrap(np.angle(np.linalg.slogdet(np.eye(len(orders)) - rows[:, :, None] * scaled).sign))
     return round(float(argument[0] - argument[-1]) / math.pi)  # the lower half is its mirror image
 
 
