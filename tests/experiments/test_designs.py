@@ -1,6 +1,7 @@
 """Plans of experiments: what is chosen, what is predicted, what is written, what is refused."""
 
 import json
+import math
 from dataclasses import replace
 from itertools import combinations_with_replacement
 
@@ -10,7 +11,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.estimation.covariance import jacobian
-from fracid.experiments.alternatives import alternatives_of
+from fracid.experiments.alternatives import alternatives_of, orders_alone
 from fracid.experiments.choice import informations, subject_of
 from fracid.experiments.criteria import objective_named
 from fracid.experiments.exchange import exchange
@@ -145,14 +146,35 @@ def test_what_exceeds_a_limit_is_excluded():
 
 def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative():
     subject = subject_of(RIG, SPACE, free=FREE, orders=ORDERS)
-    table = alternatives_of(subject, SPACE, SPACE.candidates, 2)
-    (chosen,) = [table.chosen(2)]
-    nearest = {pair: min(table.distances(pair).values())
-               for pair in combinations_with_replacement(table.allowed, 2)}  # fmt: skip
-    assert nearest[chosen] == pytest.approx(max(nearest.values()), rel=1e-9)
+    rigs = orders_alone(subject, SPACE, SPACE.candidates, 2)
+    chosen = rigs.chosen(2)
+    told = {pair: sum(math.log1p(d**2) for d in rigs.nearest(pair).values())
+            for pair in combinations_with_replacement(rigs.allowed, 2)}  # fmt: skip
+    assert told[chosen] == pytest.approx(max(told.values()), rel=1e-9)
+    table = alternatives_of(subject, SPACE, SPACE.candidates, chosen)
     assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
     every = table.distances(chosen)
     assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does
+
+
+@pytest.mark.broad
+def test_a_set_against_integer_orders_tells_each_order_and_not_one_for_all():
+    """A clamped arm tells μ best and nothing of λ, of which a rig may be that is off in λ alone."""
+    space = fracid.DesignSpace(release=(30, 150), arm=("free", "clamped"), seconds=4, rate=100, moment=0)
+    options = {"free": (*FREE, "J_theta"), "orders": {"lambda": 0.95, "mu": 0.95}, "against": "integer"}
+    both = fracid.design(RIG, space, experiments=2, **options)
+    assert {c.arm for c in both.experiments} == {"free", "clamped"}
+    assert min(both.alone.values()) > 50
+    one = fracid.design(RIG, space, experiments=2, of=("mu",), **options)
+    assert [*one.alone] == ["mu"]
+    assert one.alone["mu"] > both.alone["mu"]
+
+
+def test_the_order_that_is_off_alone_stays_where_it_is_and_the_others_are_integers():
+    subject = subject_of(RIG, SPACE, free=FREE, orders={"lambda": 0.9, "mu": 0.95})
+    rig = subject.with_orders({"lambda": 1.0})
+    assert rig.problem.parametrisation.order_starts == {"lambda": 1.0, "mu": 0.95}
+    assert rig.values[rig.names.index("lambda")] == 1.0
 
 
 @pytest.mark.broad

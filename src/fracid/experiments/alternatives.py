@@ -15,6 +15,11 @@ beside them one at a time what :data:`fracid.selection.integer_alternatives.ELEM
 drag, a cable, a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not
 count, since its residual may be what the plan is to explain.
 
+Of several orders nobody knows which is none.  A plan for a rig on which all of them are off may rest on one alone, and
+then it calls integer a rig whose other order is off: a clamped arm shows nothing of λ.  So each order is set off alone,
+the others at their integers, and :math:`\sum_i\log(1 + T_i)` is made greatest: by how much each is off then makes
+little difference to the choice, and one that no candidate shows has no say.
+
 Those that add states (play, presliding, Stribeck's friction, an elastic arm) have no derivative where they are off.
 They are fitted to the chosen set, by least squares as the claim does, and their distances stand beside
 (:func:`with_states`); of sets with both arms, each arm's element is its own, so that the distance is no more than that
@@ -28,6 +33,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +51,7 @@ from fracid.problem.unknowns import Value
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 
-__all__ = ["Alternatives", "alternatives_of", "with_states"]
+__all__ = ["Alternatives", "OrdersAlone", "alternatives_of", "orders_alone", "with_states"]
 
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
@@ -81,12 +87,8 @@ class Alternatives:
     """Which of the candidates the parts are of."""
 
     def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
-        """−log T of the nearest alternative."""
-        return np.asarray(-np.log(np.maximum(distance(sums, self.columns, self.scale).min(axis=-1), 1e-300)))
-
-    def chosen(self, count: int) -> tuple[int, ...]:
-        """The set whose nearest alternative is furthest."""
-        return tuple(self.allowed[i] for i in exchange(self.objective, self.parts, self.base, count))
+        """−log(1 + T) of the nearest alternative."""
+        return np.asarray(-np.log1p(np.maximum(distance(sums, self.columns, self.scale).min(axis=-1), 0.0)))
 
     def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
         """Alternative → its distance from a set of experiments, in standard deviations."""
@@ -95,9 +97,47 @@ class Alternatives:
         return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
 
 
-def alternatives_of(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], count: int, *, jobs: int = 1
-) -> Alternatives:
+@dataclass(frozen=True)
+class OrdersAlone:
+    """The alternatives of rigs on each of which one order alone is off its integer."""
+
+    of: Mapping[str, Alternatives]
+    """Order → the alternatives where it is the one."""
+
+    @cached_property
+    def allowed(self) -> tuple[int, ...]:
+        """Candidates that every one of them has."""
+        return tuple(sorted(set.intersection(*(set(table.allowed) for table in self.of.values()))))
+
+    @cached_property
+    def _parts(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+        """Of all of them, one after the other: what each candidate adds, and what is there without any."""
+        at = {order: [table.allowed.index(i) for i in self.allowed] for order, table in self.of.items()}
+        return (tuple(part[:, at[order]] for order, table in self.of.items() for part in table.parts),
+                tuple(base for table in self.of.values() for base in table.base))  # fmt: skip
+
+    def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
+        """−Σ log(1 + T) over the orders."""
+        each = [table.objective(sums[3 * k : 3 * k + 3]) for k, table in enumerate(self.of.values())]
+        return np.asarray(np.sum(each, axis=0))
+
+    def chosen(self, count: int) -> tuple[int, ...]:
+        """The set that tells all orders best."""
+        return tuple(self.allowed[i] for i in exchange(self.objective, *self._parts, count))
+
+    def short(self, most: int) -> list[int]:
+        """The candidates that tell most by themselves."""
+        return [self.allowed[int(i)] for i in np.argsort(averaged(self.objective, *self._parts))[:most]]
+
+    def nearest(self, chosen: Sequence[int]) -> dict[str, float]:
+        """Order → the distance of the alternative nearest to a set, in standard deviations."""
+        return {order: min(table.distances(chosen).values()) for order, table in self.of.items()}
+
+
+def orders_alone(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], count: int, *,
+    of: Sequence[str] = (), jobs: int = 1,
+) -> OrdersAlone:  # fmt: skip
     """Linearise the integer-order alternatives of each candidate, twice: about a first fit, and about the chosen set's.
 
     Parameters
@@ -108,6 +148,8 @@ def alternatives_of(
     candidates : sequence of Candidate
     count : int
         How many experiments are chosen.
+    of : sequence of str
+        The orders to tell; all that are off their integers if left out.
     jobs : int
         Threads.
 
@@ -122,22 +164,42 @@ def alternatives_of(
     >>> from fracid.experiments.choice import subject_of
     >>> space = DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
-    >>> alternatives = alternatives_of(subject, space, space.candidates, 1)
-    >>> alternatives.names[0], alternatives.parts[0].shape
+    >>> table = orders_alone(subject, space, space.candidates, 1).of["mu"]
+    >>> table.names[0], table.parts[0].shape
     ('friction', (1, 3))
     """
-    orders = subject.problem.parametrisation.order_starts
-    integers = integer_values(subject.problem)
-    if all(isinstance(v, float | int) and abs(v - orders[n]) < CLOSE for n, v in integers.items() if n in orders):
+    rigs = _one_order_off(subject, of)
+    rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}) for n, rig in rigs.items()}
+    every = range(len(candidates))
+    first = OrdersAlone({n: _linearised(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
+    if not first.allowed:
+        raise InputError("There is no candidate for which the integer-order models of all orders reach the end.")
+    chosen = first.chosen(count)
+    short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
+    rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n]) for n, rig in rigs.items()}
+    return OrdersAlone({n: _linearised(rig, space, candidates, short, rivals[n], jobs) for n, rig in rigs.items()})
+
+
+def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
+    """Order → the rig on which it alone is off its integer."""
+    orders, integers = subject.problem.parametrisation.order_starts, integer_values(subject.problem)
+    off = [n for n, v in integers.items()
+           if n in orders and not (isinstance(v, float | int) and abs(v - orders[n]) < CLOSE)]  # fmt: skip
+    if not off:
         raise InputError("Every order is an integer, so that nothing is to be told from an integer-order model; give "
                          "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
-    rivals = _rivals(subject, space, _by_arm(candidates, _few), {})
-    first = _linearised(subject, space, candidates, range(len(candidates)), rivals, jobs)
-    chosen = first.chosen(count)
-    alone = averaged(first.objective, first.parts, first.base)
-    short = sorted({*chosen, *(first.allowed[int(i)] for i in np.argsort(alone)[:SHORTLIST])})
-    rivals = _rivals(subject, space, _by_arm([candidates[i] for i in dict.fromkeys(chosen)], list), rivals)
-    return _linearised(subject, space, candidates, short, rivals, jobs)
+    integer = {n: float(v) for n, v in integers.items() if n in off and isinstance(v, float | int)}
+    told = [n for n in off if n in of] or off
+    return {n: subject.with_orders({m: v for m, v in integer.items() if m != n}) for n in told}
+
+
+def alternatives_of(
+    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], chosen: Sequence[int], *, jobs: int = 1
+) -> Alternatives:
+    """The integer-order alternatives of a chosen set, about the model that fits it best, the orders as they are."""
+    once = [*dict.fromkeys(chosen)]
+    rivals = _rivals(subject, space, _by_arm([candidates[i] for i in once], list), {})
+    return _linearised(subject, space, candidates, once, rivals, jobs)
 
 
 def with_states(

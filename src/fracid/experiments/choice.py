@@ -15,7 +15,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import jacobian
 from fracid.estimation.search import search
-from fracid.experiments.alternatives import alternatives_of, with_states
+from fracid.experiments.alternatives import alternatives_of, orders_alone, with_states
 from fracid.experiments.criteria import CRITERIA, Objective, objective_named
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
@@ -84,7 +84,8 @@ def design(
     of : sequence of str
         The values to narrow: ``("lambda", "mu")``.
     against : "integer", optional
-        Choose what tells the orders from the best integer-order alternative.
+        Choose what tells the orders from the best integer-order alternative, each of them where it alone is off; those
+        that `of` names, if it names some.
     free, orders
         Of a model: the names that fits are to find, and the values of its orders.
     robust : int
@@ -135,18 +136,21 @@ def design(
     information = [t for t in tables if isinstance(t, Information)]
     parts, base = _stacked([information]), _base(subject)
     distances: Mapping[str, float] | None = None
+    alone: Mapping[str, float] | None = None
     if name == "T":
-        alternatives = alternatives_of(subject, space, candidates, experiments, jobs=jobs)
-        chosen = alternatives.chosen(experiments)
+        each = orders_alone(subject, space, candidates, experiments, of=[subject.names[i] for i in places], jobs=jobs)
+        chosen = each.chosen(experiments)
+        alone = each.nearest(chosen)
+        together = alternatives_of(subject, space, candidates, chosen, jobs=jobs)
         states = with_states(subject, space, [candidates[i] for i in chosen], jobs=jobs)
-        distances = {**alternatives.distances(chosen), **states}
+        distances = {**together.distances(chosen), **states}
     else:
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
             chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
     return _plan(subject, space, name, tuple(subject.names[i] for i in places),
-                 _Table(candidates, information, chosen, len(tables) - len(possible)), distances)  # fmt: skip
+                 _Table(candidates, information, chosen, len(tables) - len(possible)), distances, alone)  # fmt: skip
 
 
 def subject_of(
@@ -338,7 +342,7 @@ class _Table:
 
 def _plan(
     subject: Subject, space: DesignSpace, criterion: str, of: tuple[str, ...], table: _Table,
-    distances: Mapping[str, float] | None,
+    distances: Mapping[str, float] | None, alone: Mapping[str, float] | None,
 ) -> Plan:  # fmt: skip
     base = Information(*(b[0] for b in _base(subject)))
     total = base
@@ -348,12 +352,12 @@ def _plan(
     expected = {n: Value(v, u, e if e < s else None, b if b < s else None) for n, v, u, e, b, s
                 in zip(subject.names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
                        subject.scale.tolist(), strict=True)}  # fmt: skip
-    alone = [np.sqrt(np.diag((base + i).covariance(subject.scale))) for i in table.information]
+    single = [np.sqrt(np.diag((base + i).covariance(subject.scale))) for i in table.information]
     landscape = tuple((c, dict(zip(subject.names, e.tolist(), strict=True)))
-                      for c, e in zip(table.candidates, alone, strict=True))  # fmt: skip
+                      for c, e in zip(table.candidates, single, strict=True))  # fmt: skip
     return Plan(
         subject, space, criterion, of, tuple(table.candidates[i] for i in table.chosen), expected,
         len(table.candidates), table.excluded, landscape,
         Information(total.curvature, total.scatter).covariance(subject.scale),
-        distances,
+        distances, alone,
     )  # fmt: skip

@@ -84,6 +84,8 @@ class Plan(CardDisplay):
     """Of the free values after the plan, shape (n, n)."""
     distances: Mapping[str, float] | None = None
     """Integer-order alternative → its distance in standard deviations, of a plan against them."""
+    alone: Mapping[str, float] | None = None
+    """Order → the distance of the nearest of them from a rig on which it alone is off."""
 
     def gain_over(self, run: Fit | SavedRun | None = None) -> dict[str, float]:
         """By what factor the interval of each value becomes narrower.
@@ -121,6 +123,7 @@ class Plan(CardDisplay):
             "gain": {n: g if math.isfinite(g) else None for n, g in self.gain_over().items()},
             "candidates": self.candidates, "excluded": self.excluded, "notes": list(self.subject.notes),
             "distances": None if self.distances is None else dict(self.distances),
+            "alone": None if self.alone is None else dict(self.alone),
         }  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
@@ -187,7 +190,9 @@ class Plan(CardDisplay):
         if self.distances:
             nearest = min(self.distances, key=self.distances.__getitem__)
             away = f"stays {self.distances[nearest]:.3g} standard deviations away"
-            yield "alternative", f"the nearest, with {nearest}, {away}"
+            alone = [f"{GREEK.get(n, n)} {d:.3g}" for n, d in (self.alone or {}).items()]
+            off = f"; of one order off alone, {listed(alone)}" if len(alone) > 1 else ""
+            yield "alternative", f"the nearest, with {nearest}, {away}{off}"
 
 
 def _times(factor: float) -> str:

@@ -109,6 +109,15 @@ class Subject:
         start = dict(zip(self.names, values.tolist(), strict=True))
         return replace(self, problem=_starting_at(self.problem, start), values=values)
 
+    def with_orders(self, values: Mapping[str, float]) -> Subject:
+        """The same rig with other values of some orders, within bounds that hold them."""
+        p = self.problem
+        orders = {n: v if n not in values else values[n] if not isinstance(v, Free) else
+                  replace(v, start=values[n], lower=min(v.lower, values[n]), upper=max(v.upper, values[n]))
+                  for n, v in p.orders.items()}  # fmt: skip
+        at = np.array([values.get(n, v) for n, v in zip(self.names, self.values.tolist(), strict=True)])
+        return replace(self, problem=replace(p, orders=orders), values=at)
+
     def noise_of(self, output: str) -> Noise:
         """The noise of an output; that of a sensor that is added is the largest of the others."""
         return self.noise.get(output) or max(self.noise.values(), key=lambda n: n.variance)
