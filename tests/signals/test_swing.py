@@ -12,6 +12,7 @@ import fracid
 from fracid.signals.swing import (
     FEWEST,
     common_period,
+    final_value,
     half_swings,
     quickening,
     swing_count,
@@ -98,3 +99,13 @@ def test_small_swings_are_quicker_only_where_a_joint_gives_before_it_slides(fric
     swing = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.3}, step=2e-3, end=25.0)
     count = 2 * np.pi / 4096
     assert quickening(count * np.round(swing.states[:, 2] / count), 8 * count) == pytest.approx(quicker, abs=5e-3)
+
+
+@pytest.mark.parametrize("swings", [4.1, 4.6, 5.3, 7.8])
+@pytest.mark.parametrize("phase", [0.0, 0.7, 2.0, 4.0])
+def test_the_middle_of_few_swings_is_that_of_whole_ones(swings, phase):
+    """A pendulum still swings by 80° at the end of a short recording, and hangs at 3°: half a swing more tells 14°."""
+    turns = np.linspace(0, swings, 1000)
+    angle = 80.0 * np.exp(-0.05 * turns) * np.cos(2 * np.pi * turns + phase) + 3.0
+    counts = np.radians(np.round(angle / 0.7) * 0.7)
+    assert np.degrees(final_value(counts)) == pytest.approx(3.0, abs=3.0)

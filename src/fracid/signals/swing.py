@@ -238,7 +238,11 @@ def final_value(signal: FloatArray) -> float | None:
     if at_rest:
         return rest
     late = signal[len(signal) // 2 :]
-    middle = float(np.median(late))
+    level = 0.5 * (np.max(late) + np.min(late))
+    upward = np.flatnonzero((late[:-1] < level) & (late[1:] >= level))
+    if upward.size < 2:
+        return None
+    middle = float(np.median(late[upward[0] : upward[-1]]))  # of whole swings: half a swing more is up to 0.3 of it off
     swings = swing_count(late) >= LATE_SWINGS and float(np.max(np.abs(late - middle))) < math.pi / 2
     return middle if swings else None
 
