@@ -10,9 +10,11 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from matplotlib.figure import Figure
 
 from fracid.cli.app import main
 from fracid.schemas.files import json_schema
+from fracid.validation.residual_analyses import first_part
 from program import fit_in
 from twins import RIG, write_release
 
@@ -121,6 +123,18 @@ def test_of_a_model_without_friction_the_swing_is_left(capsys, lacking, tmp_path
         assert not found["alpha"]["whiteness"]["white"]
         assert found["alpha"]["spectrum"]["line"]["harmonic"] == 1
         assert found["alpha"]["whiteness"]["effective_samples"] < 0.1 * found["alpha"]["samples"]
+
+
+def test_of_a_very_long_recording_the_first_part_is_tested_and_drawn(capsys, good, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("fracid.workflows.residuals.first_part", lambda r: first_part(r, 500))
+    monkeypatch.setattr("fracid.plots.residual_diagnostics", lambda r, *_, **__: drawn.append(r.time.size) or Figure())
+    with pytest.raises(SystemExit):
+        main(["resid", str(good / "run"), "--recording", "again", "--out", str(tmp_path)])
+    told = capsys.readouterr()
+    assert "again has 801 samples: the first 500 are tested and drawn." in told.out + told.err
+    assert "release 20° has" not in told.out + told.err
+    assert drawn == [500, 500]
 
 
 def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, undrawn):

@@ -16,7 +16,7 @@ from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
-from fracid.validation.residual_analyses import Analyses
+from fracid.validation.residual_analyses import Analyses, first_part
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.records import json_document, write_files
@@ -101,10 +101,14 @@ def run_residuals(
                 if name not in there:
                     raise unknown_name(f"{what} of {source}", name, there)
         watching.stage("tests of the residuals")
+        tested = {n: first_part(r) for n, r in loaded_run.recordings.items() if not recordings or n in recordings}
+        for name, r in tested.items():
+            if r.time.size < (samples := loaded_run.recordings[name].time.size):
+                watching.notice(f"{name} has {samples:,} samples: the first {r.time.size:,} are tested and drawn.")
         analyses = {
-            name: {n: residual_analysis(loaded_run.recordings[name], n, loaded_run.resolutions[name])
+            name: {n: residual_analysis(r, n, loaded_run.resolutions[name])
                    for n in loaded_run.problem.outputs if not outputs or n in outputs}
-            for name in loaded_run.recordings if not recordings or name in recordings
+            for name, r in tested.items()
         }  # fmt: skip
     folder = source if out is None else Path(out)
     watching.stage("figures")
@@ -127,7 +131,7 @@ def _written(run: SavedRun, analyses: Analyses, folder: Path) -> tuple[Path, ...
     stems = file_stems(run.recordings)
     for name, outputs in analyses.items():
         for output, analysis in outputs.items():
-            figure = residual_diagnostics(run.recordings[name], output, analysis=analysis,
+            figure = residual_diagnostics(first_part(run.recordings[name]), output, analysis=analysis,
                                           resolution=run.resolutions[name])  # fmt: skip
             paths += save(figure, folder / FIGURES, f"residuals-{stems[name]}-{output}")
     return tuple(paths)
