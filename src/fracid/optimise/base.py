@@ -378,7 +378,8 @@ def as_generator(run: Callable[[Ask], Outcome]) -> Optimiser:
 
     def work() -> None:
         try:
-            queries.put(run(evaluate))
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a step to nowhere is refused
+                queries.put(run(evaluate))
         except _Closed:
             pass
         except BaseException as error:  # handed to whoever asks next
