@@ -11,7 +11,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.estimation.covariance import jacobian
-from fracid.experiments.alternatives import alternatives_of, orders_alone
+from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of
 from fracid.experiments.choice import informations, subject_of
 from fracid.experiments.criteria import objective_named
 from fracid.experiments.exchange import exchange
@@ -151,9 +151,10 @@ def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative()
     told = {pair: sum(math.log1p(d**2) for d in rigs.nearest(pair).values())
             for pair in combinations_with_replacement(rigs.allowed, 2)}  # fmt: skip
     assert told[chosen] == pytest.approx(max(told.values()), rel=1e-9)
-    table = alternatives_of(subject, SPACE, SPACE.candidates, chosen)
+    done = [SPACE.candidates[i] for i in chosen]
+    table = alternatives_of(subject, SPACE, done, rivals_of(subject, SPACE, done))
     assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
-    every = table.distances(chosen)
+    every = table.distances([0, 1])
     assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does
 
 

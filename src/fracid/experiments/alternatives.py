@@ -51,7 +51,7 @@ from fracid.problem.unknowns import Value
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 
-__all__ = ["Alternatives", "OrdersAlone", "alternatives_of", "orders_alone", "with_states"]
+__all__ = ["Alternatives", "OrdersAlone", "alternatives_of", "orders_alone", "rivals_of", "with_states"]
 
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
@@ -92,7 +92,7 @@ class Alternatives:
 
     def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
         """Alternative → its distance from a set of experiments, in standard deviations."""
-        at = [self.allowed.index(i) for i in chosen]
+        at = [self.allowed.index(i) for i in chosen if i in self.allowed]
         sums = tuple((b + p[:, at].sum(axis=1))[0] for p, b in zip(self.parts, self.base, strict=True))
         return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
 
@@ -169,14 +169,14 @@ def orders_alone(
     ('friction', (1, 3))
     """
     rigs = _one_order_off(subject, of)
-    rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}) for n, rig in rigs.items()}
+    rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}, jobs) for n, rig in rigs.items()}
     every = range(len(candidates))
     first = OrdersAlone({n: _linearised(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
     if not first.allowed:
         raise InputError("There is no candidate for which the integer-order models of all orders reach the end.")
     chosen = first.chosen(count)
     short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
-    rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n]) for n, rig in rigs.items()}
+    rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n], jobs) for n, rig in rigs.items()}
     return OrdersAlone({n: _linearised(rig, space, candidates, short, rivals[n], jobs) for n, rig in rigs.items()})
 
 
@@ -193,17 +193,23 @@ def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
     return {n: subject.with_orders({m: v for m, v in integer.items() if m != n}) for n in told}
 
 
+def rivals_of(
+    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], *, jobs: int = 1
+) -> dict[str, _Rival]:
+    """Arm → the integer-order model that fits its experiments best, of a set with repetitions."""
+    return _rivals(subject, space, _by_arm([*dict.fromkeys(experiments)], list), {}, jobs)
+
+
 def alternatives_of(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], chosen: Sequence[int], *, jobs: int = 1
-) -> Alternatives:
-    """The integer-order alternatives of a chosen set, about the model that fits it best, the orders as they are."""
-    once = [*dict.fromkeys(chosen)]
-    rivals = _rivals(subject, space, _by_arm([candidates[i] for i in once], list), {})
-    return _linearised(subject, space, candidates, once, rivals, jobs)
+    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival], *,
+    jobs: int = 1,
+) -> Alternatives:  # fmt: skip
+    """The integer-order alternatives of a chosen set, about the models that fit it best, the orders as they are."""
+    return _linearised(subject, space, experiments, range(len(experiments)), rivals, jobs)
 
 
 def with_states(
-    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], *, jobs: int = 1
+    subject: Subject, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival], *, jobs: int = 1
 ) -> dict[str, float]:
     """How far each alternative that adds states stays from a set of experiments, fitted to it.
 
@@ -211,9 +217,10 @@ def with_states(
     ----------
     subject : Subject
         Of a fractional model.
-    space : DesignSpace
     experiments : sequence of Candidate
         Those that are chosen, repetitions too.
+    rivals : mapping
+        Arm → the integer-order model that fits them best (:func:`rivals_of`).
     jobs : int
         Threads.
 
@@ -228,13 +235,12 @@ def with_states(
     >>> from fracid.experiments.choice import subject_of
     >>> space = DesignSpace(release=30, seconds=2, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("stepper-freeswing"), space, orders={"mu": 0.95})
-    >>> list(with_states(subject, space, space.candidates))
+    >>> list(with_states(subject, space.candidates, rivals_of(subject, space, space.candidates)))
     ['presliding', "Stribeck's friction"]
     """
     friction, squares = 0.0, dict[str, float]()
-    for arm in _by_arm(experiments, list).values():
-        times = Counter(arm)
-        rival = _rival(subject, space, [*times])
+    for arm, done in _by_arm(experiments, list).items():
+        times, rival = Counter(done), rivals.get(arm)
         if rival is None:
             continue
         counts = [times[c] for c in times][: len(rival.problem.experiments)]
@@ -358,17 +364,18 @@ class _Common:
 
 
 def _rivals(
-    subject: Subject, space: DesignSpace, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival]
-) -> dict[str, _Rival]:
+    subject: Subject, space: DesignSpace, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival],
+    jobs: int,
+) -> dict[str, _Rival]:  # fmt: skip
     """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
-    fitted = {arm: _rival(subject, space, some) for arm, some in experiments.items()}
+    fitted = {arm: _rival(subject, space, some, jobs) for arm, some in experiments.items()}
     rivals = {arm: rival for arm, rival in ({**known, **fitted}).items() if rival is not None}
     if not rivals:
         raise InputError("No run of the model reaches the end of a candidate.")
     return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
 
-def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate]) -> _Rival | None:
+def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], jobs: int) -> _Rival | None:
     """Fit the integer-order model, friction free, to what the fractional one does; None where no run of that ends."""
     simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
     problems = [p for p in simulated if p is not None]
@@ -379,8 +386,9 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     joints, kinds = ("", *moving(joint)), joint.model.friction
     friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
     joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
-    grown = growing(joint, joint.start, 1, Watch()).best.point  # on the whole at once it may end a swing ahead
-    best = min((refined(joint, x, 1, Watch(), tolerance=1e-8).best for x in (joint.start, grown)), key=lambda e: e.cost)
+    grown = growing(joint, joint.start, jobs, Watch()).best.point  # on the whole at once it may end a swing ahead
+    ends = [refined(joint, x, jobs, Watch(), tolerance=1e-8).best for x in (joint.start, grown)]
+    best = min(ends, key=lambda e: e.cost)
     joint = replace(joint, parameters=_starting(joint, best.point))
     elements = {e.name: e.problem for e in _elements(joint)}
     extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}

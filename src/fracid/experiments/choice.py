@@ -15,7 +15,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import jacobian
 from fracid.estimation.search import search
-from fracid.experiments.alternatives import alternatives_of, orders_alone, with_states
+from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
 from fracid.experiments.criteria import CRITERIA, Objective, objective_named
 from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
@@ -141,9 +141,10 @@ def design(
         each = orders_alone(subject, space, candidates, experiments, of=[subject.names[i] for i in places], jobs=jobs)
         chosen = each.chosen(experiments)
         alone = each.nearest(chosen)
-        together = alternatives_of(subject, space, candidates, chosen, jobs=jobs)
-        states = with_states(subject, space, [candidates[i] for i in chosen], jobs=jobs)
-        distances = {**together.distances(chosen), **states}
+        done = [candidates[i] for i in chosen]
+        rivals = rivals_of(subject, space, done, jobs=jobs)
+        together = alternatives_of(subject, space, done, rivals, jobs=jobs)
+        distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
     else:
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
