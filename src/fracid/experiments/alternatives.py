@@ -15,9 +15,9 @@ beside them one at a time what :data:`fracid.selection.integer_alternatives.ELEM
 drag, a cable, a tilted axis.  T is that of the nearest, of the planned experiments alone: what is recorded does not
 count, since its residual may be what the plan is to explain.
 
-Of several orders nobody knows which is none.  A plan for a rig on which all of them are off may rest on one alone, and
-then it calls integer a rig whose other order is off: a clamped arm shows nothing of λ.  So each order is set off alone,
-the others at their integers, and :math:`\sum_i\log(1 + T_i)` is made greatest: by how much each is off then makes
+Of several orders nobody knows beforehand which are fractional.  A plan for a rig on which all are may rest on one of
+them, and a rig on which another is is then called integer: a clamped arm shows nothing of λ.  So each order is set off
+its integer alone, the others at theirs, and :math:`\sum_i\log(1 + T_i)` is made greatest: by how much each is off then makes
 little difference to the choice, and one that no candidate shows has no say.
 
 Those that add states (play, presliding, Stribeck's friction, an elastic arm) have no derivative where they are off.
@@ -122,7 +122,16 @@ class OrdersAlone:
         return np.asarray(np.sum(each, axis=0))
 
     def chosen(self, count: int) -> tuple[int, ...]:
-        """The set that tells all orders best."""
+        """The set that tells all orders best.
+
+        Raises
+        ------
+        InputError
+            If no candidate has the alternatives of all orders.
+        """
+        if not self.allowed:
+            raise InputError("No candidate is reached to its end by the integer-order models of every order. Give "
+                             "--for one of them, or release from nearer.")  # fmt: skip
         return tuple(self.allowed[i] for i in exchange(self.objective, *self._parts, count))
 
     def short(self, most: int) -> list[int]:
@@ -172,8 +181,6 @@ def orders_alone(
     rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}, jobs) for n, rig in rigs.items()}
     every = range(len(candidates))
     first = OrdersAlone({n: _linearised(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
-    if not first.allowed:
-        raise InputError("There is no candidate for which the integer-order models of all orders reach the end.")
     chosen = first.chosen(count)
     short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
     rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n], jobs) for n, rig in rigs.items()}
