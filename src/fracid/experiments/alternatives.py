@@ -17,8 +17,8 @@ count, since its residual may be what the plan is to explain.
 
 Of several orders nobody knows beforehand which are fractional.  A plan for a rig on which all are may rest on one of
 them, and a rig on which another is is then called integer: a clamped arm shows nothing of λ.  So each order is set off
-its integer alone, the others at theirs, and :math:`\sum_i\log(1 + T_i)` is made greatest: by how much each is off then makes
-little difference to the choice, and one that no candidate shows has no say.
+its integer alone, the others at theirs, and :math:`\sum_i\log(1 + T_i)` is made greatest: by how much each is off then
+makes little difference to the choice, and one that no candidate shows has no say.
 
 Those that add states (play, presliding, Stribeck's friction, an elastic arm) have no derivative where they are off.
 They are fitted to the chosen set, by least squares as the claim does, and their distances stand beside
