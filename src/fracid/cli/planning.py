@@ -211,8 +211,9 @@ def _show(finished: FinishedDesign, console: Console) -> None:
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip
-    for order, distance in (plan.alone or {}).items() if len(plan.alone or {}) > 1 else ():
-        console.print(f"If {order} alone is off: {distance:.3g}.", soft_wrap=True)
+    if len(plan.alone or {}) > 1:
+        alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
+        console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
     for note in plan.subject.notes:
         say(console, escape(note), "  • ", 4)
     console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)

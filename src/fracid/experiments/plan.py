@@ -191,7 +191,7 @@ class Plan(CardDisplay):
             nearest = min(self.distances, key=self.distances.__getitem__)
             away = f"stays {self.distances[nearest]:.3g} standard deviations away"
             alone = [f"{GREEK.get(n, n)} {d:.3g}" for n, d in (self.alone or {}).items()]
-            off = f"; of one order off alone, {listed(alone)}" if len(alone) > 1 else ""
+            off = f"; where one order alone is fractional, {listed(alone)}" if len(alone) > 1 else ""
             yield "alternative", f"the nearest, with {nearest}, {away}{off}"
 
 
