@@ -25,7 +25,7 @@ PROGRAMS = {"browser", "in_octave"}
 LONG_DOCTESTS = (
     "identification.identify", "noise.noise_levels", "sensor_faults.misread", "comparison.compare",
     "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test", "reduction.multi_term",
-    "linear.linear_response",
+    "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states",
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0

@@ -5,6 +5,8 @@ import signal
 import sys
 import time
 
+import pytest
+
 import fracid
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
@@ -22,6 +24,7 @@ def modules_with(*_material):
     return [name for name in ("numba", "fracid.solver.solve", "fracid.problem.problem") if name in sys.modules]
 
 
+@pytest.mark.broad
 def test_what_the_process_beside_has_not_begun_is_done_here():
     with drawer(2) as beside:
         answers = [beside.asked(its_process, n, 0.3) for n in range(6)]
@@ -38,6 +41,7 @@ def test_the_process_beside_imports_no_solver_to_draw():
         assert beside.pool.submit(modules_with, *material).result() == []
 
 
+@pytest.mark.broad
 def test_what_a_killed_process_leaves_undone_is_done_here():
     with drawer(2) as beside:
         process = beside.asked(its_process, None)
