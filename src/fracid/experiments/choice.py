@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -29,6 +30,7 @@ from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Progress
+from fracid.tasks.observer import Observer
 
 __all__ = ["Source", "Tell", "design", "informations", "subject_of"]
 
@@ -63,6 +65,7 @@ def design(
     seed: int = 1,
     jobs: int = 1,
     progress: Tell | None = None,
+    observer: Observer | None = None,
 ) -> Plan:
     """Choose the next experiments on a rig.
 
@@ -96,6 +99,8 @@ def design(
         Threads.
     progress : function, optional
         Gets how many candidates are done.
+    observer : Observer, optional
+        Hears each stage as it begins, and in place of `progress` how many candidates are done.
 
     Returns
     -------
@@ -125,10 +130,14 @@ def design(
     if name not in CRITERIA:
         raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
     candidates = _some(space)  # before a project is searched
+    watching = observer or Observer()
+    if isinstance(source, Project):
+        watching.stage("search")
     subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
     subject.check(space)
     places = subject.places(of)
-    tables = informations(subject, space, candidates, jobs=jobs, progress=progress)
+    with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
+        tables = informations(subject, space, candidates, jobs=jobs, progress=tell)
     possible = [i for i, t in enumerate(tables) if isinstance(t, Information)]
     if not possible:
         raise InputError(_excluded(tables))
@@ -138,10 +147,12 @@ def design(
     distances: Mapping[str, float] | None = None
     alone: Mapping[str, float] | None = None
     if name == "T":
+        watching.stage("integer-order models that come nearest")
         each = orders_alone(subject, space, candidates, experiments, of=[subject.names[i] for i in places], jobs=jobs)
         chosen = each.chosen(experiments)
         alone = each.nearest(chosen)
         done = [candidates[i] for i in chosen]
+        watching.stage("integer-order models of the chosen experiments")
         rivals = rivals_of(subject, space, done, jobs=jobs)
         together = alternatives_of(subject, space, done, rivals, jobs=jobs)
         distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
@@ -149,7 +160,9 @@ def design(
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
+            watching.stage("values from the intervals")
             chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
+    watching.stage("")
     return _plan(subject, space, name, tuple(subject.names[i] for i in places),
                  _Table(candidates, information, chosen, len(tables) - len(possible)), distances, alone)  # fmt: skip
 

@@ -86,14 +86,14 @@ def run_design(
     Traceback (most recent call last):
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
-    with one_blas_thread(), unless_given(observer).progress("candidates") as tell:
+    with one_blas_thread():
         known = _loaded(source, friction, trust)
         model = known if isinstance(known, Model) else known.problem.model
         if swing and model.pendulum:
             space = replace(space, release=swing)
         plan = design(
             known, space, experiments=experiments, criterion=criterion, of=of, against=against, orders=orders,
-            robust=robust, seed=seed, jobs=jobs, progress=tell,
+            robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
         )  # fmt: skip
     path = Path(source)
     folder = (
