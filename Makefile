@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# Without kept bytecode every program that a test starts compiles fracid again.
+unexport PYTHONDONTWRITEBYTECODE
 SITE := .venv/.site
 PEERS := .venv-bench/.ready
 PACKING := .venv-package/.ready

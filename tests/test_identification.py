@@ -42,6 +42,7 @@ def free(low=0.3, high=3.0, start=1.0, *names):
 # --- what it finds ------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("start", [(0.7, 1.1), (1.15, 0.6), (0.55, 0.55)])
 def test_orders_are_found_from_far_starts(start):
     orders = {n: Free(s, 0.5, 1.2) for n, s in zip(WIDE, start, strict=True)}
@@ -245,6 +246,7 @@ def test_a_validation_recording_gets_its_own_start_and_nothing_else():
     assert again.cost < 0.7 * seen.cost
 
 
+@pytest.mark.broad
 def test_a_validation_recording_may_have_its_own_parameters():
     rig = RIG.with_parameters(alpha_rest=0.07)
     run = fracid.simulate(rig, orders=[0.9, 0.9, 0.95, 0.95], initial={"alpha": 0.3}, step=STEP, end=3.0)
@@ -398,6 +400,7 @@ def test_the_paper_scheme_and_lambda_from_alpha_alone_are_warned_of():
     assert any("Only alpha is scored, and lambda can hardly be seen" in w for w in fit.warnings)
 
 
+@pytest.mark.broad
 def test_a_search_that_stops_short_is_told_how_far():
     fit = identify(problem(twin(noise=1e-3, end=1.0)), optimiser="genetic", options={"generations": 1})
     assert any("stopped short of its own minimum: least squares from its best point" in w for w in fit.warnings)

@@ -4,15 +4,15 @@ import ast
 import re
 import subprocess
 import sys
-from itertools import pairwise
+from functools import cache
+from itertools import chain, pairwise
 from pathlib import Path
 
 import pytest
 
 import fracid
 from fracid.former_modules import FORMER
-
-PACKAGE = Path(fracid.__file__).parent
+from sources import PACKAGE, nodes
 
 LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
@@ -51,9 +51,9 @@ MODULES = {
 """Dotted name within fracid → file; "" is fracid itself."""
 
 
-def imports(path):
-    """Names of fracid's own modules that a file imports, anywhere in it."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imports(nodes):
+    """Names of fracid's own modules that a file with these nodes imports, anywhere in it."""
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "fracid":
             base = node.module.removeprefix("fracid").lstrip(".")
             for alias in node.names:
@@ -63,8 +63,15 @@ def imports(path):
             yield from (a.name.removeprefix("fracid.") for a in node.names if a.name.startswith("fracid."))
 
 
-GRAPH = {name: set(imports(path)) - {name} for name, path in MODULES.items()}
 BELOW = [name for name in MODULES if name not in ("", "__main__")]
+
+
+@cache
+def graph():
+    """Module → the modules that it imports."""
+    return {
+        name: set(imports(nodes()[path.relative_to(PACKAGE).as_posix()])) - {name} for name, path in MODULES.items()
+    }
 
 
 def first(name):
@@ -77,7 +84,7 @@ def test_every_package_has_its_row():
 
 @pytest.mark.parametrize("name", BELOW)
 def test_a_module_imports_only_from_its_own_package_and_from_rows_above(name):
-    for other in GRAPH[name]:
+    for other in graph()[name]:
         assert other, f"{name} imports from fracid itself; import from the module that defines it"
         allowed = first(other) == first(name) or ROW[first(other)] < ROW[first(name)]
         assert allowed, f"{name} (row {ROW[first(name)]}) imports {other} (row {ROW[first(other)]})"
@@ -108,7 +115,7 @@ def circles(graph):
 
 def test_no_two_files_import_each_other_in_a_circle():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
-    assert circles(GRAPH) == []
+    assert circles(graph()) == []
 
 
 def test_no_module_is_called_like_a_public_function():
@@ -143,10 +150,9 @@ def test_every_figure_that_a_result_draws_is_there():
     from fracid import plots
 
     named = set()
-    for path in MODULES.values():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == "draw" and node.args:
-                named |= {c.value for c in ast.walk(node.args[0]) if isinstance(c, ast.Constant)}
+    for node in chain.from_iterable(nodes().values()):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "draw" and node.args:
+            named |= {c.value for c in ast.walk(node.args[0]) if isinstance(c, ast.Constant)}
     assert named - {None} <= set(plots.FIGURES) | {"residual_plots", "residual_diagnostics"}
     assert set(plots.FIGURES) <= set(plots.__all__)
 
@@ -159,6 +165,7 @@ def test_former_modules_still_import():
     assert {home for homes in FORMER.values() for home in homes.split()} <= set(MODULES)
 
 
+@pytest.mark.broad
 def test_what_was_in_a_former_module_is_found_with_a_warning():
     with pytest.warns(DeprecationWarning, match=r"fracid\.costs has moved to fracid\.problem\.costs"):
         from fracid.costs import COSTS

@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,8 +24,7 @@ from fracid.selection.integer_rival import freed_friction
 from fracid.selection.ladder import ladder
 from fracid.solver.methods import METHODS, Method
 from program import fit_in, run
-
-PACKAGE = Path(fracid.__file__).parent
+from sources import nodes
 
 OPTIMISER = '''
 import numpy as np
@@ -190,24 +189,19 @@ def test_what_a_method_does_not_say_is_refused_in_words(problem):
 # --- nothing else lists them -----------------------------------------------------------------------------------------
 
 
-NODES = {
-    path.relative_to(PACKAGE).as_posix(): list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    for path in PACKAGE.rglob("*.py")
-}
-"""Of each file."""
-
-
 def texts(nodes):
     """Those of some nodes that are texts."""
     return {n.value for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)}
 
 
-LISTED = {
-    path: [texts(n.keys if isinstance(n, ast.Dict) else n.elts) for n in nodes
-           if isinstance(n, ast.Dict | ast.List | ast.Tuple | ast.Set)]
-    for path, nodes in NODES.items()
-}  # fmt: skip
-"""The texts of each list, tuple, set and mapping of each file."""
+@cache
+def listed():
+    """The texts of each list, tuple, set and mapping of each file."""
+    return {
+        path: [texts(n.keys if isinstance(n, ast.Dict) else n.elts) for n in of_file
+               if isinstance(n, ast.Dict | ast.List | ast.Tuple | ast.Set)]
+        for path, of_file in nodes().items()
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -220,15 +214,15 @@ LISTED = {
     ],
 )
 def test_no_other_file_has_a_copy_of_a_table(table, home):
-    for path, listed in LISTED.items():
-        assert path.startswith(home) or all(len(names & {*table}) < 3 for names in listed), path
+    for path, lists in listed().items():
+        assert path.startswith(home) or all(len(names & {*table}) < 3 for names in lists), path
 
 
 def test_only_what_is_of_the_rotary_pendulum_alone_names_its_constants():
     of_it = ("models/", "regression/", "problem/draft.py", "experiments/")
     names = {p.name for p in PARAMETERS} - {"time_scale"}
-    for path, nodes in NODES.items():
-        assert path.startswith(of_it) or names.isdisjoint(texts(nodes)), path
+    for path, of_file in nodes().items():
+        assert path.startswith(of_it) or names.isdisjoint(texts(of_file)), path
 
 
 def test_a_program_that_starts_imports_no_table():

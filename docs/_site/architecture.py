@@ -34,7 +34,7 @@ def lines(package, name):
 def arrows(layers):
     """Package → the packages that it imports and that no other of them leads to."""
     direct = {name: set() for name in layers.ROW}
-    for module, others in layers.GRAPH.items():
+    for module, others in layers.graph().items():
         if module not in ("", "__main__"):
             direct[layers.first(module)] |= {layers.first(o) for o in others if o} - {layers.first(module)}
 

@@ -69,6 +69,7 @@ def test_next_to_the_minimum_the_curvature_is_the_sandwichs(swing, cost):
         assert -likelihood.log_likelihood(x) == pytest.approx(exact, rel=0.05)
 
 
+@pytest.mark.broad
 def test_a_posterior_is_as_wide_as_the_intervals_of_autocorrelated_residuals(swing):
     drawn = fracid.posterior(swing, draws=1500)
     sandwich = uncertainty(swing, drawn.x)
@@ -77,6 +78,7 @@ def test_a_posterior_is_as_wide_as_the_intervals_of_autocorrelated_residuals(swi
     assert np.max(widths / sandwich.white) > 1.5 * 2 * 1.96
 
 
+@pytest.mark.broad
 def test_a_prior_of_the_project_counts_against_the_effective_samples(swing):
     i, flat = swing.names.index("mu"), fracid.posterior(swing, draws=1500)
     mean, sd = flat.mean[i], flat.standard_deviation[i]
@@ -104,6 +106,7 @@ def test_what_the_data_do_not_identify_keeps_its_prior(swing):
     assert np.sqrt(shape.covariance[-1, -1]) == pytest.approx(0.1 / np.sqrt(12), rel=1e-6)
 
 
+@pytest.mark.broad
 def test_the_odds_of_a_parameter_that_is_not_there_are_against_it(swing):
     free = replace(swing, parameters={"b_alpha": Free(2e-4, 0.0, 1e-2), "drag_alpha": Free(0.0, -1e-3, 1e-3)})
     with_drag, without = fracid.posterior(free, draws=600), fracid.posterior(swing, draws=600)

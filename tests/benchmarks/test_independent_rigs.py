@@ -189,6 +189,7 @@ def test_there_are_fifteen_kinds_of_integer_order_truth_and_fractional_ones(rigs
     assert sum(k.fractional for k in kinds) >= 5
 
 
+@pytest.mark.broad
 def test_every_kind_makes_a_recording_that_its_kind_shapes(rigs, tmp_path):
     plain = {}
     for k in rigs.KINDS.values():

@@ -84,6 +84,7 @@ def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, 
         assert name in out
 
 
+@pytest.mark.broad
 def test_posterior_odds_are_a_column_of_a_comparison_that_was_made_without(capsys, folder):
     before = json.loads((folder / "run" / "compare.json").read_text(encoding="utf-8"))
     code, out, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--evidence", *QUICK)

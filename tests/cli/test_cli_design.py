@@ -99,6 +99,7 @@ initial_state = "rest"
 """
 
 
+@pytest.mark.broad
 def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path):
     (tmp_path / "lag.py").write_text(LAG, encoding="utf-8")
     (tmp_path / "rig.toml").write_text(LAG_PROJECT, encoding="utf-8")

@@ -83,7 +83,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_takes_its_run(folder, capsys, command):
     words, files = COMMANDS[command]

@@ -95,7 +95,7 @@ MISTAKES = {
 """What is typed → what the sentence must hold."""
 
 
-@pytest.mark.few(14)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_told_with_what_to_type(capsys, folder, words):
     code, out, err = run(capsys, *words.split())

@@ -36,6 +36,7 @@ def test_draws_are_written_beside_a_record_that_keeps_its_schema(drawn):
     assert {path.suffix for path in finished.figures} == {".png", ".svg"}
 
 
+@pytest.mark.broad
 def test_the_same_command_reads_the_journal_and_simulates_nothing(capsys, drawn, monkeypatch):
     folder, finished = drawn
     monkeypatch.setattr(laplace, "log_likelihoods", lambda *_: pytest.fail("it simulates"))
@@ -47,6 +48,7 @@ def test_the_same_command_reads_the_journal_and_simulates_nothing(capsys, drawn,
     assert json.loads(out) == json.loads(finished.path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.broad
 def test_more_draws_and_another_seed_go_into_the_same_folder(capsys, drawn, tmp_path):
     shutil.copytree(drawn[0].parent, tmp_path / "rig")
     code, out, _ = run(capsys, "posterior", tmp_path / "rig" / "run", "--draws", 500, "--seed", 2, "--json")

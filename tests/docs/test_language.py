@@ -85,6 +85,7 @@ def test_a_page_has_no_phrase_of_the_list(page):
     assert [*phrases(prose)] == []
 
 
+@pytest.mark.broad
 def test_messages_and_help_have_no_phrase_of_the_list():
     found = [f"{m.relative_to(ROOT)}: {p}" for m in SOURCE.rglob("*.py") for text in messages(m) for p in phrases(text)]
     assert found == []

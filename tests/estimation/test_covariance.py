@@ -55,7 +55,7 @@ def held(cost, rho, seeds=40):
 # Of 40 intervals that hold the truth with a probability of 95 %, 35 or fewer do so in 5 % of cases.
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("cost", ["rmse", "huber"])
 def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
     ours, _ = held(cost, rho=0.0)

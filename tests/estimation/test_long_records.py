@@ -132,6 +132,7 @@ def test_held_inputs_lose_no_impulse_on_coarser_steps(problem):
         assert every * coarse.inputs.sum() == pytest.approx(e.inputs[: n * every].sum(), abs=1e-9)
 
 
+@pytest.mark.broad
 def test_many_recordings_with_unknowns_of_their_own_keep_every_sample_and_their_sparse_derivatives():
     t = 5e-3 * np.arange(2000)
     swings = tuple(Experiment(f"{k}", 5e-3, np.cos(9 * t)[:, None] * [0.1, 1.0], np.zeros((1, 1))) for k in range(300))

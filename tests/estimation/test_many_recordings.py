@@ -55,6 +55,7 @@ def thirty():
     return recordings(30, 40)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_a_step_by_blocks_is_the_step_of_all_rows(thirty, monkeypatch, weights):
     whole, parts = both(monkeypatch, thirty, initial_state="rest", weights=weights)
@@ -81,6 +82,7 @@ def test_a_step_by_blocks_is_the_step_of_all_rows(thirty, monkeypatch, weights):
     np.testing.assert_allclose(R.gradient, dense.T @ rows, rtol=1e-9, atol=1e-12 * np.abs(R.gradient).max())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_intervals_by_blocks_are_those_of_all_rows(thirty, monkeypatch, weights):
     whole, parts = both(monkeypatch, thirty[:8], weights=weights)

@@ -46,6 +46,7 @@ def offset(noise, seed):
     return float(error.mean()), float(half[0]), NORMAL_95 * float(np.std(error)) / np.sqrt(len(y))
 
 
+@pytest.mark.broad
 def test_a_rest_of_a_thousand_samples_is_one_fact():
     draws = np.array([offset(0.1, seed) for seed in range(100)])
     held, white = (np.mean(np.abs(draws[:, 0]) <= draws[:, i]) for i in (1, 2))

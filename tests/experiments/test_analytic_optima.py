@@ -55,9 +55,10 @@ def planned(order, free, experiments, rate, frequencies, seconds, **options):
     return sorted(c.voltage.low for c in plan.experiments), plan
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("order", "band", "rate", "periods"),
-    [(1.1, (0.08, 0.3), 20.0, 200), pytest.param(0.5, (1.0, 3.0), 400.0, 500, marks=pytest.mark.broad)],
+    [(1.1, (0.08, 0.3), 20.0, 200), (0.5, (1.0, 3.0), 400.0, 500)],
 )
 def test_the_sine_that_narrows_an_order_most_is_at_the_frequency_of_the_closed_form(order, band, rate, periods):
     frequency = np.linspace(*band, 1001)

@@ -100,6 +100,7 @@ def test_correlated_residuals_count_as_their_effective_samples(plan):
     assert all(n.step == 0.0 for n in subject.noise.values())
 
 
+@pytest.mark.broad
 def test_a_value_at_its_bound_on_which_others_depend_is_named(plan):
     problem = read(joint(plan), plan.subject.noise, np.random.default_rng(2))
     free = problem.parameters["b_alpha"]
@@ -144,6 +145,7 @@ def test_what_exceeds_a_limit_is_excluded():
     assert all(c.release == 10 for c in fracid.design(RIG, speed, free=FREE).experiments)
 
 
+@pytest.mark.broad
 def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative():
     subject = subject_of(RIG, SPACE, free=FREE, orders=ORDERS)
     rigs = orders_alone(subject, SPACE, SPACE.candidates, 2)
@@ -202,6 +204,7 @@ def test_the_distance_is_that_of_a_fit_of_the_integer_order_model(release, arm, 
     assert max(with_states.values()) <= distance * (1 + 1e-2)  # each may do what friction does
 
 
+@pytest.mark.broad
 def test_a_robust_plan_is_the_same_for_any_number_of_threads():
     one, two = (fracid.design(RIG, SPACE, experiments=2, of=("mu",), free=FREE, robust=2, jobs=jobs) for jobs in (1, 2))
     assert one.experiments == two.experiments
@@ -219,6 +222,7 @@ def test_a_plan_shows_itself_in_eight_lines_and_as_a_table(plan):
     assert json.loads(json.dumps(plan.to_json()))["criterion"] == "Ds"
 
 
+@pytest.mark.broad
 def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
     space = replace(SPACE, moment=0.05)
     plan = fracid.design(RIG, space, experiments=2, of=("mu",), free=("mu", "b_alpha"), orders=ORDERS)
@@ -237,6 +241,7 @@ def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
     assert best.cost < 1.2 * np.sqrt(plan.subject.noise["alpha"].variance)
 
 
+@pytest.mark.broad
 def test_a_voltage_is_written_as_it_is_applied(tmp_path):
     voltage = fracid.Pulses(0.3, 0.3, peak=2.0)
     space = fracid.DesignSpace(seconds=2, rate=100, voltage=voltage)

@@ -57,6 +57,7 @@ def problem(y, outputs=("force",), model=SPRING, **more):
     return Problem(model, (e,), {"q": 1.0}, free, outputs=outputs, substeps=4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("outputs", [("force",), ("force", "length")])
 def test_a_model_is_identified_from_a_force(outputs):
     p = problem(measured()[:, : len(outputs)], outputs)

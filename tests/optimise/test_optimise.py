@@ -117,6 +117,7 @@ def test_a_local_search_stays_in_the_well_it_starts_in(name):
     np.testing.assert_allclose(search(name, two_wells).best.point, [1.0, 0.9], atol=5e-3)
 
 
+@pytest.mark.few(2)
 @every
 def test_the_result_is_the_same_for_any_number_of_threads(name):
     def slow(x):  # so that runs end in another order than they began

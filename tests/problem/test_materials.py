@@ -126,6 +126,7 @@ def test_an_input_that_does_not_change_is_a_number_and_time_may_begin_at_the_fir
     assert np.all(fast.inputs[:, 1] == 20.0)
 
 
+@pytest.mark.broad
 def test_the_order_is_found_and_claimed_against_the_alternative(project):
     fit = fracid.identify(project)
     low, high = fit.orders["nu"].interval95

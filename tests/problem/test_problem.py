@@ -256,7 +256,7 @@ def released_at(time, *, volts=None, step=STEP / 8, rig=RIG, alpha=0.8):
     return Experiment("late", STEP, measured, inputs, initial={"theta": 0.0, "alpha": alpha})
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("time", [-0.0317, -STEP, 0.0, 0.3 * STEP, 0.0291])
 def test_the_release_is_found_between_the_samples(time):
     e = replace(released_at(time), release_time=Free(0.0, -0.04, 0.04))

@@ -58,6 +58,7 @@ def noisy(measured, seed=1):
     return measured + NOISE * np.random.default_rng(seed).standard_normal(len(measured))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("truth", "sensor"),
     [
@@ -252,6 +253,7 @@ def test_held_values_give_the_order_of_a_perfect_model_where_lines_do_not():
     assert lines.recordings["twin"].rmse["alpha"] > 5 * NOISE
 
 
+@pytest.mark.broad
 def test_the_delay_and_the_gain_of_an_input_are_found():
     alpha = driven(2 * U + 0.5, late=0.0067)
     far = Sensor(delay=Free(0.0, -0.02, 0.02), gain=Free(1.5, 0.5, 4.0), bias=Free(0.0, -2.0, 2.0))

@@ -16,6 +16,7 @@ def test_a_licence_lies_beside_the_recordings(folder):
     assert "MIT" in (text := (REAL / folder / "LICENSE").read_text(encoding="utf-8")) or "CC BY 4.0" in text
 
 
+@pytest.mark.broad
 def test_titin_and_its_alternatives_cost_what_an_independent_solution_costs():
     """Springpot and Maxwell elements have closed forms over straight lines: evaluated apart from fracid, in NumPy."""
     project = fracid.load_project(REAL / "titin" / "titin.toml", trust=True)

@@ -46,6 +46,7 @@ def chosen(folder):
     return folder / "run", kept[0]
 
 
+@pytest.mark.broad
 def test_a_fit_halves_its_step_until_the_check_is_quiet_and_says_what_it_took(chosen):
     run, fit = chosen
     assert fit.problem.substeps > 1

@@ -40,7 +40,7 @@ def older(result):
 # --- doing it again ----------------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("jobs", [1, 2, 8])
 def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, jobs):
     found = fracid.reproduce(plain / "run", jobs=jobs)
@@ -50,6 +50,7 @@ def test_done_again_it_is_the_same_to_the_bit_for_any_number_of_threads(plain, j
     assert found.verdict == f"Identical: all {found.values} values are the same to the last bit."
 
 
+@pytest.mark.broad
 def test_the_command_says_so_and_writes_nothing_into_the_run(capsys, sent):
     before = {path: path.read_bytes() for path in sent.rglob("*") if path.is_file()}
     code, out, err = run(capsys, "reproduce", sent, "--out", "again")
@@ -71,7 +72,7 @@ def test_on_the_same_machine_a_last_bit_is_a_difference(capsys, sent, by):
     assert "That is a fault of fracid" in out
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("by", "code"), [(1e-12, 0), (0.9 * ELSEWHERE, 0), (1.2 * ELSEWHERE, 1), (1e-3, 1)])
 def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, by, code):
     edited(sent / "result.json", moved(by))
@@ -85,6 +86,7 @@ def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, 
     assert "The version of numpy (1.0, now" in said["verdict"]
 
 
+@pytest.mark.broad
 def test_another_processor_is_told(sent):
     edited(sent / "environment.json", lambda said: said.update(processor="a slide rule"))
     found = fracid.reproduce(sent)

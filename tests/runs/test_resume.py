@@ -129,6 +129,7 @@ def test_a_finished_run_leaves_no_memo_and_says_that_there_is_nothing_to_do(proj
     assert "is finished; its result is" in capsys.readouterr().out
 
 
+@pytest.mark.broad
 def test_a_clock_that_jumps_about_changes_nothing(project, whole, tmp_path, monkeypatch):
     jumps = itertools.cycle([-86_400.0, 3_600.0, -1e9, 86_400.0])
     real = time.time
@@ -140,6 +141,7 @@ def test_a_clock_that_jumps_about_changes_nothing(project, whole, tmp_path, monk
     assert json.loads((folder / "result.json").read_text())["timing"]["total"] > 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.broad) for k in range(2, 8))])
 def test_a_fit_cut_off_anywhere_ends_the_same_and_simulates_nothing_twice(project, whole, memos, tmp_path, seed):
     rng, (uncut, files) = np.random.default_rng(seed), whole
@@ -170,7 +172,8 @@ def fitted_until(evaluations, project, folder):
     return fitted(project, folder, observer=fracid.Observer(progress=lambda _: nullcontext(tell)))
 
 
-@pytest.mark.parametrize("evaluations", [1, pytest.param(20, marks=pytest.mark.broad)])
+@pytest.mark.broad
+@pytest.mark.parametrize("evaluations", [1, 20])
 def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, evaluations):
     ran = fitted_until(evaluations, project, tmp_path / "run")
     assert ran.interrupted
@@ -214,7 +217,8 @@ def test_a_log_that_was_cut_off_and_a_memo_of_another_program_are_told(project, 
     assert result(tmp_path / "run") == whole[0]
 
 
-@pytest.mark.parametrize("where", ["runs/rig", pytest.param("rig", marks=pytest.mark.broad)])
+@pytest.mark.broad
+@pytest.mark.parametrize("where", ["runs/rig", "rig"])
 def test_a_project_and_its_run_that_were_moved_together_are_gone_on_with(project, whole, tmp_path, where):
     old, new = tmp_path / "old", tmp_path / "new"
     shutil.copytree(project.parent, old)

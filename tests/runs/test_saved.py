@@ -78,6 +78,7 @@ def test_a_run_shows_the_card_of_its_fit_without_simulating_anything(fitted):
     assert "recordings" not in vars(run)
 
 
+@pytest.mark.broad
 def test_a_run_that_opened_a_bound_is_read_back_with_it(tmp_path):
     write_release(tmp_path / "swing.csv", parameters={"b_alpha": 2e-3}, orders={"lambda": 1, "mu": 1}, alpha=0.35,
                   step=1e-2, end=4.0, noise=1e-3)  # fmt: skip

@@ -85,6 +85,7 @@ def test_no_text_of_a_run_becomes_an_element_of_its_page(sent, evil):
 # --- figures -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @given(st.text(alphabet="$\\{}^_%#&~ aé\n\t\u202e✗", max_size=20))
 @example(r"$\frac{")
 @example(r"\$")

@@ -186,7 +186,7 @@ def drawn_so(monkeypatch, draw):
     monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [

@@ -149,7 +149,7 @@ DAMAGED = {
 }
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("fault", DAMAGED)
 def test_a_damaged_run_is_refused_in_a_sentence(capsys, sent, fault):
     change, words = DAMAGED[fault]

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 from contextlib import redirect_stdout
 from importlib.metadata import distribution, requires
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,15 +17,14 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-import fracid
 from fracid.cli import main
 from fracid.errors import InputError
 from fracid.safety.text import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
 from fracid.workflows.resumption import ASKED
 from program import run
+from sources import PACKAGE, nodes
 from twins import angles, write
 
-PACKAGE = Path(fracid.__file__).parent
 ROOT = Path(__file__).parents[2]
 
 # --- what the package does not do --------------------------------------------------------------------
@@ -58,26 +58,20 @@ def name_of(call):
     return name if name in FORBIDDEN else name.rsplit(".", 1)[-1] if name.endswith(("_module", ".run_path")) else name
 
 
-CALLS = [
-    (str(path.relative_to(PACKAGE)), name_of(node), node)
-    for path in sorted(PACKAGE.rglob("*.py"))
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-    if isinstance(node, ast.Call)
-]
-
-
 def test_no_call_runs_what_it_is_given_but_those_with_a_reason():
-    assert {(file, name) for file, name, _ in CALLS if name in FORBIDDEN} == set(ALLOWED)
+    calls = {
+        (file, name_of(node)) for file, of_file in nodes().items() for node in of_file if isinstance(node, ast.Call)
+    }
+    assert {call for call in calls if call[1] in FORBIDDEN} == set(ALLOWED)
 
 
 def test_nothing_is_imported_that_runs_or_fetches_what_it_reads():
     imported = set()
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                imported |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                imported |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    for node in chain.from_iterable(nodes().values()):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            imported |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
     assert not imported & {"marshal", "shelve", "dill", "joblib", "yaml", "runpy", "code", "imp", "urllib.request",
                            "http.client", "requests", "ftplib", "telnetlib", "xmlrpc.client"}  # fmt: skip
 
@@ -298,6 +292,7 @@ def test_a_column_is_shown_without_what_commands_a_terminal(capsys, inside):
     assert "\\x1b[31malpha\\u202e<b>" in out
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("unseen", UNSEEN, ids=ascii)
 def test_a_project_of_names_that_cannot_be_seen_is_refused(capsys, inside, tmp_path, unseen):
     project = tmp_path / "rig.toml"

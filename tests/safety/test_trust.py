@@ -97,6 +97,7 @@ def refused(capsys, *words):
     return err.splitlines()[-1]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("command", ["fit", "compare", "noise", "profile", "regress", "simulate"])
 @pytest.mark.parametrize(("project", "code"), [("rig.toml", "my_rig.py"), ("cost.toml", "my_cost.py")])
 def test_a_project_runs_no_code_of_its_own_unless_it_is_trusted(capsys, folder, command, project, code):
@@ -212,6 +213,7 @@ def unfinished(fitted, tmp_path, monkeypatch):
     return tmp_path / "sent"
 
 
+@pytest.mark.broad
 def test_a_run_is_gone_on_with_only_if_its_code_is_trusted_again(capsys, unfinished, monkeypatch):
     monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     assert refused(capsys, "resume", "run").endswith("Type: fracid resume run --trust")

@@ -83,6 +83,7 @@ HONEST = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", DISGUISED)
 def test_an_order_that_imitates_friction_drifts_and_is_flagged(case):
     make, truth, words = DISGUISED[case]

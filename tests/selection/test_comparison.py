@@ -73,6 +73,7 @@ def compared_with_odds():
     return [judged(fitted, validation=others, rungs=rungs, evidence=asked) for asked in (False, True)]
 
 
+@pytest.mark.broad
 def test_posterior_odds_stand_beside_and_change_neither_claim_nor_verdict():
     plain, with_odds = compared_with_odds()
     assert all(math.isnan(row.log_odds) for row in plain.rows)
@@ -534,6 +535,7 @@ def test_a_cost_of_ones_own_is_fitted_by_evolution_and_judged_held_out():
     assert all(r.bic == math.inf for r in found.rows)
 
 
+@pytest.mark.broad
 def test_a_comparison_at_40_hz_chooses_its_step_else_orders_would_stand_in_for_it(tmp_path):
     noise = np.random.default_rng(1)
     for name, angle in (("fitted", 1.2), ("held_out", 0.8)):

@@ -26,6 +26,7 @@ def minimum(**truth):
     return problem, refined(problem, problem.start, 1, Watch()).best
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "strength"), [("springpot_alpha", 2e-3), ("springpot_alpha", 2e-4), ("springpot_theta", 2e-2)]
 )
@@ -40,12 +41,14 @@ def test_a_springpot_that_the_model_lacks_is_found_in_its_joint(name, strength):
     assert element.cost < 1.1e-4 < best.cost
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("truth", [{}, {"coulomb_alpha": 5e-4}, {"drag_alpha": 2e-4}])
 def test_friction_of_integer_order_is_not_taken_for_a_springpot(truth):
     problem, best = minimum(**truth)
     assert fractional_element(problem, best) is None
 
 
+@pytest.mark.broad
 def test_a_springpot_must_beat_the_integer_order_alternative_too():
     problem, best = minimum(springpot_alpha=2e-4, springpot_order_alpha=0.4)
     cost = fractional_element(problem, best).cost

@@ -50,7 +50,7 @@ def test_a_signal_that_comes_late_is_found_in_place_of_the_orders():
     assert "The integer-order model with a delay of alpha (delay_alpha = 0.0" in nearest.warning
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 def test_orders_that_are_there_are_done_without_by_nothing_and_what_was_not_tried_is_named():
     problem, best = fitted(swing((0.9, 0.95)))
     nearest = integer_alternatives(problem, best, SURE, slow=False)

@@ -67,6 +67,7 @@ def test_a_reason_that_fracid_does_not_write_is_computed_again(tmp_path, content
         assert memo.computed == 1
 
 
+@pytest.mark.broad
 def test_a_bit_that_turned_on_the_disk_is_computed_again(tmp_path):
     path = tmp_path / "memo"
     with Memo(path) as memo:

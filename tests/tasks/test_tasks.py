@@ -231,6 +231,7 @@ def test_ctrl_c_starts_nothing_new_and_keeps_what_was_done(tmp_path):
 # --- who dies --------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_killed_worker_process_costs_nothing_but_time(tmp_path):
     tasks = [Task(f"seed {seed}", (str(tmp_path), seed)) for seed in range(12)]
     with Journal(tmp_path / "journal.jsonl", {}) as journal:

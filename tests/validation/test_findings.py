@@ -505,7 +505,7 @@ STRUCTURES = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("lacks", STRUCTURES)
 def test_a_structure_that_cannot_explain_the_recording_is_said_with_its_noise(lacks):
     y = release(model=STRUCTURES[lacks], orders=(1.0, 1.0))

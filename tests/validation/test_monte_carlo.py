@@ -112,6 +112,7 @@ def test_the_truth_is_simulated_with_steps_of_its_own_by_the_second_order_method
     assert twin.method == "gl"
 
 
+@pytest.mark.broad
 def test_a_repetition_is_its_own_whatever_else_the_study_holds():
     small, large = study(seeds=2), study(seeds=3, levels=[2 * NOISE, NOISE], resolutions=[0.0, COUNT])
     for key, found in small.repetitions.items():
@@ -167,6 +168,7 @@ def test_noise_and_coarse_encoders_widen_what_is_claimed():
     assert [cell.counts for cell in found.cells[:2]] == pytest.approx([20_000, 500])
 
 
+@pytest.mark.broad
 def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     found = study(release(substeps=1, step=8e-3), seeds=25)
     mu = found.cells[0].unknowns["mu"]

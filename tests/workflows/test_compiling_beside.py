@@ -27,6 +27,7 @@ def die():
     os._exit(1)
 
 
+@pytest.mark.broad
 def test_a_process_beside_that_dies_ends_the_waiting_for_it(nothing_kept, monkeypatch):
     monkeypatch.setattr("fracid.workflows.compilation._compile", die)
     with compiling_beside("pi2", 2):

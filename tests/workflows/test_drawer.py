@@ -35,6 +35,7 @@ def test_what_the_process_beside_has_not_begun_is_done_here():
     assert len(set(processes)) == 2
 
 
+@pytest.mark.broad
 def test_the_process_beside_imports_no_solver_to_draw():
     material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording
     with drawer(2) as beside:

@@ -30,6 +30,7 @@ def recorded(folder, torque_per_volt, first=0.0):
     return path, rig
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("sign", "first"), [(1, 0.0), (-1, 1.0)])
 def test_a_multisine_begins_where_its_regression_is_whatever_the_motors_direction(tmp_path, sign, first):
     path, rig = recorded(tmp_path, 0.005 * sign, first)

@@ -66,6 +66,7 @@ def test_a_run_from_python_is_the_folder_of_the_command(here, capsys):
         assert len(lines[0]) == len(lines[1])
 
 
+@pytest.mark.broad
 def test_the_environment_of_a_call_names_the_command_that_does_the_same(here):
     fracid.run(fracid.load_project("rig.toml"), out="run", starts=2, cut=True, figures=False)
     environment = read(here / "run" / "environment.json")
