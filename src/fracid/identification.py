@@ -514,9 +514,10 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     searched = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
     problem = analysis.at_every_sample(searched)
     estimates = _estimates(problem, best.point, precision, analysis.verdicts)
-    cost, alternative = best.cost, analysis.alternative
+    cost, alternative, check = best.cost, analysis.alternative, analysis.check
     if problem is not searched and math.isfinite(best.cost):
         cost = problem.cost(best.point)
+        check = check and check.on_all_samples(analysis.problem, best.cost, cost)
         noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
         alternative = alternative and in_proportion(
             alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
@@ -541,7 +542,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
         alternative=alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
         CutCheck) else None,
-        discretisation=analysis.check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
+        discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
         claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons,

@@ -88,6 +88,21 @@ def test_a_search_on_coarse_samples_ends_within_a_tenth_of_the_intervals_of_ever
     assert np.all(np.abs(fit.x - best.point)[shared] < 0.2 * half[shared])
     np.testing.assert_allclose(fit.uncertainty.standard_error[shared], exact.standard_error[shared], rtol=0.15)
     assert fit.cost == pytest.approx(every.cost(fit.x))
+    half_step = replace(every, method="pi2", substeps=2 * every.substeps).cost(fit.x)
+    assert fit.discretisation.cost_second_order == pytest.approx(half_step, rel=1e-3)
+
+
+@pytest.mark.broad
+def test_a_posterior_of_a_long_record_is_that_of_every_sample(problem, coarse, monkeypatch):
+    x = refined(problem, problem.start, 1, Watch()).best.point
+    fast = fracid.posterior(problem, x, draws=1000)
+    assert fast.problem is problem
+    monkeypatch.setattr(long_records, "LONG", 1_000_000)
+    every = fracid.posterior(problem, x, draws=1000)
+    assert fast.effective_samples < every.effective_samples
+    for n in (u.name for u in problem.unknowns if u.kind in ("order", "parameter")):
+        low, high = every.interval(n)
+        np.testing.assert_allclose(fast.interval(n), (low, high), atol=0.15 * (high - low))
 
 
 def test_coarse_steps_alone_move_the_minimum_by_more_than_its_interval_and_are_corrected(coarse):

@@ -15,6 +15,7 @@ from fracid.bayes.result import METHODS, Posterior
 from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, joint_prior
 from fracid.errors import InputError, at_least, unknown_name
 from fracid.estimation.covariance import at_bound
+from fracid.estimation.long_records import as_fitted
 from fracid.problem import Problem
 from fracid.solver.trajectory import vector
 from fracid.tasks.job import Progress
@@ -120,7 +121,7 @@ def _laplace(
     notes: tuple[str, ...],
 ) -> Posterior:  # fmt: skip
     prior = joint_prior(problem)
-    bounded = at_bound(problem, likelihood.centre, jobs=execution.jobs)
+    bounded = at_bound(as_fitted(problem, likelihood.centre), likelihood.centre, jobs=execution.jobs)
     if bounded.any():
         names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
         notes += (f"At a bound, and drawn from there inwards: {names}.",)

@@ -57,6 +57,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import Sandwich, jacobian, sandwich
+from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -243,7 +244,7 @@ def likelihood_problem(problem: Problem) -> Problem:
 
 
 def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[RecordedLikelihood, tuple[str, ...]]:
-    """Temper the likelihood of a problem about the minimum next to x.
+    """Temper the likelihood of a problem about the minimum next to x; of long records that of coarser ones, as a fit.
 
     Parameters
     ----------
@@ -266,8 +267,9 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
         the data nor a bound fixes.
     """
     require_likelihood(problem)
-    bare = likelihood_problem(problem)
-    best = _minimum(bare, np.clip(x, bare.space.lower, bare.space.upper))
+    x = np.clip(x, problem.space.lower, problem.space.upper)
+    bare = as_fitted(likelihood_problem(problem), x)
+    best = _minimum(bare, x)
     notes = tuple[str, ...]()
     estimator = sandwich(bare, best.point, np.arange(len(x)), jobs=jobs)
     if isinstance(estimator, Failure):

@@ -6,12 +6,13 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import floor, isfinite, log10
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fracid.cards import to_second_digit
 from fracid.cli.app import (
     CORES,
     Jobs,
@@ -293,8 +294,7 @@ def _digits(value: float, e: Estimate) -> str:
     half = None if e.interval95 is None else (e.interval95[1] - e.interval95[0]) / 2
     if half is None or not half > 0 or value == 0:
         return f"{value:.6g}" if not e.free else f"{value:.4g}"
-    precision = floor(log10(abs(value))) - floor(log10(half)) + 2
-    return f"{value:#.{min(12, max(1, precision))}g}".rstrip(".")
+    return to_second_digit(value, half)
 
 
 def _interval(e: Estimate) -> str:

@@ -8,9 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Json, Out, Seed, Trust, app, echo_json, new_console, one_place, say_next, typed
+from fracid.cards import to_second_digit
+from fracid.cli.app import (
+    CORES,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    echo_json,
+    natural_width,
+    new_console,
+    one_place,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of, one_of
+from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -92,13 +108,19 @@ def posterior(
 def _show(finished: FinishedPosterior, console: Console) -> None:
     from rich.markup import escape
 
-    table = new_table("", "median", "95 % interval", "unit", "prior", fold=("",))
-    for name, row in finished.result["unknowns"].items():
-        low, high = row["interval95"]
-        cells = (f"{row['median']:.6g}", f"{low:.5g} … {high:.5g}", row["unit"], _prior(row["prior"]))
-        table.add_row(*map(escape, (name, *cells)))
-    console.print(table)
-    drawn = finished.posterior
+    drawn, unknowns = finished.posterior, finished.result["unknowns"]
+    wide, narrow = (new_table("", "median", "95 % interval", "unit", *more, fold=("",)) for more in (["prior"], []))
+    for name, row in unknowns.items():
+        half = max((row["interval95"][1] - row["interval95"][0]) / 2, SMALLEST)
+        median, low, high = (to_second_digit(v, half) for v in (row["median"], *row["interval95"]))
+        cells = [*map(escape, (name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))]
+        wide.add_row(*cells)
+        narrow.add_row(*cells[:-1])
+    fits = natural_width(console, wide) <= console.width
+    console.print(wide if fits else narrow)
+    if not fits:
+        priors = (f"{n} {_prior(row['prior'])}" for n, row in unknowns.items() if row["prior"]["kind"] == "normal")
+        say(console, escape(f"Priors: {'; '.join(('the bounds of the project', *priors))}."), "", 0)
     mark = "" if drawn.trusted else "[yellow]![/yellow] "
     console.print(f"{mark}{escape(drawn.sentence)}", soft_wrap=True)
     if (evidence := finished.result["log_evidence"]) is not None:

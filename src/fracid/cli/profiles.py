@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fracid.cards import to_second_digit
 from fracid.cli.app import (
     CORES,
     Jobs,
@@ -25,7 +25,7 @@ from fracid.cli.app import (
 )
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
-from fracid.errors import Failure, InputError
+from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -128,13 +128,11 @@ def _half(ends: tuple[float, float] | None) -> str:
 
 
 def _interval(ends: tuple[float | None, float | None], best: float) -> str:
-    """Both ends, or the one that there is, in as many digits as tell them apart."""
-    low, high = ends
+    """Both ends, or the one that there is."""
+    half = max((abs(end - best) for end in ends if end is not None), default=0.0)
+    low, high = (None if end is None else to_second_digit(end, half or SMALLEST) for end in ends)
     if low is None and high is None:
         return "none"
-    width = max(abs(end - best) for end in (low, high) if end is not None)
-    size = max(abs(end) for end in (low, high) if end is not None)
-    digits = 2 + max(0, floor(log10(size)) - floor(log10(width))) if width > 0 and size > 0 else 6
-    if low is None:
-        return f"< {high:.{digits}g}"
-    return f"> {low:.{digits}g}" if high is None else f"{low:.{digits}g} … {high:.{digits}g}"
+    if low is None or high is None:
+        return f"< {high}" if low is None else f"> {low}"
+    return f"{low} … {high}"

@@ -33,6 +33,9 @@ BINS = 40
 SIMULATIONS = 40
 """Draws that a predictive figure simulates."""
 
+DRAWN = 100_000
+"""Samples of a recording that it shows: more of them are a bar of ink."""
+
 
 def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "screen") -> Figure:
     """Draw the posterior of each parameter on the diagonal, and that of each pair below it.
@@ -98,14 +101,17 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     -------
     matplotlib.figure.Figure
         For each output of the first recording the residual of the fit, and by how much simulations with forty draws
-        differ from the fitted one: where that is broad, the posterior leaves the motion undetermined.
+        differ from the fitted one: where that is broad, the posterior leaves the motion undetermined.  Of a long
+        recording its first 100,000 samples.
 
     Raises
     ------
     InputError
         If the run at the minimum fails.
     """
-    problem = posterior.problem
+    problem, whole = posterior.problem, posterior.problem.experiments[0]
+    if len(whole.measured) > DRAWN:
+        problem = problem.until(DRAWN * whole.step)
     e = problem.experiments[0]
     fitted = problem.fitted(posterior.x, e)
     if isinstance(fitted, Failure):
@@ -129,7 +135,10 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         appearance.label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
                          f"residual of {appearance.symbol(output)} [{appearance.plain(unit)}]")  # fmt: skip
-    appearance.finish(figure, f"What the posterior leaves undetermined: {appearance.plain(e.name)}")
+    shown = appearance.plain(e.name) if problem is posterior.problem else (
+        f"the first {e.time[-1]:.3g} s of {appearance.plain(e.name)}"
+    )  # fmt: skip
+    appearance.finish(figure, f"What the posterior leaves undetermined: {shown}")
     return figure
 
 

@@ -20,7 +20,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
-from fracid.estimation.long_records import corrected, is_coarse
+from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
 from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
@@ -58,6 +58,12 @@ class Discretisation:
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
     refinement: str = ""
     """What was said at a coarser step, where the fit chose this one: a sentence."""
+
+    def on_all_samples(self, problem: Problem, here: float, there: float) -> Discretisation:
+        """Its costs on all samples, where the fit costs `there`, of those on coarser ones, where it costs `here`."""
+        found = np.array([self.cost, self.cost_half_step, self.cost_second_order])
+        cost, half, second = on_all_samples(problem, found, here, there).tolist()
+        return replace(self, cost=cost, cost_half_step=half, cost_second_order=second)
 
 
 COARSE_STEP = "step"
