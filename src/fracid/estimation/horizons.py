@@ -40,8 +40,14 @@ def uninterrupted(result: Result) -> Result:
 HOPELESS = 5.0
 """A start that costs this many times the best of its horizon is left."""
 
+GROWTH = 1.5
+"""Of a horizon.  Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own."""
+
+LEAP = 4.0
+"""Of a horizon where the frequency is known: the model is given, and only starts and rests are sought."""
+
 MANY = 200
-"""Swings that tell a frequency so well that of long records a horizon may be four times as long at once."""
+"""Swings that tell a frequency so well that of long records a horizon may leap."""
 
 PATIENCE = 2
 """Horizons before a start may be called hopeless."""
@@ -172,18 +178,19 @@ def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
 
 
 def horizons(problem: Problem) -> Iterator[float]:
-    """Seconds: one swing of the slowest recording, then each half as long again, below the whole record.
+    """Seconds: one swing of the slowest recording, then each longer by a factor, below the whole record.
 
-    Doubling is too coarse: a swing's worth of phase error at the new end makes a minimum of its own.  Where samples are
-    uneven, as those of a relaxation are, nothing swings, and there are none.
+    Where samples are uneven, as those of a relaxation are, nothing swings, and there are none.
     """
     if all(e.times is not None for e in problem.experiments):
         return
     whole = max(e.time[-1] for e in problem.experiments)
+    known = all(u.kind in ("initial", "time") or u.target in problem.model.rests for u in problem.unknowns)
     horizon = first = max(_first_horizon(e) for e in problem.experiments)
     while horizon < 0.75 * whole:
         yield horizon
-        horizon *= 1.5 if horizon < MANY * first or all(e.means == 1 for e in problem.experiments) else 4.0
+        many = horizon >= MANY * first and any(e.means > 1 for e in problem.experiments)
+        horizon *= LEAP if many or known else GROWTH
 
 
 def _first_horizon(e: Experiment) -> float:
