@@ -19,6 +19,7 @@ from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.limits import opened
 from fracid.selection.opened_bounds import open_bounds
+from fracid.validation import discretisation
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -312,6 +313,7 @@ def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
         searches.append(options)
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
+    monkeypatch.setattr(discretisation, "nearly_equal_shift", lambda *_: None)
     monkeypatch.setattr(horizons, "minimise", second_is_interrupted)
     fit = identify(problem(twin(end=1.0)), optimiser="least-squares")
     assert fit.outcome.startswith("interrupted")

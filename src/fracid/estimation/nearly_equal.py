@@ -1,7 +1,7 @@
-"""Minima that are near, of many recordings with unknowns of their own: by derivatives that are known already.
+"""Minima that are near: by derivatives that are known already.
 
-A search of such a problem is dear for its derivatives: one run of all recordings for each group of unknowns, at each of
-its steps.  The minimum of a problem that is nearly another one (at half the step, say, or one recording of all) is
+A search is dear for its derivatives: one run of all recordings for each unknown, or group of them, at each of its
+steps.  The minimum of a problem that is nearly another one (at half the step, say, or one recording of all) is
 found from the minimum of that with its J: steps to the x where the residuals r of this problem have J'r = 0, one run
 each.  Where its own J differs by a part δ, its own minimum does by about as small a part of what r makes uncertain.
 """
@@ -14,10 +14,10 @@ from fracid.arrays import FloatArray, IntArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import SMALLEST, Failure
 from fracid.estimation.block_jacobian import BlockJacobian
-from fracid.estimation.covariance import by_blocks, rows_and_pulls
+from fracid.estimation.covariance import by_blocks, jacobian, rows_and_pulls
 from fracid.problem import Problem
 
-__all__ = ["chord_of_one", "derivatives_of_each", "nearly_equal_minimum"]
+__all__ = ["chord_of_one", "derivatives_of_each", "nearly_equal_minimum", "nearly_equal_shift"]
 
 ROUNDS = 8
 """Steps, at most."""
@@ -38,14 +38,36 @@ UNSEEN = 1e-10
 def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> FloatArray | None:
     """The minimum of `other`, a problem of the same unknowns, from x, the minimum of `problem`, with its derivatives.
 
-    None where few unknowns belong to one recording each, a prior ties the rows together, the cost has a corner, a bound
-    stops a step, or the derivatives do not lead there: then a search does.
+    None where a prior pulls, the cost has a corner, an order lies at its bound, a bound stops a step, or the
+    derivatives do not lead there: then a search does.
     """
-    if not (_by_blocks(problem) and _by_blocks(other)):
+    if problem.parametrisation.priors or not (_smooth(problem) and _smooth(other)):
         return None
     inside = np.flatnonzero((x > problem.space.lower) & (x < problem.space.upper))
-    J = by_blocks(problem, x, inside, jobs=jobs)
+    if not len(inside) or not np.all(np.isin(problem.order_indices, inside)):
+        return None
+    J = (_of_all if problem.space.blocks is None else by_blocks)(problem, x, inside, jobs=jobs)
     return None if isinstance(J, Failure) else _chord(other, x, inside, J)
+
+
+def _of_all(problem: Problem, x: FloatArray, free: IntArray, *, jobs: int) -> BlockJacobian | Failure:
+    """The derivatives of a problem whose unknowns all recordings may share."""
+    by, last = problem.last_derivatives.get(x.tobytes(), (None, None))
+    if isinstance(last, BlockJacobian) and np.array_equal(by, free):
+        return last
+    J = jacobian(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure):
+        return J
+    rows = np.cumsum([0, *(j.shape[0] * j.shape[1] for j in J)])
+    problem.last_derivatives.clear()
+    problem.last_derivatives[x.tobytes()] = (free, found := BlockJacobian(Blocks(np.full(len(free), -1), rows), J))
+    return found
+
+
+def nearly_equal_shift(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> FloatArray | None:
+    """How far the minimum of `other` is from that of `problem`, which is next to x; None as above."""
+    here, there = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
+    return None if here is None or there is None else there - here
 
 
 def derivatives_of_each(problem: Problem, x: FloatArray, jobs: int) -> dict[str, FloatArray]:
@@ -70,8 +92,13 @@ def chord_of_one(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray |
 
 def _by_blocks(problem: Problem) -> bool:
     """Whether derivatives are known recording by recording, and lead to the minimum of the cost."""
+    return problem.space.blocks is not None and _smooth(problem)
+
+
+def _smooth(problem: Problem) -> bool:
+    """Whether the cost has no corner where a residual is 0."""
     loss = problem.cost_function.loss
-    return problem.space.blocks is not None and loss is not None and loss.centre == "mean"
+    return loss is not None and loss.centre == "mean"
 
 
 def _chord(problem: Problem, x: FloatArray, free: IntArray, J: BlockJacobian) -> FloatArray | None:

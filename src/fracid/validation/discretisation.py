@@ -21,7 +21,7 @@ from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
-from fracid.estimation.nearly_equal import nearly_equal_minimum
+from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -96,9 +96,10 @@ def discretisation_check(
         return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    finer = nearly_equal_minimum(problem, x, second, jobs)
-    if finer is None:
-        finer = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
+    shift = nearly_equal_shift(problem, x, second, jobs)
+    if shift is None:
+        shift = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point - x
+    finer = np.clip(x + shift, problem.space.lower, problem.space.upper)
     return _judged(problem, x, known, costs, finer)
 
 
