@@ -50,20 +50,6 @@ def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: 
     return None if isinstance(J, Failure) else _chord(other, x, inside, J)
 
 
-def _of_all(problem: Problem, x: FloatArray, free: IntArray, *, jobs: int) -> BlockJacobian | Failure:
-    """The derivatives of a problem whose unknowns all recordings may share."""
-    by, last = problem.last_derivatives.get(x.tobytes(), (None, None))
-    if isinstance(last, BlockJacobian) and np.array_equal(by, free):
-        return last
-    J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, Failure):
-        return J
-    rows = np.cumsum([0, *(j.shape[0] * j.shape[1] for j in J)])
-    problem.last_derivatives.clear()
-    problem.last_derivatives[x.tobytes()] = (free, found := BlockJacobian(Blocks(np.full(len(free), -1), rows), J))
-    return found
-
-
 def nearly_equal_shift(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> FloatArray | None:
     """How far the minimum of `other` is from that of `problem`, which is next to x; None as above."""
     here, there = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
@@ -88,6 +74,20 @@ def chord_of_one(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray |
     """The minimum of one recording, with its derivatives near there; None where those do not lead to it."""
     blocks = Blocks(np.zeros(len(x), dtype=np.int64), np.array([0, J.shape[0] * J.shape[1]]))
     return _chord(problem, x, np.arange(len(x)), BlockJacobian(blocks, [J]))
+
+
+def _of_all(problem: Problem, x: FloatArray, free: IntArray, *, jobs: int) -> BlockJacobian | Failure:
+    """The derivatives of a problem whose unknowns all recordings may share."""
+    by, last = problem.last_derivatives.get(x.tobytes(), (None, None))
+    if isinstance(last, BlockJacobian) and np.array_equal(by, free):
+        return last
+    J = jacobian(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure):
+        return J
+    rows = np.cumsum([0, *(j.shape[0] * j.shape[1] for j in J)])
+    problem.last_derivatives.clear()
+    problem.last_derivatives[x.tobytes()] = (free, found := BlockJacobian(Blocks(np.full(len(free), -1), rows), J))
+    return found
 
 
 def _by_blocks(problem: Problem) -> bool:
