@@ -11,11 +11,12 @@ import pytest
 import fracid
 from fracid import InputError
 from fracid.errors import Unfinished
+from fracid.estimation import long_records
 from fracid.models import Model, Parameter
 from fracid.models.friction import RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
-from fracid.selection.comparison import Comparison, Row, Score, _verdict, compare
+from fracid.selection.comparison import Comparison, Row, Score, _verdict, compare, mean_rmse
 from fracid.selection.ladder import held, ladder, unseen
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
@@ -315,6 +316,25 @@ def test_left_out_in_turn_each_recording_is_judged_by_a_fit_that_never_saw_it():
     alone = judged(problem(good), validation=[odd])["viscous + Coulomb, orders 1"]
     assert row.held_out["odd"] == alone.held_out["odd"]
     assert row.held_out["odd"].error > 5e-3 > 2e-3 > alone.in_sample["0.6 rad"].error
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize(("mu", "claim"), [(1.0, "integer"), (0.95, "fractional")])
+def test_long_recordings_are_compared_on_means_of_their_first_swings(monkeypatch, mu, claim):
+    for name, value in {"LONG": 10_000, "FEWEST": 500, "PART": 600, "TELLING": 3}.items():
+        monkeypatch.setattr(long_records, name, value)
+    fine, beside = (
+        release(name, RIG, orders={"lambda": 1.0, "mu": mu}, parameters={"b_alpha": 1e-5, "coulomb_alpha": 3e-5},
+                alpha=angle, step=1e-3, end=14.0, outputs=("alpha",), noise=1e-3, seed=1, known=False)
+        for name, angle in (("long", 0.6), ("beside", 0.4))
+    )  # fmt: skip
+    found = judged(problem(fine), validation=[beside], rungs=("viscous", "Coulomb"))
+    assert found.notes[0].startswith("Long recordings are compared on means of 8 samples, the first 4.8 s of each")
+    row = found.best(fractional=True)
+    value, (low, high) = row.orders["mu"]
+    assert low - 0.002 < mu < high + 0.002, (low, value, high)
+    assert found.claim == claim
+    assert mean_rmse(row.held_out)["alpha"] < 1e-3  # of the means
 
 
 def test_one_recording_alone_cannot_be_left_out():

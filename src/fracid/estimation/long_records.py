@@ -48,6 +48,7 @@ __all__ = [
     "on_every_sample",
     "own_substeps",
     "part_of",
+    "to_compare",
     "with_defect",
 ]
 
@@ -245,6 +246,27 @@ def part_of(problem: Problem) -> Problem:
     if not is_coarse(problem) or rows <= 1.5 * PART or swings * PART / rows < TELLING:
         return problem
     return problem.until(PART * problem.experiments[0].step)
+
+
+def to_compare(problem: Problem, others: Sequence[Experiment]) -> tuple[Problem, tuple[Experiment, ...]]:
+    """A problem, and recordings beside it, as models are compared on them: of long ones the first swings, coarser.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> t = 1e-3 * np.arange(300_000)
+    >>> swing = Experiment("long", 1e-3, np.sin(6 * t)[:, None] * [0.1, 1.0], np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, initial_state="held")
+    >>> part, (beside,) = to_compare(problem, [replace(swing, name="beside")])
+    >>> [(len(e.measured), e.step) for e in (part.experiments[0], beside)]
+    [(16001, 0.004), (16001, 0.004)]
+    """
+    coarse = coarse_problem(problem)
+    if not is_coarse(coarse):
+        return problem, tuple(others)
+    part, first = part_of(coarse), coarse.experiments[0]
+    beside = [coarser(e, first.means, problem.model.inputs) if possible(e) else e for e in others]
+    return part, tuple(beside if part is coarse else [e.until(PART * first.step) for e in beside])
 
 
 def as_fitted(problem: Problem, x: FloatArray) -> Problem:

@@ -22,7 +22,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.problem.experiment import Experiment
 
-__all__ = ["coarser", "means", "possible", "stepped"]
+__all__ = ["as_samples", "coarser", "means", "possible", "stepped"]
 
 
 def possible(e: Experiment) -> bool:
@@ -55,6 +55,18 @@ def coarser(e: Experiment, every: int, inputs: Sequence[str]) -> Experiment:
     assert source is not None
     u = _inputs(e, every, inputs)
     return replace(coarse, source=source, measured=means(source.measured, every), inputs=u[:rows])
+
+
+def as_samples(e: Experiment) -> Experiment:
+    """Means taken for samples: of 64 in a period the amplitude is 0.04 % less, the phase the same.
+
+    Examples
+    --------
+    >>> line = Experiment("line", 0.1, np.arange(20.0)[:, None], np.zeros((1, 1)))
+    >>> coarser(line, 4, ["voltage"]).means, as_samples(coarser(line, 4, ["voltage"])).means
+    (4, 1)
+    """
+    return e if e.source is None else replace(e, means=1, source=None)
 
 
 def stepped(e: Experiment, steps: int, inputs: Sequence[str]) -> Experiment:

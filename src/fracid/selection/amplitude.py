@@ -49,6 +49,7 @@ from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
 from fracid.models.joints import Complement
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
+from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import AmplitudeBlock
@@ -264,6 +265,8 @@ def amplitude_test(
             f"The cost {problem.cost_function.name} is a user's own, which has no intervals, and so no test of a "
             "drift: take a built-in one."
         )
+    problem = replace(problem, experiments=tuple(map(as_samples, problem.experiments)))
+    others = [*map(as_samples, others)]
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
     precision = uncertainty(problem, x, jobs=jobs)
     errors = (

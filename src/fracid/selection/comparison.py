@@ -58,6 +58,7 @@ from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
+from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
@@ -336,10 +337,11 @@ def compare(
             require_evidence(s.problem)
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
-    notes: tuple[str, ...] = ()
-    fixed_step = not isinstance(problem, Project) or problem.fixed_step
+    notes = tuple(_of_long_recordings(base))
+    fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
     if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
         fitted, notes = study.fit_again(fitted, substeps), (
+            *notes,
             f"The step was refined to {substeps} a sample and every structure fitted again there: at {base.substeps} a "
             "sample it moved the best ones.",
         )  # fmt: skip
@@ -355,6 +357,14 @@ def compare(
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
     integers = {n: base.model.integer_order(n) for n in base.orders}
     return _claimed(study, replace(comparison, verdict=_verdict(comparison, integers)), base)
+
+
+def _of_long_recordings(problem: Problem) -> Iterator[str]:
+    """That they were not compared as they are."""
+    if is_coarse(problem):
+        e = max(problem.experiments, key=lambda e: e.time[-1])
+        yield (f"Long recordings are compared on means of {e.means} samples, the first {e.time[-1]:.3g} s of each; "
+               "errors are those of the means.")  # fmt: skip
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -416,7 +426,7 @@ class _OfFile:
         project = load_project(self.path, preset=self.preset, trust=self.trust)
         if hashlib.sha256(project.text.encode()).hexdigest() != self.sha256:
             raise InputError(f"{self.path} has changed since the comparison began; begin it again.")
-        return project.problem, project.validation, project.alternatives
+        return *to_compare(project.problem, project.validation), project.alternatives
 
 
 def _origin(
@@ -429,13 +439,14 @@ def _origin(
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
         return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, only, bool(problem.own_code))
     if isinstance(problem, Project):
-        return _InMemory(problem.problem, (*problem.validation, *validation), only, problem.alternatives)
+        compared, others = to_compare(problem.problem, (*problem.validation, *validation))
+        return _InMemory(compared, others, only, problem.alternatives)
     if executor != "threads":
         raise InputError(
             f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
             f'executor = "threads" in place of {executor!r}.'
         )
-    return _InMemory(problem, tuple(validation), only)
+    return _InMemory(*to_compare(problem, validation), only)
 
 
 @dataclass(frozen=True)
