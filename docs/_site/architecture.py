@@ -5,6 +5,7 @@ A box is a package, or a file that lies beside them; its area is its lines.  Box
 """
 
 import importlib.util
+import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +21,9 @@ GROUND = 2
 def _layers():
     spec = importlib.util.spec_from_file_location("layers", ROOT / "tests" / "test_layers.py")
     module = importlib.util.module_from_spec(spec)
+    sys.path.append(str(ROOT / "tests" / "helpers"))
     spec.loader.exec_module(module)
+    sys.path.pop()
     return module
 
 
