@@ -27,6 +27,17 @@ def test_the_links_between_the_cards_lead_to_their_headings():
     assert set(linked) <= anchors
 
 
+def test_a_package_index_shows_no_link_or_picture_that_it_cannot_resolve():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    shown = README
+    for change in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        shown, count = re.subn(change["pattern"], change["replacement"], shown)
+        assert count, change
+    assert re.findall(r"!?\[[^\]]*\]\((?!https:)[^)]*\)", shown) == []
+    assert "<img" not in shown
+    assert len(shown) > 0.7 * len(README)
+
+
 @pytest.mark.broad
 @pytest.mark.parametrize(
     ("card", "folder", "order", "true"),

@@ -166,6 +166,7 @@ def look_at_metadata(wheel: Path, versions: list[str]) -> None:
     assert said.author or said.author_email
     assert said.description_content_type == "text/markdown"
     assert said.description
+    assert "](http" in said.description or "](" not in said.description, "links that a package index cannot resolve"
     assert len(said.requires_dist or ()) >= len(PROJECT["dependencies"])
     print(
         f"the metadata are valid: {said.name} {said.version}, Python {said.requires_python}, {said.license_expression}"
