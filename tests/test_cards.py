@@ -1,12 +1,15 @@
 """Every result shows itself in eight lines, and in a notebook as a table that no text can break out of."""
 
 import re
+from dataclasses import dataclass, fields, is_dataclass
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
-from fracid.cards import CELL, LENGTH, Card
+import fracid
+from fracid import solve_fde
+from fracid.cards import CELL, LENGTH, Card, CardDisplay
 from fracid.estimation.cost_profile import Profile, Profiles
 from fracid.estimation.profile_walk import End
 from fracid.estimation.records import Estimate, RecordingFit
@@ -18,6 +21,8 @@ from twins import ORDERS, RIG, release
 
 HOSTILE = "<script>alert('λ')</script>"
 """A name that a stranger's file may have."""
+SMALL = 7
+"""Fields that a record's own repr may show."""
 TIME = np.arange(0, 2, 1e-2)
 SWING = {"theta": 0.1 * np.cos(6 * TIME), "alpha": np.cos(6 * TIME)}
 
@@ -47,10 +52,21 @@ def comparison():
     return Comparison(rows, HOSTILE, (HOSTILE,), ("alpha",), 9.0, False, "rmse", 1, 1)
 
 
+def decay(t, x, u, p, out):
+    out[0] = -x[0]
+
+
+def trajectory():
+    return solve_fde(decay, 0.8, [1.0], step=1e-2, end=1.0)
+
+
 CARDS = {
     "fit": fit,
     "recording": lambda: Recording.of(HOSTILE, TIME, {f"{HOSTILE} {k}": SWING["alpha"] for k in range(20)}),
     "model": lambda: RIG,
+    "problem": problem,
+    "estimate": lambda: Estimate(0.9, "rad", True, interval95=(0.89, 0.91), identifiable=HOSTILE, reason=HOSTILE * 99),
+    "trajectory": trajectory,
     "comparison": comparison,
     "profile": profile,
     "profiles": lambda: Profiles(problem(), np.zeros(1), 1.0, {f"{HOSTILE} {k}": profile() for k in range(20)}),
@@ -86,7 +102,7 @@ def test_a_notebook_gets_a_table_without_scripts_whatever_the_names_are(name):
     html = Tags(table := CARDS[name]()._repr_html_())
     assert html.tags == {"table", "caption", "tr", "th", "td"}
     assert html.names == {"style"}
-    assert name == "model" or "<script>alert" in html.words  # as text
+    assert name in ("model", "problem", "trajectory") or "<script>alert" in html.words  # as text
     colours = re.findall(r"color:([^;\"]+)", table)
     assert set(colours) == {"inherit"}  # the page's own, light or dark
 
@@ -105,3 +121,39 @@ def test_a_fit_shows_its_orders_its_rmse_and_its_warnings():
     assert "1: <script>" in text
     assert "fit, RMSE of θ 0°, α 0°" in text
     assert "more rows" in text
+
+
+RECORDS = {name: found for name in fracid.__all__ if is_dataclass(found := getattr(fracid, name))}
+
+
+@pytest.mark.parametrize(
+    "name", sorted(n for n, found in RECORDS.items() if n != "Parameter" and len(fields(found)) > SMALL)
+)
+def test_a_result_of_many_fields_has_a_card(name):
+    assert issubclass(RECORDS[name], CardDisplay)
+    assert RECORDS[name].__repr__ is CardDisplay.__repr__
+
+
+def test_a_card_that_names_no_rows_has_the_fields_in_a_few_words():
+    @dataclass(frozen=True, repr=False)
+    class Study(CardDisplay):
+        draws: np.ndarray
+        level: float
+        names: tuple[str, ...]
+        nothing: None = None
+
+    assert repr(Study(np.zeros((3, 1000)), 0.123456, ("a", "b"))).splitlines() == [
+        "Study",
+        "  draws    array of 3 × 1,000",
+        "  level    0.1235",
+        "  names    a, b",
+        "  nothing  none",
+    ]
+
+
+def test_a_trajectory_shows_first_how_it_ended_and_what_is_wrong_with_it():
+    ended = solve_fde(decay, 1.0, [1.0], step=3.0, end=9.0, method="gl")
+    assert ended.fault is not None
+    assert ended.fault.sentence[:40] in repr(ended)
+    assert repr(ended).splitlines()[1].split() == ["outcome", *ended.outcome.value.split()]
+    assert repr(trajectory()).splitlines()[0] == "Trajectory: completed"

@@ -8,17 +8,23 @@ which come from strangers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from enum import Enum
 from html import escape
+from pathlib import Path, PurePath
+from typing import Any, cast
 
 from fracid.safety.text import printable
 from fracid.units import GREEK, shown_unit
 
-__all__ = ["Card", "CardDisplay", "estimate_text", "listed", "rounded"]
+__all__ = ["Card", "CardDisplay", "brief", "estimate_text", "listed", "rounded"]
 
 LINES, LENGTH = 8, 120
 """Of a card as text: so many lines at most, of so many characters."""
+
+FEW = 12
+"""Items of a list that are named one by one."""
 
 ROWS, CELL = 60, 600
 """Of a card as a table: so many rows at most, of so many characters a cell."""
@@ -60,6 +66,10 @@ class Card:
         lines = [f"  {_cut(what, width):<{width}}  {value}" for what, value in rows]
         return "\n".join(_cut(line, LENGTH) for line in (_one_line(self.title), *lines))
 
+    def of_folder(self, folder: Path) -> Card:
+        """The same card with the folder that it was written to."""
+        return replace(self, rows=(("folder", str(folder)), *self.rows))
+
     def html(self) -> str:
         """A table without a script or a class, every text escaped."""
         rows = [*self.rows, *self.details]
@@ -71,11 +81,15 @@ class Card:
 
 
 class CardDisplay:
-    """Shows its card: as text to ``repr`` and ``print``, as a table to a notebook."""
+    """Shows its card: as text to ``repr`` and ``print``, as a table to a notebook.
+
+    A class with ``@dataclass(repr=False)`` whose card names no rows has its fields there, each in a few words.
+    """
 
     def _card(self) -> Card:
         """What is on the card."""
-        raise NotImplementedError
+        shown = (f for f in fields(cast(Any, self)) if f.repr)
+        return Card(type(self).__name__, tuple((f.name, brief(getattr(self, f.name))) for f in shown))
 
     def __repr__(self) -> str:
         """At most eight lines."""
@@ -131,6 +145,38 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
     display_unit, factor = shown_unit(unit)
     half = None if interval is None else factor * (interval[1] - interval[0]) / 2
     return f"{GREEK.get(name, name)} = {rounded(factor * value, half)} {display_unit}".rstrip()
+
+
+def brief(value: object) -> str:
+    """A value in a few words: of an array its shape, of a mapping its names, of a result the title of its card.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> brief(np.zeros((20_001, 4))), brief({"lambda": 0.93}), brief(None), brief(4001), brief(0.12345678)
+    ('array of 20,001 × 4', 'λ = 0.93', 'none', '4,001', '0.1235')
+    """
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "yes", False: "no"}[value]
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return rounded(value, None)
+    if isinstance(value, CardDisplay):
+        return value._card().title
+    if isinstance(value, Enum):
+        return str(value.value)
+    if (shape := getattr(value, "shape", None)) is not None:
+        return f"array of {' × '.join(f'{n:,}' for n in shape)}" if shape else f"{value:.4g}"
+    if isinstance(value, Mapping):
+        plain = (int, float, str)
+        return listed(
+            f"{GREEK.get(str(n), n)} = {brief(v)}" if isinstance(v, plain) else str(n) for n, v in value.items()
+        )
+    if isinstance(value, tuple | list):
+        short = len(value) <= FEW and all(isinstance(item, str | int | float) for item in value)
+        return listed(map(brief, value)) if short else f"{len(value):,} in all"
+    return str(value) if isinstance(value, str | PurePath) else type(value).__name__
 
 
 def listed(items: Iterable[str]) -> str:

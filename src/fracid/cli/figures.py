@@ -51,7 +51,7 @@ def draw(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="For a rig: alpha = 0 hanging or upright [default: hanging].",
+            help="For a rig: alpha = 0 hanging or upright \\[default: hanging].",
             autocompletion=one_of("hanging", "upright"),
         ),
     ] = None,

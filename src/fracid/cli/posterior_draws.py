@@ -77,9 +77,9 @@ def posterior(
     Correlations, bounds, bent valleys, and the evidence of the model.
 
     The likelihood is as informative as the intervals of the fit say; the priors are the bounds of the project, and its
-    ``prior`` where it has one.  Pareto's k says whether the draws can be trusted.  Writes posterior.json, draws.npz and
-    figures.  Interrupted, the same command resumes.  Exit code 0 if it is done, whether or not the draws can be
-    trusted.
+    normal priors where it has some.  Pareto's k says whether the draws can be trusted.  Writes posterior.json,
+    draws.npz and figures.  Interrupted, the same command resumes.  Exit code 0 if it is done, trusted
+    or not.
     """
     from fracid.workflows.posterior_draws import run_posterior
 

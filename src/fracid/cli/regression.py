@@ -60,7 +60,7 @@ def regress(
         Estimator, typer.Option(help="Instruments, total least squares, or plain ones.")
     ] = Estimator.iv,
     cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Cut-off of the low-pass filter [default: from the spectrum].")
+        float | None, typer.Option(metavar="HZ", help="Cut-off of the low-pass filter \\[default: from the spectrum].")
     ] = None,
     each: Annotated[bool, typer.Option("--each", help="Each recording by itself, not all together.")] = False,
     start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
@@ -30,8 +31,8 @@ __all__ = ["Spread", "spread"]
 # --- each recording alone ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Spread:
+@dataclass(frozen=True, repr=False)
+class Spread(CardDisplay):
     """What each recording says alone of the unknowns that all share."""
 
     names: tuple[str, ...]

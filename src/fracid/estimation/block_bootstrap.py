@@ -36,6 +36,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least, unknown_name
 from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
 from fracid.estimation.profile_walk import refit
@@ -62,8 +63,8 @@ FEW_BLOCKS = 20
 """Below so many blocks in all the scatter itself is badly known."""
 
 
-@dataclass(frozen=True)
-class Bootstrap:
+@dataclass(frozen=True, repr=False)
+class Bootstrap(CardDisplay):
     """Draws of the unknowns."""
 
     names: tuple[str, ...]

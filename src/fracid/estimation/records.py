@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, brief, rounded
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
+from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["Estimate", "RecordingFit", "deviations_of"]
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(CardDisplay):
     """A value with what is known of it."""
 
     value: float
@@ -48,6 +50,14 @@ class Estimate:
     """Why, and what to do."""
     white95: tuple[float, float] | None = None
     """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
+
+    def _card(self) -> Card:
+        shown, factor = shown_unit(self.unit)
+        low, high = (None, None) if self.interval95 is None else (factor * b for b in self.interval95)
+        half = None if low is None or high is None else (high - low) / 2
+        title = f"Estimate {rounded(factor * self.value, half)} {shown}".rstrip()
+        rows = (("identifiable", self.identifiable), ("why", self.reason), ("at its bound", brief(self.bound)))
+        return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
 
     @property
     def interval_method(self) -> str | None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import InputError, is_number
 from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
 from fracid.problem.unknowns import InitialState
@@ -63,8 +64,8 @@ class Candidate:
                 {"kind": type(self.voltage).__name__.lower(), **vars(self.voltage)}}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class DesignSpace:
+@dataclass(frozen=True, repr=False)
+class DesignSpace(CardDisplay):
     """The decisions of a design: each a value, or those among which :func:`fracid.design` chooses.
 
     Raises

@@ -94,14 +94,14 @@ TALLEST = 230 / 25.4
 
 def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     """An empty figure of that size [inch], or of its style's width and about the same shape."""
-    from matplotlib.figure import Figure
+    from fracid.plots.notebook import ShownFigure
 
     theme = style_named(style)
     millimetres = theme.column if width <= NARROW else theme.page
     if millimetres is not None:
         shrunk = millimetres / 25.4 / width
         width, height = shrunk * width, min(shrunk**0.6 * height, TALLEST)  # text does not shrink as much as panels
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    figure: Figure = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
     vars(figure)[_STYLE] = theme  # with the figure, wherever it goes
     return figure
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem.sensors import Sensor
@@ -40,8 +41,8 @@ MOST_UNEVEN = 10**7
 """Steps of a model from the first to the last of uneven samples: what the compressed memory is certified for."""
 
 
-@dataclass(frozen=True)
-class Experiment:
+@dataclass(frozen=True, repr=False)
+class Experiment(CardDisplay):
     """A recording as a problem sees it: from time 0, outputs and inputs in columns."""
 
     name: str

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
+from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError
 from fracid.models import Model
 from fracid.optimise import Evaluation, Space
@@ -44,6 +45,7 @@ from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, We
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
+from fracid.units import GREEK
 
 __all__ = ["Problem", "alternative_of"]
 
@@ -54,8 +56,8 @@ EVERY = ("every output",)
 """In place of the outputs that are scored: all that the model has."""
 
 
-@dataclass(frozen=True)
-class Problem:
+@dataclass(frozen=True, repr=False)
+class Problem(CardDisplay):
     """What :func:`fracid.identify` solves.
 
     Examples
@@ -105,6 +107,14 @@ class Problem:
         check_parametrisation(self.parametrisation)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
+
+    def _card(self) -> Card:
+        return Card(f"Problem of {self.model.name}: {len(self.names)} free parameters", (
+            ("recordings", listed(e.name for e in self.experiments)),
+            ("free", listed(GREEK.get(name, name) for name in self.names)),
+            ("cost", f"{self.cost_function.name} of {listed(GREEK.get(n, n) for n in self.outputs)}"),
+            ("solver", f"{self.method}, memory {self.memory.name}, {self.substeps} steps a sample"),
+        ))  # fmt: skip
 
     def _add_sensors(self) -> None:
         """Give the model the parameters of the channels whose delay, gain, bias or low-pass is free."""

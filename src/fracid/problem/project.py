@@ -53,6 +53,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, unknown_name
 from fracid.models import Model, model_from_name
 from fracid.optimise import MOST_STARTS, optimiser_from_name
@@ -199,8 +200,8 @@ class _File(_Table):
     fit: _Fit = _Fit()
 
 
-@dataclass(frozen=True)
-class Project:
+@dataclass(frozen=True, repr=False)
+class Project(CardDisplay):
     """A project file with its recordings loaded."""
 
     path: Path
@@ -223,6 +224,16 @@ class Project:
     """Whether the file says its ``substeps``, or its method is the paper's; else the fit chooses them."""
     own_code: tuple[Path, ...] = ()
     """Files of its own whose code was run: it is trusted."""
+
+    def _card(self) -> Card:
+        held_out = {e.name for e in self.validation}
+        recordings = (f"{r.name}{' (validate)' * (r.name in held_out)}" for r in self.recordings)
+        return Card(f"Project {self.path.name}: {self.problem.model.name}", (
+            ("recordings", listed(recordings)),
+            *self.problem._card().rows[1:],
+            ("search", f"{self.optimiser}, {self.starts} starts, seed {self.seed}"),
+            ("notes", brief(self.notes)),
+        ), (("file", str(self.path)),))  # fmt: skip
 
     @property
     def resolutions(self) -> dict[str, dict[str, float | None]]:

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
@@ -93,8 +94,8 @@ class Constant:
         return self.value - NORMAL_95 * self.standard_error, self.value + NORMAL_95 * self.standard_error
 
 
-@dataclass(frozen=True)
-class Regression:
+@dataclass(frozen=True, repr=False)
+class Regression(CardDisplay):
     """What :func:`regress` found."""
 
     parameters: Mapping[str, Constant]
@@ -126,6 +127,21 @@ class Regression:
     search: OrderSearch | None
     """None where no order was searched."""
     warnings: tuple[str, ...]
+
+    def _card(self) -> Card:
+        constants = (
+            estimate_text(name, c.value, c.interval95, c.unit)
+            if c.interval95 is not None
+            else f"{name} = {c.value:.4g}"
+            for name, c in self.parameters.items()
+        )
+        return Card(f"Regression by {self.estimator}", (
+            ("constants", listed(constants)),
+            ("orders", brief(self.orders)),
+            ("noise ratio", brief(self.noise_ratio)),
+            ("credibility", self.belief),
+            ("warnings", listed(self.warnings)),
+        ))  # fmt: skip
 
     @property
     def belief(self) -> str:

@@ -154,7 +154,8 @@ class Explore {
   // nearest steps; before the release it has its first value.
   read(run, orders) {
     const r = this.recording, width = this.program.states.length, last = run.samples - 1, nodes = Math.min(4, run.samples), states = run.states;
-    const samples = Math.min(r.samples, Math.floor((r.release + last * r.step) / (r.step * r.every) * (1 + 1e-12)) + 1), read = new Float64Array(samples * width);
+    const ended = Math.floor((r.release + last * r.step) / (r.step * r.every) * (1 + 1e-12)) + 1; // of a run that diverges at once, before the first
+    const samples = Math.max(1, Math.min(r.samples, ended)), read = new Float64Array(samples * width);
     for (const { state } of this.outputs) {
       const named = this.program.orders[state], q = typeof named === "string" ? orders[named] : named;
       const bent = Math.abs(q - 1) > 0.05 && q > 1e-12, powers = [0, 1, q, 1 + q].slice(0, nodes);

@@ -24,6 +24,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.files import json_number
 from fracid.safety.schema import fault_of, read_as
@@ -68,8 +69,8 @@ class Difference:
         return not self.found or self.size <= ELSEWHERE or self.of_interval <= OF_INTERVAL
 
 
-@dataclass(frozen=True)
-class Reproduction:
+@dataclass(frozen=True, repr=False)
+class Reproduction(CardDisplay):
     """What :func:`reproduce` gives."""
 
     result: Mapping[str, Any]

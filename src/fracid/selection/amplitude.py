@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
@@ -163,8 +164,8 @@ class Drift:
         return f"{self.order} does not drift with amplitude {where}: {spread:.2g} of change, within its intervals."
 
 
-@dataclass(frozen=True)
-class AmplitudeTest:
+@dataclass(frozen=True, repr=False)
+class AmplitudeTest(CardDisplay):
     """The result of :func:`amplitude_test`."""
 
     windows: tuple[Window, ...]

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
@@ -89,8 +90,8 @@ def _on_threads(work: Callable[[Any], Any], items: Sequence[Any], jobs: int | No
         return [first, *pool.map(work, items[1:])]
 
 
-@dataclass(frozen=True)
-class Sensitivities:
+@dataclass(frozen=True, repr=False)
+class Sensitivities(CardDisplay):
     """A run and its derivatives."""
 
     run: Trajectory

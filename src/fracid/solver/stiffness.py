@@ -28,6 +28,9 @@ sample: at
 
 240 at order 1.01, 50 at 1.05, 9.5 at 1.5, 12 towards 2.
 
+**Near order 1** the equation of ``pi2`` is the trapezoidal rule, which multiplies a fast decay by
+:math:`(1 - |μ|/2)/(1 + |μ|/2)` a step: beyond 2 it changes its sign at every step, and hardly gets smaller.
+
 **Sweeps.**  ``pi2`` asks for Newton's method after its sweeps, which overshoot where \|J\|h is above 1: a curved f may
 run away there and then, and no blow-up is concluded from it.
 
@@ -89,6 +92,9 @@ GROWTH = 1.0
 
 FASTEST = 600.0
 """Logarithm of the fastest rate that is looked at: a number beyond it is none."""
+
+RINGS, SHARE = 20, 0.01
+"""A state that changes its direction at so many steps in a row, by that share of its range still: a scheme does so."""
 
 LOW_ORDER, SETTLED = 0.1, 100.0
 """Below this order an explicit scheme tells after how many samples it comes within 1/100."""
@@ -289,7 +295,7 @@ def fault_of(
     Returns
     -------
     Finding or None
-        ``blow-up``, ``runs-away``, ``stiff``, ``coarse-steps``, ``low-order`` or ``not-finite``.
+        ``blow-up``, ``runs-away``, ``stiff``, ``ringing``, ``coarse-steps``, ``low-order`` or ``not-finite``.
 
     Examples
     --------
@@ -333,6 +339,8 @@ def _fault(
         return _runs_away(run, largest) if several else None
     if method and method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
+    if method and method.family == "pi" and (ringing := _rings(run, spectra)):
+        return ringing
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)
@@ -373,7 +381,7 @@ def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, p
 def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
     note = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""
     if METHODS[run.method].family == "pi":
-        why = f"{run.method} above order 1 follows up to {beyond.limit:.3g} and makes grow what should die beyond{note}"
+        why = f"{run.method} above order 1 follows up to {beyond.limit:.3g} and amplifies decays beyond{note}"
         other = "bdf2"
     else:
         why = f"an explicit scheme follows up to about {beyond.limit:g}{note}"
@@ -382,6 +390,28 @@ def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
         "stiff", "", beyond.size, beyond.limit, "|J|h",
         f'The step is too long for {run.method}: |J|h is {beyond.size:.3g}, and {why}. Type method = "{other}", or a '
         f"step of {run.step / beyond.parts:.2g} s.",
+    )  # fmt: skip
+
+
+def _rings(run: Trajectory, spectra: list[NDArray[np.complex128]]) -> Finding | None:
+    """What the trapezoidal rule carries on with alternating sign, where every step is stored."""
+    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
+    if largest <= 2 or len(run.time) < RINGS + 3 or not np.isclose(run.time[1] - run.time[0], run.step):
+        return None
+    change = np.diff(run.states, axis=0)
+    swing = np.where(change[1:] * change[:-1] < 0, np.abs(np.diff(change, axis=0)) / 2, 0.0)
+    lasting = np.minimum.reduce([swing[k : len(swing) - RINGS + k] for k in range(RINGS)]).max(axis=0)
+    with np.errstate(invalid="ignore"):
+        share = np.nan_to_num(lasting / np.ptp(run.states, axis=0))
+    state = int(np.argmax(share))
+    if share[state] < SHARE:
+        return None
+    return Finding(
+        "ringing", "", largest, 2.0, "|J|h",
+        f"State {state} is wrong: it alternates from step to step, after {RINGS} steps still by "
+        f"{100 * share[state]:.2g} % of its range. The step is too long for {run.method}: |J|h is {largest:.3g}, "
+        f'and near order 1 the scheme hardly damps decays that are faster than 2. Type method = "bdf2", or a step '
+        f"of {run.step / largest:.2g} s.",
     )  # fmt: skip
 
 
@@ -422,7 +452,7 @@ def _runs_away(run: Trajectory, largest: float) -> Finding:
     if t[-1] - t[later] < t[later] - t[first - 1]:
         return Finding("blow-up", "", float(t[-1]), math.inf, "s",
                        f"The solution itself leaves every bound in finite time, at t = {t[-1]:.4g} s. {step}: a "
-                       "shorter one ends there too. Look at the orders and the constants; no rig does so.")  # fmt: skip
+                       "shorter one ends there too. Check the orders and the constants.")  # fmt: skip
     doubling = float(t[later] - t[first - 1]) / math.log2(10.0)
     return Finding("runs-away", "", doubling, math.inf, "s to double",
                    f"The solution itself grows without end, twofold in {doubling:.2g} s, and passed the limit at t = "

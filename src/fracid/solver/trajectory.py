@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError
 from fracid.findings import Finding
 
@@ -27,8 +28,8 @@ class Outcome(Enum):
     LEFT = "left its bounds: the last sample is the first one outside"
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(CardDisplay):
     """A simulated run, as far as it went."""
 
     time: FloatArray
@@ -55,6 +56,19 @@ class Trajectory:
     def completed(self) -> bool:
         """Whether the run reached its end."""
         return self.outcome is Outcome.COMPLETED
+
+    def _card(self) -> Card:
+        ended = self.outcome.value.split(":")[0]
+        last = ", ".join(f"{x:.4g}" for x in self.states[-1]) if len(self.time) else "none"
+        doubt = ", with a fault" if self.completed and self.fault is not None else ""
+        return Card(f"Trajectory: {ended}{doubt}", (
+            ("outcome", self.outcome.value),
+            ("fault", "none" if self.fault is None else self.fault.sentence),
+            ("time", f"{self.time[0]:g} to {self.time[-1]:g} s, {len(self.time):,} samples, step {self.step:g} s"),
+            ("method", f"{self.method}, memory {self.memory}"),
+            ("orders", listed(f"{q:g}" for q in self.orders)),
+            ("last state", last),
+        ))  # fmt: skip
 
     def at(self, times: ArrayLike) -> FloatArray:
         """Give the states at any times between the first and the last (dense output), shape (n_times, n_states).

@@ -35,6 +35,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.models.base import Output
@@ -56,8 +57,8 @@ BEYOND = 1e100
 """A state beyond this has run away, whatever its unit."""
 
 
-@dataclass(frozen=True)
-class Twin:
+@dataclass(frozen=True, repr=False)
+class Twin(CardDisplay):
     """What is simulated, all of it given by value."""
 
     name: str

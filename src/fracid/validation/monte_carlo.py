@@ -47,6 +47,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
@@ -216,8 +217,8 @@ def _own(record: Any, block: Block) -> dict[str, Any]:
     return {f.name: getattr(block, f.name) for f in fields(record) if f.name in type(block).model_fields}
 
 
-@dataclass(frozen=True)
-class NoiseStudy:
+@dataclass(frozen=True, repr=False)
+class NoiseStudy(CardDisplay):
     """The result of :func:`noise_study`."""
 
     problem: Problem

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from fracid.cards import Card, CardDisplay
 from fracid.safety.schema import as_json
 from fracid.schemas.residuals import AnalysisBlock
 
@@ -172,8 +173,8 @@ class Level:
     """What rounding alone leaves, step/√12 [rad]."""
 
 
-@dataclass(frozen=True)
-class ResidualAnalysis:
+@dataclass(frozen=True, repr=False)
+class ResidualAnalysis(CardDisplay):
     """What :func:`residual_analysis` found."""
 
     recording: str
@@ -206,6 +207,9 @@ class ResidualAnalysis:
             "level": self.level.sentence,
         }
         return {name: sentence for name, sentence in sentences.items() if sentence}
+
+    def _card(self) -> Card:
+        return Card(f"Residual of {self.recording}, {self.output} ({self.use})", tuple(self.sentences.items()))
 
     def to_json(self) -> dict[str, Any]:
         """Everything as plain JSON values, what is not known as null; angles in radians.

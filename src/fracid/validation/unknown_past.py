@@ -38,6 +38,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined
@@ -91,8 +92,8 @@ class Treatment:
     """Whether the budget ended the refit: the orders were still moving."""
 
 
-@dataclass(frozen=True)
-class CutCheck:
+@dataclass(frozen=True, repr=False)
+class CutCheck(CardDisplay):
     """What :func:`cut_check` found."""
 
     orders: Mapping[str, float]

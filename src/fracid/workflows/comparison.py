@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.bayes.evidence import require_evidence
+from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
 from fracid.models.friction import RUNGS
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
@@ -38,8 +39,8 @@ __all__ = ["FinishedComparison", "run_comparison"]
 RESULT, TABLE = "compare.json", "compare.csv"
 
 
-@dataclass(frozen=True)
-class FinishedComparison:
+@dataclass(frozen=True, repr=False)
+class FinishedComparison(CardDisplay):
     """A comparison with its folder."""
 
     project: Project
@@ -48,6 +49,9 @@ class FinishedComparison:
     figures: tuple[Path, ...]
     result: Mapping[str, Any]
     """The content of compare.json."""
+
+    def _card(self) -> Card:
+        return self.comparison._card().of_folder(self.folder)
 
     @property
     def path(self) -> Path:

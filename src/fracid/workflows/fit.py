@@ -19,6 +19,7 @@ from pathlib import Path
 from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
+from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, Unfinished, at_least
 from fracid.findings import Finding
 from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
@@ -59,8 +60,8 @@ LARGEST_SEED = 2**63
 """What JSON can hold everywhere."""
 
 
-@dataclass(frozen=True)
-class FinishedRun:
+@dataclass(frozen=True, repr=False)
+class FinishedRun(CardDisplay):
     """A fit with its folder."""
 
     project: Project
@@ -78,6 +79,9 @@ class FinishedRun:
     """Why there are no figures and no report, in a sentence; empty where they are there."""
     resumed: bool = False
     """Whether it resumed an earlier, interrupted run in the folder."""
+
+    def _card(self) -> Card:
+        return self.fit._card().of_folder(self.folder)
 
 
 def run(

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError
 from fracid.estimation.search import search
 from fracid.optimise import optimiser_from_name
@@ -44,8 +45,8 @@ RESOLUTIONS = (2 * pi / 4096, 2 * pi / 20000)
 """Of encoders [rad], if none are given."""
 
 
-@dataclass(frozen=True)
-class FinishedNoiseStudy:
+@dataclass(frozen=True, repr=False)
+class FinishedNoiseStudy(CardDisplay):
     """A study of noise with its folder."""
 
     study: NoiseStudy
@@ -54,6 +55,9 @@ class FinishedNoiseStudy:
     """Empty where no repetition gave an estimate."""
     result: Mapping[str, Any]
     """The content of noise.json."""
+
+    def _card(self) -> Card:
+        return self.study._card().of_folder(self.folder)
 
     @property
     def path(self) -> Path:

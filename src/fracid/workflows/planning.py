@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from fracid.cards import Card, CardDisplay
 from fracid.experiments.choice import design
 from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
@@ -21,14 +22,17 @@ from fracid.tasks.observer import Observer
 __all__ = ["FinishedDesign", "run_design"]
 
 
-@dataclass(frozen=True)
-class FinishedDesign:
+@dataclass(frozen=True, repr=False)
+class FinishedDesign(CardDisplay):
     """A plan with its folder."""
 
     plan: Plan
     folder: Path
     files: tuple[Path, ...]
     """What was written."""
+
+    def _card(self) -> Card:
+        return self.plan._card().of_folder(self.folder)
 
     @property
     def result(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
+from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, unknown_name, unwritable
 from fracid.files import write_whole
 from fracid.runs.environment import versions
@@ -36,8 +37,8 @@ PARTIAL = ("interrupted", "stopped as asked")
 """In the outcome of a search that did not reach its end."""
 
 
-@dataclass(frozen=True)
-class FinishedPosterior:
+@dataclass(frozen=True, repr=False)
+class FinishedPosterior(CardDisplay):
     """A posterior with its folder."""
 
     posterior: Posterior
@@ -45,6 +46,9 @@ class FinishedPosterior:
     figures: tuple[Path, ...]
     result: Mapping[str, Any]
     """The content of posterior.json."""
+
+    def _card(self) -> Card:
+        return self.posterior._card().of_folder(self.folder)
 
     @property
     def path(self) -> Path:

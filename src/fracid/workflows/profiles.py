@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, Failure, unwritable
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
@@ -37,8 +38,8 @@ __all__ = ["FinishedProfiles", "run_profiles"]
 RESULT = "profiles.json"
 
 
-@dataclass(frozen=True)
-class FinishedProfiles:
+@dataclass(frozen=True, repr=False)
+class FinishedProfiles(CardDisplay):
     """Profiles with what stands beside them, and their folder."""
 
     profiles: Profiles
@@ -49,6 +50,9 @@ class FinishedProfiles:
     figures: tuple[Path, ...]
     result: Mapping[str, Any]
     """The content of profiles.json."""
+
+    def _card(self) -> Card:
+        return self.profiles._card().of_folder(self.folder)
 
     @property
     def path(self) -> Path:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from fracid.cards import Card, CardDisplay, brief
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model, rotary_pendulum
 from fracid.problem import Free, Problem
@@ -40,12 +41,21 @@ class _Asked:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class FinishedRegression:
+@dataclass(frozen=True, repr=False)
+class FinishedRegression(CardDisplay):
     """Regressions by the names of their recordings."""
 
     asked: _Asked
     regressions: Mapping[str, Regression]
+
+    def _card(self) -> Card:
+        one = next(iter(self.regressions.values()))
+        rows = (
+            one._card().rows
+            if len(self.regressions) == 1
+            else tuple((n, brief(r)) for n, r in self.regressions.items())
+        )
+        return Card(f"Regression of {', '.join(self.regressions)}", rows)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fracid.cards import Card, CardDisplay
 from fracid.errors import unknown_name
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
@@ -26,8 +27,8 @@ __all__ = ["FinishedResiduals", "run_residuals"]
 RESULT = "residuals.json"
 
 
-@dataclass(frozen=True)
-class FinishedResiduals:
+@dataclass(frozen=True, repr=False)
+class FinishedResiduals(CardDisplay):
     """A run with the analyses of its residuals, and where they were written."""
 
     run: SavedRun
@@ -35,6 +36,10 @@ class FinishedResiduals:
     """Recording → output → what its residual says."""
     folder: Path
     figures: tuple[Path, ...]
+
+    def _card(self) -> Card:
+        rows = tuple((f"{a.recording}, {a.output}", a.whiteness.sentence) for a in self.all)
+        return Card(f"Residuals of {self.run.folder}", rows).of_folder(self.folder)
 
     @property
     def path(self) -> Path:
