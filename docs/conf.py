@@ -23,13 +23,14 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx_copybutton",
-    "accessible",  # these nine are in _site/
+    "accessible",  # these ten are in _site/
     "commands",
     "docstrings",
     "excerpts",
     "live_report",
     "mathml",
     "modules",
+    "numerals",
     "offline",
     "outside",
 ]
@@ -69,6 +70,7 @@ html_theme = "furo"
 html_title = "fracid"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_copy_source = False
 html_show_search_summary = (
     True  # from _site/excerpts.py: no browser fetches a page from files

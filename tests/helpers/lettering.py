@@ -1,12 +1,16 @@
 """What is wrong with the lettering of a figure: text beyond its sheet, on other text, on another panel."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 from matplotlib.axis import Axis
 from matplotlib.text import Text
 
 SLACK = 1.0
 """[pixels] at 100 per inch, by which boxes of letters may touch."""
+
+
+APART = 3.0
+"""[pixels] between the numbers of a horizontal axis, a space at least."""
 
 
 def lettering(artist):
@@ -50,6 +54,21 @@ def faults_of_lettering(figure):
     for (text, box), (other, its) in combinations(upright, 2):
         if _meet(box, its):
             yield f"{text.get_text()!r} lies on {other.get_text()!r}"
+
+
+    numbers = [box for axes in figure.axes for box in _numbers(axes)]
+    for axes, one, left, other, right in numbers:
+        if right.x0 - left.x1 < APART:
+            yield f"{one!r} runs into {other!r} below {axes.get_xlabel()!r}"
+
+
+def _numbers(axes):
+    """Neighbours below a panel, from left to right."""
+    labels = [label for label in _tick_labels(axes.xaxis) if axes.xaxis.get_visible() and _seen(label)]
+    rows = sorted((label.get_window_extent().x0, label.get_text(), label.get_window_extent()) for label in labels)
+    for (_, one, left), (_, other, right) in pairwise(rows):
+        if abs(left.y0 - right.y0) < SLACK:
+            yield axes, one, left, other, right
 
 
 def _meet(one, other):

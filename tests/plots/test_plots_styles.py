@@ -100,6 +100,8 @@ DRIFTS = tuple(Drift(order, "release 92°", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-
 STARTS = [Start("given", np.zeros(1), 1.0, np.zeros(1), 0.1, "converged", 9),
           Start("Sobol 1", np.zeros(1), 2.0, np.zeros(1), 0.7, "converged", 5)]  # fmt: skip
 
+TENTH = np.linspace(0, 1, len(VALLEY))
+
 FIGURES = {
     "rig_drawing": lambda **o: rig().plot(**o),
     "recording_overview": lambda **o: Recording.of("twin", TIME, {"theta": 0.2 * SWING, "alpha": SWING}).plot(**o),
@@ -107,6 +109,9 @@ FIGURES = {
     "residual_plots": lambda **o: twin().plot_residuals("alpha", **o),
     "residual_diagnostics": lambda **o: twin().plot_residuals("alpha", tests=True, **o),
     "cost_plane": lambda **o: plots.cost_plane(ORDERS, ORDERS, VALLEY, best=(0.86, 0.91), cost_name="itae", **o),
+    "cost_plane_near_1": lambda **o: plots.cost_plane(
+        0.996 + 0.01 * TENTH, 0.9993 + 0.0018 * TENTH, VALLEY, best=(1.0006, 1.0001), **o
+    ),
     "profiles": lambda **o: profiles().plot(**o),
     "cut_shifts": lambda **o: CUT.plot(**o),
     "ladder": lambda **o: comparison().plot(**o),
@@ -143,7 +148,7 @@ def words(figure):
 
 
 def test_all_figures_are_looked_at_here():
-    assert set(FIGURES) == set(plots.__all__) - {"FIGURES", "save"}
+    assert set(FIGURES) - {"cost_plane_near_1"} == set(plots.__all__) - {"FIGURES", "save"}
 
 
 # --- a journal's columns -----------------------------------------------------------------------------

@@ -82,7 +82,7 @@ def test_white_normal_noise_passes_every_question():
 @pytest.mark.parametrize(("correlation", "words"), [
     (0.5, "beside the swing's 0.67 s that is so short that it is rather the sensor, its filter or a vibration"),
     (0.9, "rather the sensor"),
-    (0.98, "the model lacks something. Were every sample taken for an independent one"),
+    (0.98, "the model lacks something. Intervals that take the samples for independent"),
 ])  # fmt: skip
 def test_fading_noise_has_its_correlation_time_and_no_frequency(correlation, words):
     times = [analysed(ar1(correlation, seed)).whiteness.correlation_time for seed in range(5)]
@@ -92,7 +92,7 @@ def test_fading_noise_has_its_correlation_time_and_no_frequency(correlation, wor
     assert found.whiteness.lag_one == pytest.approx(correlation, abs=0.02)
     assert found.whiteness.effective_samples == pytest.approx(N * STEP / found.whiteness.correlation_time)
     assert found.spectrum.line is None
-    assert f"of 20,000 samples {found.whiteness.effective_samples:,.0f} count" in found.sentences["whiteness"]
+    assert f"20,000 samples are worth {found.whiteness.effective_samples:,.0f} independent ones" in found.sentences["whiteness"]
     assert words in found.sentences["whiteness"]
 
 
@@ -318,7 +318,7 @@ def test_a_spread_that_changes_a_little_within_few_independent_samples_may_be_ch
     found = analysed(ar1(0.999, seed=2) * (1 + 4 * TIME / 20))
     assert found.whiteness.thinned_samples < 20
     assert (
-        f"that may be chance, of {found.whiteness.effective_samples:.0f} samples that count"
+        f"that may be chance: the residual is worth {found.whiteness.effective_samples:.0f} independent samples"
         in found.sentences["variance"]
     )
 

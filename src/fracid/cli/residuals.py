@@ -135,5 +135,5 @@ def _sentences(a: ResidualAnalysis, told: set[str]) -> Any:
         parts = re.split(r"(?<=[.:]) (?=[A-Z])", text)
         new = [part for part in parts if part not in told or len(part) < ADVICE]
         told.update(parts)
-        table.add_row(name, escape(" ".join(new)))
+        table.add_row(name, escape(" ".join(new) or "as above"))
     return Padding(table, (0, 0, 0, 2))

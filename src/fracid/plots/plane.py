@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +34,9 @@ RISES = {1e-2 * percent: f"+{percent:g} %" for percent in (1e-6, 1e-5, 1e-4, 1e-
     multiple - 1.0: f"×{multiple}" for multiple in (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 }
 """Of the cost above its least, where lines are drawn, and what they are called."""
+
+TICKS = 4
+"""At the horizontal axis of one column: orders next to 1 have long numbers."""
 
 INSET = 0.27
 """Of the plane's width and height, where the whole search is shown beside it."""
@@ -100,8 +104,10 @@ def cost_plane(
         appearance.note(axes, "every simulation diverges", 0.93)
     _search(figure, axes, evaluations, (first, second, values), names, best)
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
+    digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
     places = {
-        what: f"{what}: " + ", ".join(f"{appearance.symbol(n)} = {v:.4f}" for n, v in zip(names, point, strict=True))
+        what: f"{what}: "
+        + ", ".join(f"{appearance.symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, point, digits, strict=True))
         for what, point in marks.items()
     }
     brief = appearance.style_of(figure).brief
@@ -109,7 +115,10 @@ def cost_plane(
         axes.plot(*point, ls="", label=what if brief else places[what], **appearance.MARKS[what])
     axes.set_xlim(appearance.extent(np.append(first, [point[0] for point in marks.values()])))
     axes.set_ylim(appearance.extent(np.append(second, [point[1] for point in marks.values()])))
+    axes.ticklabel_format(useOffset=False)
     appearance.label(axes, "", f"order {appearance.symbol(names[0])} [–]", f"order {appearance.symbol(names[1])} [–]")
+    if brief:
+        axes.locator_params(axis="x", nbins=TICKS)
     heading = f"{appearance.cost_label(cost_name)[0]} over the orders"
     appearance.finish(figure, heading, grid=False, caption="; ".join(places.values()))
     return figure

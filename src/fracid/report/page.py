@@ -461,7 +461,7 @@ def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
         "rms": material.shown(a.output, a.level.rms, ".3g") if isfinite(a.level.rms) else "–",
         "in encoder steps": number(a.level.steps, ".2g"),
         "correlated over": f"{number(a.whiteness.correlation_time, '.2g')} s",
-        "samples that count": f"{number(a.whiteness.effective_samples, '.0f')} of {beginning}{a.samples}",
+        "independent samples": f"{number(a.whiteness.effective_samples, '.0f')} of {beginning}{a.samples}",
         "correlation with the normal (PPCC)": number(a.normality.ppcc, ".3f"),
         "late to early": number(a.variance.late_to_early.ratio, ".2g"),
         "far to near": number(a.variance.far_to_near.ratio, ".2g"),

@@ -79,8 +79,8 @@ def correlation_cause(
             "vibration than the model."
         )
     return (
-        "the model lacks something. Were every sample taken for an independent one, intervals would be "
-        f"{_times(math.sqrt(T))} times too narrow; those of fracid fit are not."
+        "the model lacks something. Intervals that take the samples for independent would be "
+        f"{_times(math.sqrt(T))} times too narrow; those of fracid fit allow for it."
     )
 
 
@@ -94,7 +94,10 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
             f"Next to white: neighbours correlate by {_signed(lag_one)}, which shows because there are {n:,} "
             f"(Ljung-Box {_p(p)}); {count:,.0f} of them count, and nothing need be done."
         )
-    return f"Correlated over {_seconds(seconds)}: of {n:,} samples {count:,.0f} count (Ljung-Box {_p(p)}); {cause}"
+    return (
+        f"Autocorrelated over {_seconds(seconds)}: {n:,} samples are worth {count:,.0f} independent ones "
+        f"(Ljung-Box {_p(p)}); {cause}"
+    )
 
 
 MISSING = {
@@ -201,7 +204,7 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float)
     sure = [(c, texts) for c, texts in uneven if c.sure]
     text = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
-        return f"It is {text}; that may be chance, of {effective_samples:,.0f} samples that count."
+        return f"It is {text}; that may be chance: the residual is worth {effective_samples:,.0f} independent samples."
     most, (_, larger, smaller) = _telling(sure)
     return f"It is {text}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
 
