@@ -55,7 +55,6 @@ def faults_of_lettering(figure):
         if _meet(box, its):
             yield f"{text.get_text()!r} lies on {other.get_text()!r}"
 
-
     numbers = [box for axes in figure.axes for box in _numbers(axes)]
     for axes, one, left, other, right in numbers:
         if right.x0 - left.x1 < APART:

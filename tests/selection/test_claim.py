@@ -25,7 +25,7 @@ def test_orders_that_nothing_of_integer_order_does_without_are_called_fractional
     claim = claim_of(CLEAR, nearest(untried=["play"]), NOISE)
     assert claim.claim == "fractional"
     assert "damping ratio of 0.079" in claim.reasons[0]
-    assert "tried were friction, a delay of alpha" in claim.reasons[1]
+    assert "Tried: friction, a delay of alpha" in claim.reasons[1]
     assert claim.reasons[-1] == "Not excluded: play."
 
 

@@ -92,7 +92,8 @@ def test_fading_noise_has_its_correlation_time_and_no_frequency(correlation, wor
     assert found.whiteness.lag_one == pytest.approx(correlation, abs=0.02)
     assert found.whiteness.effective_samples == pytest.approx(N * STEP / found.whiteness.correlation_time)
     assert found.spectrum.line is None
-    assert f"20,000 samples are worth {found.whiteness.effective_samples:,.0f} independent ones" in found.sentences["whiteness"]
+    worth = f"20,000 samples are worth {found.whiteness.effective_samples:,.0f} independent ones"
+    assert worth in found.sentences["whiteness"]
     assert words in found.sentences["whiteness"]
 
 

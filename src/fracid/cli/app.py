@@ -258,7 +258,10 @@ def print_claim(console: Any, claim: str, reasons: Sequence[str]) -> None:
     from rich.markup import escape
 
     colour = {"fractional": "green", "integer": "green"}.get(claim, "yellow")
-    say(console, f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(reasons))}")
+    lines = reasons if console.is_terminal else [" ".join(reasons)]  # one line where programs read
+    say(console, f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(lines[:1]))}")
+    for reason in lines[1:]:
+        say(console, escape(reason), "  ", 2)
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:

@@ -261,9 +261,10 @@ def _print_estimates(console: Console, fit: Fit) -> None:
             names = ", ".join(n for n, text in verdicts.items() if text == verdict)
             say(console, escape(f"{verdict}: {names}"), "  ", 2)
     for verdict in sorted(common):
-        others = [name for name, said in verdicts.items() if said != verdict and estimates[name].free]
-        but = f", but not those of {', '.join(others)}" if others else ""
-        say(console, escape(f"intervals {verdict}{but}"), "  ", 2)
+        holding, others = ([n for n, e in estimates.items() if e.free and (verdicts[n] == verdict) is so]
+                           for so in (True, False))  # fmt: skip
+        whose = f"all but {', '.join(others)}" if len(others) < len(holding) else ", ".join(holding)
+        say(console, escape(f"intervals {verdict}: {whose if others else 'all'}"), "  ", 2)
 
 
 def _verdict(e: Estimate) -> str:

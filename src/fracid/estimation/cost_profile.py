@@ -44,6 +44,7 @@ References
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
@@ -286,6 +287,8 @@ def profile(
     if not isinstance(problem, Problem):
         x = getattr(problem, "x", None) if x is None else x
         problem = problem.problem
+    if x is not None and any(isinstance(value, str) for value in x):
+        raise InputError(f"x = {reprlib.repr(x)} are names; x is the minimum. Type parameters={[*map(str, x)]!r}.")
     at = _indices(problem, parameters)
     pair = None if joint is None else _pair(problem, joint)
     at_least("points", points, 4)

@@ -31,6 +31,9 @@ from fracid.units import GREEK
 
 __all__ = ["FLOOR", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
+MANY = 100.0
+"""From here on a difference of BIC is a whole number."""
+
 FLOOR = 0.02
 """The damping ratio by which an order must differ from an integer, its interval taken off: 0.013 in an order."""
 
@@ -192,8 +195,8 @@ def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
 def _too_little(off: Sequence[OrderFound]) -> str:
     most = max(off, key=lambda order: order.least_damping)
     return (
-        f"{' and '.join(map(str, off))}: off {most.nearest:g}, but by no more than a damping ratio of "
-        f"{damping(abs(most.value - most.nearest)):.2g} would do, and less than {FLOOR:g} beyond the interval "
+        f"{' and '.join(map(str, off))}: off {most.nearest:g}, but the difference acts like a damping ratio of at most "
+        f"{damping(abs(most.value - most.nearest)):.2g}, and less than {FLOOR:g} beyond the interval "
         "may be a clock, a cable or a bearing. No recording of this kind would decide it."
     )
 
@@ -210,14 +213,15 @@ def _unexplained(where: str, e: LeftOver) -> str:
 
 def _effect(order: OrderFound) -> str:
     return (
-        f"{order} is off {order.nearest:g} by what a damping ratio of "
-        f"{damping(abs(order.value - order.nearest)):.2g} would do."
+        f"{order} differs from {order.nearest:g}; the difference acts like a damping ratio of "
+        f"{damping(abs(order.value - order.nearest)):.2g}."
     )
 
 
 def _beaten(alternative: Alternative) -> tuple[str, ...]:
     tried = [t.name for t in alternative.trials if t.tried]
     untried = [t.name for t in alternative.trials if not t.tried]
-    reasons = [f"No integer-order model does as well: tried were {', '.join(tried)}; the nearest "
-               f"({alternative.structure}) is worse by {alternative.gain:.3g} of BIC."]  # fmt: skip
+    worse = f"{alternative.gain:,.0f}" if alternative.gain >= MANY else f"{alternative.gain:.3g}"
+    reasons = [f"No integer-order model fits as well. Tried: {', '.join(tried)}. The nearest "
+               f"({alternative.structure}) has a BIC that is {worse} higher."]  # fmt: skip
     return (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))
