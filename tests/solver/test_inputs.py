@@ -139,5 +139,5 @@ def test_a_filtered_input_is_what_an_integrator_makes_of_it():
 
 
 def test_an_unknown_way_between_samples_is_refused():
-    with pytest.raises(InputError, match=r"unknown between of the inputs 'held'.*did you mean hold"):
+    with pytest.raises(InputError, match=r"unknown value of between 'held'.*did you mean hold"):
         solve_fde(swing, 1.0, [0.3, 0.0], step=0.1, end=1.0, inputs=np.zeros(11), between="held")

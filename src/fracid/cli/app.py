@@ -315,7 +315,7 @@ def natural_width(console: Any, grid: Any) -> int:
 def _program(
     ctx: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version; with --json of all that counts.")
+        bool, typer.Option("--version", help="Print the version; with --json also those of the libraries.")
     ] = False,
     json_: Annotated[bool, typer.Option("--json", hidden=True)] = False,
 ) -> None:

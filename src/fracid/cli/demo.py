@@ -52,8 +52,8 @@ def demo(
 ) -> None:
     """Run the paper's experiment on two SIMULATED recordings.
 
-    λ = 0.8623, μ = 0.9146, and what comes back of them.  Release from 10°, hanging, 20 s at 1000 Hz, 4096 counts a turn
-    with noise; nothing here was measured. Ctrl-C ends it (exit code 1).
+    λ = 0.8623, μ = 0.9146, and how well a fit recovers them.  Release from 10°, hanging, 20 s at 1000 Hz, 4096
+    counts a turn with noise; nothing here was measured. Ctrl-C ends it (exit code 1).
     """
     from fracid.report import write_index
 

@@ -51,11 +51,13 @@ def profile(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="An unknown; may be given again. The free orders if left out.",
+            help="A free parameter; may be repeated \\[default: the free orders].",
             autocompletion=from_run("orders", "parameters"),
         ),
     ] = None,
-    joint: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Two unknowns, together too.")] = None,
+    joint: Annotated[
+        str | None, typer.Option(metavar="NAME,NAME", help="Two free parameters, also profiled together.")
+    ] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Between the ends of an interval, about.")] = 12,
     trust: Trust = False,
     out: Out = None,
@@ -65,9 +67,9 @@ def profile(
 ) -> None:
     """Profile likelihood: intervals from refits along each parameter.
 
-    Fixes one parameter on a grid and refits the others.  Shows the 95 % interval of the profile beside those
-    of the sandwich and of the bootstrap, and in words what the data can tell of each unknown.  Writes profiles.json and
-    a figure.  Exit code 0 if it is done, 3 if no run of the model reached the end of the recording.
+    Fixes one parameter on a grid and refits the others.  Shows the 95 % interval of the profile beside those of the
+    sandwich and of the bootstrap, and a verdict on each free parameter.  Writes profiles.json and a figure.  Exit
+    code 0 if it is done, 3 if no run of the model reached the end of the recording.
     """
     from fracid.workflows.profiles import run_profiles
 

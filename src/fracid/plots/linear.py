@@ -116,7 +116,7 @@ def linear_response(system: Linearised, posture: str, *, style: str | Style = "s
         step.plot(time, factor * integer[:, column], **INTEGER)
         for axes in (magnitude, phase):
             axes.axvspan(low, high, color=ORANGE, alpha=0.12, lw=0, zorder=0.5,
-                         label="what the data can tell" if axes is magnitude else None)  # fmt: skip
+                         label="band of the recording" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
         about = f" from {posture}" if output == system.model.pendulum else ""
         label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit or '–'}]")

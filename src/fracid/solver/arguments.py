@@ -247,7 +247,10 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
         raise InputError(f"bounds has the shape {box.shape}; expected ({len(x0)}, 2), lowest and highest value of each "
                          "state (±inf for none).")  # fmt: skip
     for i in np.flatnonzero(~((box[:, 0] <= x0) & (x0 <= box[:, 1]))):
-        raise InputError(f"bounds[{i}] = ({box[i, 0]:g}, {box[i, 1]:g}) do not hold the initial state {x0[i]:g}.")
+        raise InputError(
+            f"bounds[{i}] = ({box[i, 0]:g}, {box[i, 1]:g}): expected lowest < highest, and the "
+            f"initial state {x0[i]:g} between them."
+        )
     return box
 
 
@@ -292,7 +295,7 @@ def check_driven(
 def check_between(between: str, u: FloatArray) -> tuple[FloatArray, FloatArray | None]:
     """The inputs just before and just after each grid point; None for those after it where they do not jump."""
     if between not in BETWEEN:
-        raise unknown_name("between of the inputs", between, BETWEEN)
+        raise unknown_name("value of between", between, BETWEEN)
     if between == "line" or len(u) == 1:
         return u, None
     driven = [between_samples(column, between, 0.0, 1.0, len(u)) for column in u.T]
