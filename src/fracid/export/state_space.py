@@ -129,8 +129,8 @@ class Operator:
         decibel, degrees = self.errors
         return (
             f"1/s^{self.order:.6g} is 1/s and {self.pairs} pairs of a pole and a zero from {self.filter_band[0]:.3g} "
-            f"to {self.filter_band[1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, what the data "
-            f"can tell, it is right within {decibel:.2g} dB and {degrees:.2g}°."
+            f"to {self.filter_band[1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, the band of "
+            f"the recording, it is right within {decibel:.2g} dB and {degrees:.2g}°."
         )
 
 
