@@ -13,8 +13,8 @@ legend, panel titles    in full                                       brief; the
 pixels, if any          150 per inch                                  600 per inch
 ======================  ============================================  =============================================
 
-``screen`` is the default; every figure takes ``style="journal"``.  The text has no serifs, the colours are told apart
-by every eye and, with shapes and dashes, in grey.
+``screen`` is the default; every figure takes ``style="journal"``.  The text has no serifs, the colours can be
+distinguished by every eye and, with shapes and dashes, in grey.
 
 A result has a method ``plot``, and the plots import the results that they draw.  So a result calls :func:`draw` with
 the figure's name, and imports nothing from above itself.

@@ -629,8 +629,8 @@ def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, pre
         return ""
     changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
     return (
-        f"The search stopped short of its own minimum: least squares from its best point goes on to a cost of "
-        f"{polished.cost:.6g} from {best.cost:.6g}{f' ({changes})' if changes else ''}."
+        f"The search stopped before it converged: least squares from its best point reduces the cost from "
+        f"{best.cost:.6g} to {polished.cost:.6g}{f' ({changes})' if changes else ''}."
     )
 
 
@@ -678,7 +678,7 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     for order, output in problem.model.seen_in.items():
         if order in problem.names and output not in problem.outputs:
             scored = " and ".join(problem.outputs)
-            yield f"Only {scored} is scored, and {order} can hardly be seen in it: score {output} too."
+            yield f"Only {scored} is scored, and it carries almost no information about {order}: score {output} too."
     if isinstance(precision, Failure):
         yield f"There are no intervals: {precision}."
         return

@@ -90,7 +90,7 @@ def test_a_projects_free_constants_are_found_and_given_as_a_start_and_nothing_is
     assert "C1 = 0.00" in start
     assert "(from 0.008)" in start
     assert "alpha swings by" in out
-    assert "In simulated releases of this size at given orders the inertias came out within 1 %" in out
+    assert "In simulated releases of this size at given orders the inertias were within 1 %" in out
     assert set(folder.rglob("*")) == files
 
 

@@ -42,6 +42,12 @@ INSTEAD = {
     r"\bdoes not know of\b": "ignores",
     r"\b(?:do not|does not|cannot) tell\b": "determine, separate; is not identifiable",
     r"\bRead that first\b": "review it first",
+    r"\b(?:is|are|was|were) told\b": "is reported; is identified by",
+    r"\bwhat the data can tell\b": "identifiable; the band of the recording",
+    r"\bwhat should die\b": "decaying modes",
+    r"\bc(?:a|o)me out (?:within|up to|too)\b": "is within",
+    r"\btakes it that\b": "assumes",
+    r"\bwould do\.": "acts like",
 }
 """Phrase → what to write in its place."""
 PATTERN = re.compile("|".join(f"(?:{phrase})" for phrase in INSTEAD), re.IGNORECASE)

@@ -148,7 +148,7 @@ def test_correlations_add_up_as_those_of_an_ar1_process_do():
 
 
 @pytest.mark.parametrize(("multiple", "harmonic", "words"), [
-    (1, 1, "the swing's own frequency: the swing comes out too large, too small or at the wrong time"),
+    (1, 1, "the swing's own frequency: the simulated swing is too large, too small or out of phase"),
     (1.04, 1, "Free Coulomb friction, drag"),
     (2, 2, "2 times the swing's: something differs between left and right"),
     (3, 3, "3 times the swing's: it bends within each swing"),

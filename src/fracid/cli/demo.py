@@ -31,7 +31,7 @@ STORY = (
     (
         "paper-on-reference",
         "paper",
-        "3. The reference twin, identified by the paper's recipe: what it does to the truth",
+        "3. The reference twin, identified by the paper's recipe: what its scheme does to the orders",
     ),
 )
 """Folder, preset, headline."""
@@ -101,9 +101,9 @@ def _truth(run: FinishedRun) -> list[str]:
     sentences = []
     for name, true in TRUE_ORDERS.items():
         e = run.fit.orders[name]
-        off = f"{name}: true {true}, found {e.value:.4f}, off by {e.value - true:+.2g}"
+        off = f"{name}: true value {true}, estimate {e.value:.4f}, error {e.value - true:+.2g}"
         if e.interval95 is not None:
             inside = e.interval95[0] <= true <= e.interval95[1]
-            off += ", the truth is inside the interval" if inside else ", the truth is OUTSIDE the interval"
+            off += ", inside the 95 % interval" if inside else ", OUTSIDE the 95 % interval"
         sentences.append(off + ".")
     return sentences

@@ -1,4 +1,4 @@
-"""What to look at beside the best value: what the data can tell of each unknown, and the cost over the orders.
+"""What to look at beside the best value: is each unknown identifiable, and the cost over the orders.
 
 :func:`identifiability` says of each unknown, in words, one of
 
@@ -81,7 +81,7 @@ KNOWN = 0.5
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the data can tell of one unknown."""
+    """Whether one unknown is identifiable."""
 
     name: str
     kind: Kind
@@ -104,7 +104,7 @@ def identifiability(
     *,
     jobs: int = 1,
 ) -> dict[str, Verdict]:
-    """Say of each unknown what the data can tell of it.
+    """Say of each unknown whether it is identifiable.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class Operator:
     residues: FloatArray
     """Shape (n,)."""
     band: tuple[float, float]
-    """What the data can tell [rad/s]."""
+    """Of the recording: one period in the longest to half the sampling rate [rad/s]."""
     filter_band: tuple[float, float]
     """ω_b and ω_h [rad/s]."""
 

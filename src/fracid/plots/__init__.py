@@ -26,7 +26,7 @@ Every one takes ``style``, of which there are ``screen`` and ``journal`` (:mod:`
 SVG, PDF and PNG.
 
 What they keep to: angles in degrees and a unit on every axis, with the zero of the pendulum's angle; measured pale and
-broad under fitted dark and thin, so that both are told apart in grey and by every eye (the colours are Okabe and
+broad under fitted dark and thin, so that both can be distinguished in grey and by every eye (the colours are Okabe and
 Ito's); a simulation that failed is drawn as missing and said to be, never left out.
 
 A line of many samples is drawn through the least and the greatest of each of some thousand bins: the same

@@ -1,7 +1,7 @@
 """A linear model about a posture: Bode's two plots and the step response of each output.
 
 The fractional model is drawn broad and pale, the integer-order one that stands for it dark and thin over it, and the
-band that the data can tell is shaded.
+band of the recording is shaded.
 """
 
 from __future__ import annotations

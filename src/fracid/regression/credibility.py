@@ -21,13 +21,13 @@ MIDDLE, LARGE = math.radians(20), math.radians(45)
 """Between the table's 10°, 30° and 60°."""
 
 SAID = {
-    0.0: "the inertias came out up to 14 % off, b_alpha and C6 as anything, and the orders could not be seen: release "
+    0.0: "the inertias were up to 14 % off, b_alpha and C6 arbitrary, the orders not identifiable: release "
          "from 60° or more, or trust a fit of the whole trajectory only",
-    MIDDLE: "at given orders the inertias and the arm's friction came out within 3 % where the orders were 1 and "
+    MIDDLE: "at given orders the inertias and the arm's friction were within 3 % where the orders were 1 and "
             "within 12 % where they were 0.86, C6 within 10 %; b_alpha was 20 to 130 % off, coulomb_alpha 50 %; orders "
-            "that were searched came out within 0.02, the inertias then within 12 %",
-    LARGE: "at given orders the inertias came out within 1 %, C6 and the arm's friction within 4 %, b_alpha within "
-           "13 %, coulomb_alpha was up to 40 % off; orders that were searched came out within 0.005, the inertias then "
+            "that were searched were within 0.02, the inertias then within 12 %",
+    LARGE: "at given orders the inertias were within 1 %, C6 and the arm's friction within 4 %, b_alpha within "
+           "13 %, coulomb_alpha was up to 40 % off; orders that were searched were within 0.005, the inertias then "
            "within 3 %",
 }  # fmt: skip
 """From which amplitude on [rad]: what the table says."""
@@ -48,7 +48,7 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
     Examples
     --------
     >>> print(belief(math.radians(10), ENCODER, 1.0)[:87])
-    alpha swings by 10°. In simulated releases of this size the inertias came out up to 14
+    alpha swings by 10°. In simulated releases of this size the inertias were up to 14 % of
     """
     expectation = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
     loud = noise / ENCODER

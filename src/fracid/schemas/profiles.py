@@ -82,7 +82,7 @@ class IntervalsBlock(Block):
 
 
 class VerdictBlock(Block):
-    """What the data can tell of an unknown."""
+    """Whether a free parameter is identifiable."""
 
     kind: str = Field(alias="verdict")
     sentence: str

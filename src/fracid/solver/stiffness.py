@@ -420,9 +420,10 @@ def _swept_away(run: Trajectory, largest: float) -> Finding:
     shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
     return Finding(
         "stiff", "", largest, limit, "|J|h",
-        f"It ended at t = {run.time[-1]:.4g} s, and whether by itself is open: |J|h was {largest:.3g} before, and "
-        f"beyond {limit:g} the sweeps of {run.method} overshoot; what is curved then runs away before Newton's method "
-        f'is asked. Type method = "bdf2", or a step of {shorter:.2g} s.',
+        f"The run ended at t = {run.time[-1]:.4g} s, and whether the solution itself diverges is open: |J|h was "
+        f"{largest:.3g} before, and beyond {limit:g} the sweeps of {run.method} overshoot, so that a nonlinear f can "
+        f"diverge before Newton's method is used. "
+        f'Type method = "bdf2", or a step of {shorter:.2g} s.',
     )  # fmt: skip
 
 

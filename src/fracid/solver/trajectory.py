@@ -24,7 +24,7 @@ class Outcome(Enum):
     COMPLETED = "completed"
     DIVERGED = "diverged: a state left the range of the limit"
     NOT_FINITE = "the right-hand side is not finite (a division by zero, such as det M = 0, or an overflow)"
-    UNSTABLE = "unstable: the step is too long for the method, which makes grow what should die"
+    UNSTABLE = "unstable: the step is too long for the method, which amplifies decaying modes"
     LEFT = "left its bounds: the last sample is the first one outside"
 
 

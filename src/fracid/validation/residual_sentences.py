@@ -101,9 +101,9 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
 
 
 MISSING = {
-    1: "the swing comes out too large, too small or at the wrong time, its damping or period changes otherwise than "
-       "the model's. Free Coulomb friction, drag, the cable's spring, what a joint gives before it slides "
-       "(presliding_...) or an inertia, if they are not (fracid compare tries them)",
+    1: "the simulated swing is too large, too small or out of phase: its damping or period differs from the "
+       "recording's. Free Coulomb friction, drag, the cable's spring, presliding (presliding_...) or an inertia, if "
+       "they are fixed (fracid compare tries them)",
     2: "something differs between left and right: a rest angle, the encoder's zero or centre, friction by direction",
     3: "it bends within each swing, left and right alike: friction that switches at the turning points "
        "(coulomb_...), or the geometry of large swings (C-constants)",
@@ -116,8 +116,8 @@ def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
     if spectrum.slow_share >= DRIFT:
         yield (
             f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz: a drift. "
-            f"The rest "
-            "angle creeps or is off, the axis leans, or the cable or friction holds the rig where the model lets go."
+            "The rest angle creeps or is wrong, the axis is tilted, or the cable or friction holds the rig where the "
+            "model does not."
         )
     if spectrum.line is None:
         if spectrum.slow_share < DRIFT:
