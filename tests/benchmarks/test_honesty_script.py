@@ -23,8 +23,8 @@ def script():
     del sys.modules["measured_honesty"]
 
 
-LEFT_OUT = {"stopped-short", "low-order", "misfit", "missed", "tilted-axis", "clock-jump"}
-"""No faults of a twin: of a search, of an explicit scheme, of physics that a model lacks (benchmarks/claims.py has
+LEFT_OUT = {"stopped-short", "low-order", "ringing", "misfit", "missed", "tilted-axis", "clock-jump"}
+"""No faults of a twin: of a search, of a scheme by itself, of physics that a model lacks (benchmarks/claims.py has
 those), of a recording that is not fitted, and of clocks, which a twin in memory has none of."""
 
 

@@ -112,6 +112,8 @@ def solve_fde(
     parameters : array_like, shape (n_parameters,)
         Given to `rhs` as ``p``.
     method : key of :data:`fracid.solver.methods.METHODS`
+        ``pi2``, of second order; ``pi3``, of third for a smooth f; ``bdf2`` and ``pi2-implicit`` for stiff systems;
+        ``gl``, ``gl-sequential`` and ``gl-paper``, of first order.
     memory : ``"compressed"``, ``"full"``, ``"short(L)"`` or a :class:`~fracid.solver.memory.Memory`
     tolerance : float
         Of the compressed memory: relative error of each weight.
