@@ -162,7 +162,7 @@ def test_integer_order_finds_the_frictions_again(page):
     orders_alone = page.run("(explore.simulate(), explore.rmse)")
     page.run("explore.integer()")
     assert page.run("explore.byKind('orders').map(s => s.now)") == [1, 1]
-    page.until("document.getElementById('explore-said').textContent.includes('found again for this')")
+    page.until("document.getElementById('explore-said').textContent.includes('refitted to this')")
     again = page.run("explore.rmse")
     assert np.hypot(*again) < 0.9 * np.hypot(*orders_alone)
     assert page.run("explore.byKind('parameters').every(s => s.now >= 0)")

@@ -97,7 +97,7 @@ def compare(
     """Compare friction structures, with orders 1 and with orders free.
 
     From viscous to presliding, drag and cable.  All are fitted alike to the recordings with use = "fit" and judged on
-    those with use = "validate", where only the initial state, and what a recording has for itself, are found again.
+    those with use = "validate", where only the initial state, and what a recording has for itself, are refitted.
     Writes compare.json, compare.csv and figures. Interrupted, the same command resumes.  Exit code 0 if it is done, 3
     if no run of any structure reaches the end of the recordings.
     """

@@ -396,7 +396,7 @@ class Explore {
       ...this.recording.unknowns.filter(u => u.state !== null || !shown.has(u.name)).map(u => ({ of: u, lower: u.lower ?? -Infinity, upper: u.upper ?? Infinity, width: u.width })),
     ];
     for (const s of this.sliders) if (s.integer !== null) s.now = s.integer;
-    this.note = "Integer order, all else being found again …";
+    this.note = "Integer order: refitting all other values …";
     this.touch();
     const picture = () => new Promise(done => requestAnimationFrame(done));
     const put = x => unknowns.forEach((u, k) => { u.of.now = Math.min(Math.max(x[k], u.lower), u.upper); });
@@ -428,7 +428,7 @@ class Explore {
       this.touch();
       if (!lower || cost - found < 1e-4 * cost) break;
     }
-    this.note = "Integer order, all else found again for this recording.";
+    this.note = "Integer order, all other values refitted to this recording.";
     this.touch();
   }
 
