@@ -470,7 +470,7 @@ def test_the_demo_runs_its_three_parts_and_says_that_nothing_was_measured(capsys
     code, out, err = run(capsys, "demo", "--out", tmp_path, "--json")
     assert code == 0
     assert "simulated" in err
-    assert "lambda: true 0.8623" in err
+    assert "lambda: true value 0.8623" in err
     assert "OUTSIDE" not in err
     content = json.loads(out)
     assert list(content) == ["reference"]
