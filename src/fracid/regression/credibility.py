@@ -55,7 +55,7 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
     worse = f" Here the noise of alpha is {loud:.2g} times theirs: expect more." if loud > LOUD else ""
     lacks = (
         f" Here the residual is {noise_ratio:.2g} times what noise explains: the model lacks something (friction that "
-        "sticks, say), all of it is further off, and no interval says so."
+        "sticks, say), every value is less accurate than that, and no interval shows it."
         if noise_ratio > LACKS
         else ""
     )
