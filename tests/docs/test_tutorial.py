@@ -38,23 +38,23 @@ def edited(project, block):
     return replaced if replaced != project else re.sub(r"^from = .*$", rf"\g<0>\n{line}", project, flags=re.MULTILINE)
 
 
-def same(shown, printed):
-    """Whether a line is the one that the page shows: the same words, and numbers within 5 % of its largest."""
+def same(shown, printed, part=0.05):
+    """Whether a line is the one that the page shows: the same words, and numbers within that part of its largest."""
     if NUMBER.sub("#", shown).split() != NUMBER.sub("#", printed).split():
         return False
     numbers = [[float(n.replace(",", "")) for n in NUMBER.findall(line)] for line in (shown, printed)]
     largest = max(map(abs, numbers[0]), default=0.0)
-    return all(math.isclose(a, b, abs_tol=0.05 * largest) for a, b in zip(*numbers, strict=True))
+    return all(math.isclose(a, b, abs_tol=part * largest) for a, b in zip(*numbers, strict=True))
 
 
-def not_printed(block, output):
+def not_printed(block, output, part=0.05):
     """The lines of a block that the program did not print in this order; one that ends with … is a beginning."""
     lines, missing = iter(output.splitlines()), []
     for shown in block.splitlines():
         if shown == "…":
             continue
         start = shown.removesuffix("…")
-        if not any(same(start, line[: len(start)] if start != shown else line) for line in lines):
+        if not any(same(start, line[: len(start)] if start != shown else line, part) for line in lines):
             missing.append(shown)
             lines = iter(())
     return missing
