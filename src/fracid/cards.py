@@ -16,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any, cast
 
 from fracid.safety.text import printable
-from fracid.units import GREEK, shown_unit
+from fracid.units import GREEK, half_width, shown_unit, to_second_digit
 
 __all__ = ["Card", "CardDisplay", "brief", "estimate_text", "listed", "rounded"]
 
@@ -112,19 +112,7 @@ def rounded(value: float, half: float | None) -> str:
         return "none"
     if half is None or not 0 < half < math.inf:
         return _true_minus(f"{value:.4g}")
-    return _true_minus(f"{to_second_digit(value, half)} ± {f'{half:#.2g}'.rstrip('.')}")
-
-
-def to_second_digit(value: float, half: float) -> str:
-    """A value to the second digit of a half-width above 0.
-
-    Examples
-    --------
-    >>> to_second_digit(0.9800026, 5.2e-06), to_second_digit(9.05e-09, 1.2e-07), to_second_digit(0.0, 0.1)
-    ('0.9800026', '9e-09', '0.0')
-    """
-    digits = math.floor(math.log10(abs(value) or half)) - math.floor(math.log10(half)) + 2
-    return f"{value:#.{min(max(digits, 1), 15)}g}".rstrip(".").replace(".e", "e")
+    return _true_minus(f"{to_second_digit(value, half)} ± {half_width(half)}")
 
 
 def _true_minus(number: str) -> str:

@@ -83,6 +83,7 @@ class FailureReason(Enum):
     INTERRUPTED = "the search was interrupted"
     NOTHING_FREE = "nothing is free"
     AT_BOUND = "every unknown lies at a bound"
+    NO_FIT = "the model does not fit"
     OWN_COST = "a user's own cost is of unknown loss"
     AT_REST = "the fit starts at rest"
     UNCHANGED = "nothing would change"

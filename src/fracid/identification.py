@@ -64,7 +64,7 @@ from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.claim import FLOOR, Claim, claim_of, orders_found
+from fracid.selection.claim import FLOOR, NO_FIT, Claim, claim_of, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, claimable, in_proportion, integer_values
@@ -212,6 +212,7 @@ def identify(
             watching.interrupted()
         elif not np.isfinite(result.best.cost):
             analysis.known = Failure(FailureReason.RUN, "every run failed")
+            analysis.claim = NO_RUN
             analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
             analysis.seen += failed(work, result.best.point)
         else:
@@ -246,6 +247,7 @@ def _counted(
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
+NOT_FITTED = Failure(FailureReason.NO_FIT, "the model does not fit, and they would be those of nothing")
 
 
 RESTARTS = 3
@@ -258,6 +260,7 @@ LOWER = 1e-3
 """A cost that is lower by this part is lower."""
 
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
+NO_RUN = Claim("undecided", (f"{NO_FIT}: no run of it reached the end of a recording.",))
 
 
 @dataclass
@@ -280,6 +283,8 @@ class _Findings:
     warnings: list[str] = field(default_factory=list)
     seen: list[Finding] = field(default_factory=list)
     interrupted: bool = False
+    fits: bool = True
+    """Whether the model follows the recordings: of one that does not, intervals are those of nothing."""
     restarts: int = 0
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
@@ -462,6 +467,7 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     part = part_of(problem)
     beside = best if part is problem else uninterrupted(refined(part, best.point, jobs, Watch())).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
+    analysis.fits = all(e.fits for e in left.values())
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
@@ -510,10 +516,13 @@ def _missed_by(analysis: _Findings) -> Iterator[Finding]:
 
 
 def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
-    opened, best, precision = analysis.opened, analysis.result.best, analysis.known
+    opened, best = analysis.opened, analysis.result.best
+    precision = analysis.known if analysis.fits else NOT_FITTED
     searched = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
     problem = analysis.at_every_sample(searched)
-    estimates = _estimates(problem, best.point, precision, analysis.verdicts)
+    estimates = _estimates(problem, best.point, analysis.known, analysis.verdicts)
+    if not analysis.fits:
+        estimates = {n: _without_interval(e) for n, e in estimates.items()}
     cost, alternative, check = best.cost, analysis.alternative, analysis.check
     if problem is not searched and math.isfinite(best.cost):
         cost = problem.cost(best.point)
@@ -522,13 +531,15 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         alternative = alternative and in_proportion(
             alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
         )
-    if analysis.alternative is not None and analysis.alternative.warning:
+    does_as_well = analysis.fits or analysis.claim.claim == "integer"
+    if analysis.alternative is not None and analysis.alternative.warning and does_as_well:
         for n in analysis.alternative.orders:
             verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     outcome = Outcome.INTERRUPTED if analysis.interrupted else analysis.result.outcome
     fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
-    later = (*analysis.seen[len(analysis.first) :], *misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
+    ended = () if outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
+    later = (*analysis.seen[len(analysis.first) :], *ended)
     findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     partial = PARTIAL if outcome is Outcome.INTERRUPTED else ""
     messages = (partial, *(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
@@ -658,6 +669,13 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
         nearer,
         kind, verdict.reason if verdict else "", precision.interval(x, i, "white"),
     )  # fmt: skip
+
+
+def _without_interval(e: Estimate) -> Estimate:
+    """Of a model that does not fit: the value, and the bound that it may lie at."""
+    if not e.free or e.at_bound:
+        return e
+    return replace(e, standard_error=None, interval95=None, white95=None, identifiable="unknown", reason="")
 
 
 SAID = {

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["GREEK", "SHOWN_UNITS", "shown_unit", "with_unit"]
+__all__ = ["GREEK", "SHOWN_UNITS", "half_width", "plain", "shown_unit", "to_second_digit", "with_unit"]
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
@@ -22,6 +22,12 @@ GREEK = {
 
 SHOWN_UNITS = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 """Unit of a signal: how it is shown, and the factor to it; what is not here is shown as it is."""
+
+PLAIN, SMALL = 1e5, 1e-4
+"""From here up, and from here down, numbers are written with a power of ten."""
+
+MOST = 12
+"""Decimals."""
 
 
 def shown_unit(unit: str) -> tuple[str, float]:
@@ -54,3 +60,47 @@ def with_unit(value: float, unit: str = "rad", form: str = ".3g") -> str:
     """
     display_unit, factor = shown_unit(unit)
     return f"{factor * value:{form}}{display_unit if display_unit.startswith('°') else f' {display_unit}'.rstrip()}"
+
+
+def plain(value: float, digits: int = 2) -> str:
+    """A size in a sentence: so many digits, and no power of ten before a hundred thousand.
+
+    Examples
+    --------
+    >>> plain(8.53), plain(132.7), plain(5187.0), plain(0.00123)
+    ('8.5', '130', '5,200', '0.0012')
+    """
+    short = float(f"{value:.{digits}g}")
+    return f"{short:,.0f}" if 100 <= abs(short) < 1e5 else f"{short:g}"
+
+
+def to_second_digit(value: float, half: float) -> str:
+    """A value to the second digit of a half-width above 0: both end at the same decimal.
+
+    Examples
+    --------
+    >>> to_second_digit(0.99996, 0.037), to_second_digit(7e-5, 4e-4), to_second_digit(2274.0, 640.0)
+    ('1.000', '0.00007', '2270')
+    >>> to_second_digit(0.9800026, 5.2e-06), to_second_digit(9.05e-09, 1.2e-07)
+    ('0.9800026', '1e-08')
+    """
+    decimals = 1 - math.floor(math.log10(float(f"{half:.1e}")))
+    if decimals > MOST:
+        return f"{value:.{MOST}g}"
+    short = round(value, decimals)
+    if abs(short) >= PLAIN or (0 < abs(short) < SMALL and half < SMALL):
+        digits = math.floor(math.log10(abs(short))) + decimals + 1
+        return f"{short:#.{max(digits, 1)}g}".rstrip(".").replace(".e", "e")
+    return f"{short:.{max(decimals, 0)}f}"
+
+
+def half_width(half: float) -> str:
+    """The half-width of an interval, to two digits.
+
+    Examples
+    --------
+    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(5.2e-6)
+    ('0.040', '3.0', '640', '5.2e-06')
+    """
+    short = float(f"{half:.1e}")
+    return f"{short:.0f}" if 10 <= short < PLAIN else f"{short:#.2g}".rstrip(".")

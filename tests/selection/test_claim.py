@@ -1,6 +1,7 @@
 """What is claimed: fractional only where nothing of integer order, no finding and no residual speaks against it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,3 +89,34 @@ def test_rounding_of_a_swing_and_of_a_rest_is_explained_and_a_swing_left_over_is
     assert not left_over(counts - 0.97 * y, counts).explained
     assert left_over(1e-3 * np.random.default_rng(1).standard_normal(4000), y[:4000]).white
     assert left_over(np.zeros(t.size), y).explained  # nothing left at all
+
+
+@pytest.mark.parametrize("orders", [[OrderFound("mu", 1.0, 0.001)], CLEAR])
+@pytest.mark.parametrize("alternative", [None, nearest(as_well=True)])
+def test_a_model_that_does_not_follow_the_motion_claims_nothing(orders, alternative):
+    claim = claim_of(orders, alternative, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=-1014.0)})
+    assert claim.claim == "undecided"
+    assert claim.reasons[0].startswith("The model does not fit swing, alpha (fit -1014 %)")
+
+
+def test_an_integer_order_model_that_is_far_better_is_believed_beside_a_fit_that_is_none():
+    far_better = replace(nearest(as_well=True), gain=-300.0)
+    assert claim_of(CLEAR, far_better, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=10.0)}).claim == "integer"
+
+
+@pytest.mark.parametrize("left", [
+    LeftOver(1e-2, 0.0, 1.0, fit=3.0),  # noise
+    LeftOver(5 * STEP / math.sqrt(12), STEP / math.sqrt(12), 0.01, fit=-40.0),  # an arm that moves by a count
+    LeftOver(40 * STEP, STEP / math.sqrt(12), 0.01, fit=80.0),
+])  # fmt: skip
+def test_noise_a_joint_that_hardly_moves_and_a_model_that_lacks_something_are_fits_all_the_same(left):
+    assert left.fits
+
+
+def test_several_residuals_that_are_no_noise_are_one_sentence():
+    both = MISFIT | {"swing, theta": LeftOver(8e-3, STEP / math.sqrt(12), 0.01)}
+    [sentence] = [r for r in claim_of([OrderFound("mu", 1.0, 0.01)], None, both).reasons if "lacks" in r]
+    assert sentence == (
+        "The residuals of swing, alpha (9 times the encoder's rounding) and swing, theta (18 times the encoder's "
+        "rounding) are correlated: the model lacks something."
+    )

@@ -21,7 +21,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -253,13 +253,15 @@ def print_figures(console: Any, paths: Iterable[Path]) -> None:
         print_entry(console, "figures", f"{folder}: {', '.join(stems)}")
 
 
-def print_claim(console: Any, claim: str, reasons: Sequence[str]) -> None:
-    """Print what is claimed of the rig, and why."""
+def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str] | None = None) -> None:
+    """Print what is claimed of the rig, what speaks against it, and why; green only where nothing does."""
     from rich.markup import escape
 
-    colour = {"fractional": "green", "integer": "green"}.get(claim, "yellow")
+    from fracid.selection.doubts import claimed
+
+    colour = "yellow" if claim == "undecided" or against else "green"
     lines = reasons if console.is_terminal else [" ".join(reasons)]  # one line where programs read
-    say(console, f"[bold {colour}]claim: {claim}[/]. {escape(' '.join(lines[:1]))}")
+    say(console, f"[bold {colour}]claim: {escape(claimed(claim, against or {}))}[/]. {escape(' '.join(lines[:1]))}")
     for reason in lines[1:]:
         say(console, escape(reason), "  ", 2)
 

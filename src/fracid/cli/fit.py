@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cards import to_second_digit
 from fracid.cli.app import (
     CORES,
     Jobs,
@@ -35,7 +34,7 @@ from fracid.cli.completion import key_of
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
-from fracid.units import with_unit
+from fracid.units import half_width, to_second_digit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -189,23 +188,27 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     from rich.markup import escape
 
     from fracid.fit import PARTIAL
+    from fracid.selection.claim import LACKS
+    from fracid.selection.doubts import doubts
 
     console = console or new_console()
     p, fit = run.fit.problem, run.fit
     if run.interrupted:
         say(console, PARTIAL.replace("PARTIAL", "[bold yellow]PARTIAL[/]"))
-    print_claim(console, fit.claim, fit.claim_reasons)
+    print_claim(console, fit.claim, fit.claim_reasons, doubts(run.result))
     say(
         console,
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
-        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations, "
-        f"{run.seconds:.1f} s: {escape(fit.outcome)}",
+        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations: "
+        f"{escape(fit.outcome)}; result after {run.seconds:.1f} s",
     )
     _print_estimates(console, fit)
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
-    notes = _folded([*(w for w in fit.warnings if w != PARTIAL), *run.project.notes], fit.problem.outputs)
+    claimed = {str(f) for f in fit.findings if f.code == "misfit"} if LACKS in " ".join(fit.claim_reasons) else set()
+    notes = [w for w in fit.warnings if w != PARTIAL and w not in claimed]
+    notes = _folded([*notes, *run.project.notes], fit.problem.outputs)
     for note in notes[:SHOWN]:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     if len(notes) > SHOWN:
@@ -240,6 +243,10 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     return folded
 
 
+SAID = ("fixed", "unknown")
+"""Verdicts that the interval's column says already."""
+
+
 def _print_estimates(console: Console, fit: Fit) -> None:
     from rich.markup import escape
 
@@ -270,7 +277,7 @@ def _print_estimates(console: Console, fit: Fit) -> None:
 def _verdict(e: Estimate) -> str:
     if e.identifiable == "identifiable":
         return "".join(e.reason.partition("given that")[1:])
-    return e.identifiable
+    return "" if e.identifiable in SAID else e.identifiable
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:
@@ -282,10 +289,15 @@ def _print_recordings(console: Console, fit: Fit) -> None:
     )
     for r in fit.recordings.values():
         scores = [
-            text for n in outputs for text in (with_unit(r.rmse[n], r.unit(n), ".4g"), f"{r.fit_percent[n]:.2f} %")
+            text for n in outputs for text in (with_unit(r.rmse[n], r.unit(n), ".4g"), _percent(r.fit_percent[n]))
         ]
         table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}")))
     console.print(table)
+
+
+def _percent(fit: float) -> str:
+    """Two decimals say how near to 100 % it is, and nothing of a fit that is none."""
+    return f"{fit:.2f} %" if fit > -100 else f"{fit:,.0f} %"
 
 
 def _digits(value: float, e: Estimate) -> str:
@@ -303,7 +315,7 @@ def _interval(e: Estimate) -> str:
         return "fixed"
     if e.interval95 is None:
         return "none" if e.bound is None else "at its bound"
-    return f"± {(e.interval95[1] - e.interval95[0]) / 2:#.2g}".rstrip(".")
+    return f"± {half_width((e.interval95[1] - e.interval95[0]) / 2)}"
 
 
 def _begins_in_motion(fit: Fit) -> bool:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cards import to_second_digit
 from fracid.cli.app import (
     CORES,
     Json,
@@ -28,6 +27,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of, one_of
 from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
+from fracid.units import to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cards import to_second_digit
 from fracid.cli.app import (
     CORES,
     Jobs,
@@ -27,6 +26,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
+from fracid.units import to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console

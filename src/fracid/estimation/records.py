@@ -141,7 +141,7 @@ class RecordingFit:
     @property
     def fit_percent(self) -> dict[str, float]:
         """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output; −inf for a constant output that is missed."""
-        return {n: _fit_percent(self._scored(self.measured[n]), self._scored(self.fitted[n])) for n in self.measured}
+        return {n: fit_percent(self._scored(self.measured[n]), self._scored(self.fitted[n])) for n in self.measured}
 
     def residual(self, output: str) -> FloatArray:
         """Measured minus simulated [rad]; NaN where a sample is not scored."""
@@ -206,7 +206,14 @@ def deviations_of(outputs: Sequence[str], e: Experiment) -> dict[str, FloatArray
     return {} if e.deviation is None else dict(zip(outputs, e.deviation.T, strict=True))
 
 
-def _fit_percent(measured: FloatArray, fitted: FloatArray) -> float:
+def fit_percent(measured: FloatArray, fitted: FloatArray) -> float:
+    """100·(1 − ‖y − ŷ‖/‖y − ȳ‖); −inf for a constant output that is missed.
+
+    Examples
+    --------
+    >>> fit_percent(np.array([0.0, 1.0]), np.array([0.5, 0.5])), fit_percent(np.ones(2), np.ones(2))
+    (0.0, 100.0)
+    """
     spread = float(np.linalg.norm(measured - measured.mean())) if np.ptp(measured) > 0 else 0.0  # else rounding
     error = float(np.linalg.norm(measured - fitted))
     return 100.0 * (1.0 - error / spread) if spread > 0 else (100.0 if error == 0 else -np.inf)

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.report.sentences import digits, half_width, joined, letter, number
 from fracid.report.whiskers import said
+from fracid.selection.claim import NO_FIT
+from fracid.selection.doubts import POOR, doubts
 from fracid.signals.left_over import ROUNDING
 
 if TYPE_CHECKING:
     from fracid.report.material import Material
 
 __all__ = ["Line", "contradictions", "verdict"]
-
-POOR = 20.0
-"""A fit of less than this [%] explains next to nothing."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,9 @@ CLAIMS = {
     "fractional": "The recordings show fractional dynamics",
     "integer": "Nothing here says that the rig is fractional",
     "undecided": "The recordings do not decide whether the rig is fractional",
+    "": f"{NO_FIT}, so nothing is known of its orders",
 }
-"""What each claim means, in words."""
+"""What each claim means, in words; and what a fit that is none."""
 
 
 def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
@@ -51,12 +51,14 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     claim = material.result.get("claim")
     if claim is None:  # of an earlier version
         return
-    against = contradictions(material, lines) if claim != "undecided" else []
+    against = contradictions(material, lines)
     values = [f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()]
     orders = joined([value.replace(" ", "\N{NO-BREAK SPACE}") for value in values])
     doubt = ", but a model of integer order does as well" if _stand_in(material.result) else ""
-    doubt += f"; but see {joined(against)} below" if against else ""
-    yield Line("Claim", f"{CLAIMS[claim]}: {orders}{doubt}.", claim != "undecided" and not against)
+    but = "and" if doubt else "but"
+    doubt += f", {but} {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
+    no_fit = any(reason.startswith(NO_FIT) for reason in material.result.get("claim_reasons", ()))
+    yield Line("Claim", f"{CLAIMS['' if no_fit else claim]}: {orders}{doubt}.", claim != "undecided" and not against)
 
 
 def _stand_in(result: Mapping[str, Any]) -> bool:
@@ -66,18 +68,18 @@ def _stand_in(result: Mapping[str, Any]) -> bool:
     return result["claim"] == "integer" and bool(off) and bool(result.get("alternative"))
 
 
-def contradictions(material: Material, lines: tuple[Line, ...]) -> list[str]:
-    """What else on the page speaks against the claim, by its heading; a prediction that nobody tested does not."""
+def contradictions(material: Material, lines: tuple[Line, ...]) -> dict[str, str]:
+    """What on the page speaks against the claim: that of the result, and of what was looked at since."""
     result, compared = material.result, material.beside("compare.json")
-    doubts = {line.about: not line.good for line in lines}
-    doubts["Prediction"] &= bool(material.used("validate"))
-    doubts["Checks"] &= result["claim"] == "fractional"
-    doubts["Orders"] &= result["claim"] == "fractional" or not result.get("alternative")  # which is why it is integer
-    doubts["Values"] = False  # one that is not identifiable does not bend the others
-    doubts["Ladder"] = compared is not None and (compared.get("claim") or result["claim"]) != result["claim"]
-    doubts["Each recording alone"] = bool((result.get("spread") or {}).get("sentences"))
-    doubts["Where the record begins"] = bool((result.get("cut") or {}).get("warnings"))
-    return [name for name, doubtful in doubts.items() if doubtful]
+    against = doubts(result)
+    if result["claim"] == "fractional" and not all(line.good for line in lines if line.about == "Checks"):
+        against.setdefault("Checks", "a check speaks against it")
+    if (
+        result["claim"] != "undecided"
+        and (other := (compared or {}).get("claim") or result["claim"]) != result["claim"]
+    ):
+        against["Ladder"] = f"the comparison says {other}"
+    return against
 
 
 # --- the other five ------------------------------------------------------------------------------

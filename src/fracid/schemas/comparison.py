@@ -47,6 +47,7 @@ class LeftOverBlock(Block):
     floor: float
     part: float
     known: bool = False
+    fit: float = 100.0
 
 
 class OrderOfRow(Block):

@@ -10,7 +10,8 @@ A tool for fractional orders is worth as much as its "no".  So **fractional** is
 4. no other finding contradicts it, and recordings that were held out agree.
 
 **Integer** is said where the intervals of the orders hold their integers, or where an integer-order model does as well
-or better; **undecided** otherwise, with what would decide it.
+or better; **undecided** otherwise, with what would decide it.  Of a model that does not follow half of a motion nothing
+is said: its orders are those of nothing.
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
 from fracid.problem import Problem
+from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK
+from fracid.units import GREEK, plain
 
-__all__ = ["FLOOR", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
+__all__ = ["FLOOR", "NO_FIT", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
 MANY = 100.0
 """From here on a difference of BIC is a whole number."""
@@ -40,6 +42,12 @@ FLOOR = 0.02
 KNOWN = 0.1
 """An order whose interval is wider than this to each side is not known."""
 
+
+NO_FIT = "The model does not fit"
+"""How the reason begins where it does not follow what was recorded: nothing is known of its orders then."""
+
+LACKS = "the model lacks something"
+"""Said of residuals that are no noise."""
 
 NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid compare --rung all looks for it."
 """Said of integer orders beside a misfit."""
@@ -143,11 +151,15 @@ def claim_of(
     """
     if not orders:
         return Claim("undecided", ("No order was free: they were given, not found.",))
+    missed = {where: e for where, e in left_over.items() if not e.fits}
+    if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
+        return Claim("undecided", (_no_fit(missed), "What would decide it: a model that follows the recordings. Look "
+                                   "at their zeros, signs, units and clock, or type --multi-start 16."))  # fmt: skip
     off = [order for order in orders if order.off]
-    unexplained = [_unexplained(where, e) for where, e in left_over.items() if not e.explained]
+    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.explained})
     if element is not None:
         found = " and ".join(map(str, orders))
-        return Claim("undecided", (f"{found}, but the model lacks something.", *unexplained, str(element),
+        return Claim("undecided", (f"{found}, but {LACKS}.", *unexplained, str(element),
                                    element.remedy))  # fmt: skip
     open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []))
     if alternative is not None and any(t.as_well for t in alternative.trials):
@@ -201,14 +213,29 @@ def _too_little(off: Sequence[OrderFound]) -> str:
     )
 
 
-def _unexplained(where: str, e: LeftOver) -> str:
+def _no_fit(missed: Mapping[str, LeftOver]) -> str:
+    each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
+    return f"{NO_FIT} {each}: nothing is known of its orders."
+
+
+def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
+    """One sentence on all residuals that are no noise; empty where there are none."""
+    sizes = {where: _size(e) for where, e in left_over.items()}
+    if not sizes:
+        return []
+    if len(sizes) == 1:
+        [(where, size)] = sizes.items()
+        what = f"The residual of {where} is {size}, and correlated"
+    else:
+        each = " and ".join(f"{where} ({size})" for where, size in sizes.items())
+        what = f"The residuals of {each} are correlated"
+    return [f"{what}: {LACKS}."]
+
+
+def _size(e: LeftOver) -> str:
     if e.known:
-        return (
-            f"The residual of {where} is {e.rms:.2g} of the standard deviations that the recording has, and "
-            "correlated: the model lacks something."
-        )
-    times = f"{e.times:.2g} times the encoder's rounding, and" if math.isfinite(e.times) else "no noise:"
-    return f"The residual of {where} is {times} correlated: the model lacks something."
+        return f"{plain(e.rms)} of the standard deviations that the recording has"
+    return f"{plain(e.times)} times the encoder's rounding" if math.isfinite(e.times) else "larger than noise"
 
 
 def _effect(order: OrderFound) -> str:

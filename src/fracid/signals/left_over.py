@@ -20,6 +20,10 @@ ROUNDING = 2.0
 """Times what rounding a motion leaves: up to there it may be rounding alone, for a rest is wrong by up to 1.7 times."""
 
 
+HALF, COUNTS = 50.0, 10.0
+"""A model does not fit where it follows less of a motion than this [%], and is off by more than so many roundings, some
+three steps of the encoder: a joint that hardly moves is followed by none."""
+
 SHORT = 8
 """Samples, of which fewer show no correlation."""
 
@@ -38,6 +42,8 @@ class LeftOver(NamedTuple):
     """Of its samples that counts: 1 where it is white."""
     known: bool = False
     """Whether it is in standard deviations that the recording has; its floor is then one of them."""
+    fit: float = 100.0
+    """Of the motion, 100·(1 − residual/motion) [%]."""
 
     @property
     def white(self) -> bool:
@@ -48,6 +54,11 @@ class LeftOver(NamedTuple):
     def explained(self) -> bool:
         """Whether it may be noise and rounding, or is within the standard deviations that the recording has."""
         return self.white or self.rms < (1.0 if self.known else ROUNDING) * self.floor
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model follows the motion, or leaves noise alone."""
+        return self.explained or self.fit >= HALF or self.times < COUNTS
 
     @property
     def times(self) -> float:

@@ -1,0 +1,78 @@
+"""What speaks against a claim, in clauses: one list for terminal, page and cards, so that no two of them disagree.
+
+A claim of integer orders says that nothing here is fractional.  Beside a model that lacks something it stands on weaker
+legs, and whoever reads it first has to read that with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fracid.units import GREEK
+
+__all__ = ["claimed", "doubts"]
+
+POOR = 20.0
+"""A fit of less than this [%] explains next to nothing."""
+
+
+def doubts(result: Mapping[str, Any]) -> dict[str, str]:
+    """Heading of the report → what stands there against the claim, in a clause; nothing where none is made.
+
+    Parameters
+    ----------
+    result : mapping
+        The content of ``result.json``.
+
+    Examples
+    --------
+    >>> result = {"claim": "integer", "orders": {}, "recordings": {}, "outcome": "converged"}
+    >>> doubts(result), doubts(result | {"findings": [{"code": "misfit"}]})
+    ({}, {'Fit': 'the model lacks something'})
+    """
+    return {} if result.get("claim") in (None, "undecided") else dict(_against(result))
+
+
+def claimed(claim: str, against: Mapping[str, str]) -> str:
+    """The claim in a word, with what speaks against it.
+
+    Examples
+    --------
+    >>> claimed("integer", {}), claimed("integer", {"Fit": "the model lacks something", "Orders": "μ is not known"})
+    ('integer', 'integer, but the model lacks something, and μ is not known')
+    """
+    return f"{claim}, but {', and '.join(against.values())}" if against else claim
+
+
+def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    codes = {f["code"] for f in result.get("findings", ())}
+    scores = {use: [v for r in result["recordings"].values() if r["use"] == use for v in r["fit_percent"].values()]
+              for use in ("fit", "validate")}  # fmt: skip
+    if _poor(scores["fit"]):
+        yield "Fit", "the model hardly fits"
+    elif codes & {"misfit", "cannot-explain"}:
+        yield "Fit", "the model lacks something"
+    if result["claim"] == "integer" and not result.get("alternative") and (unknown := _unknown(result)):
+        yield "Orders", f"{' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identifiable"
+    if "missed" in codes or _poor(scores["validate"]):
+        yield "Prediction", "it does not predict what was held out"
+    if not result["outcome"].startswith("converged"):
+        yield "Checks", "the search did not converge"
+    elif (result.get("discretisation") or {}).get("warning"):
+        yield "Checks", "the step bends the orders"
+    if (result.get("spread") or {}).get("sentences"):
+        yield "Each recording alone", "the recordings disagree"
+    if (result.get("cut") or {}).get("warnings"):
+        yield "Where the record begins", "the orders move with where the record begins"
+
+
+def _poor(percents: list[float | None]) -> bool:
+    """Whether some output of some recording is hardly followed, or not at all."""
+    return any(v is None or v < POOR for v in percents)
+
+
+def _unknown(result: Mapping[str, Any]) -> list[str]:
+    """The free orders that no interval is known of."""
+    free = {n: e for n, e in result["orders"].items() if e["free"]}
+    return [GREEK.get(n, n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
