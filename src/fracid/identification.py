@@ -64,7 +64,7 @@ from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.claim import FLOOR, NO_FIT, Claim, claim_of, orders_found
+from fracid.selection.claim import FLOOR, NO_RUN, Claim, claim_of, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, claimable, in_proportion, integer_values
@@ -260,7 +260,6 @@ LOWER = 1e-3
 """A cost that is lower by this part is lower."""
 
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
-NO_RUN = Claim("undecided", (f"{NO_FIT}: no run of it reached the end of a recording.",))
 
 
 @dataclass

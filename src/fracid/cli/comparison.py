@@ -129,7 +129,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
 
     comparison = finished.comparison
 
-    print_claim(console, comparison.claim, comparison.claim_reasons)
+    print_claim(console, comparison.claim, comparison.claim_reasons, comparison.doubts)
     fitted = [*comparison.rows[0].in_sample]
     console.print(f"[bold]fitted[/bold]: {escape(', '.join(fitted))}", soft_wrap=True)
     _print_structures(console, comparison)

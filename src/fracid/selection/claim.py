@@ -31,7 +31,7 @@ from fracid.selection.integer_rival import OFF, Alternative, claimable, integers
 from fracid.signals.left_over import LeftOver
 from fracid.units import GREEK, plain
 
-__all__ = ["FLOOR", "NO_FIT", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
+__all__ = ["FLOOR", "LACKS", "NO_FIT", "NO_RUN", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
 MANY = 100.0
 """From here on a difference of BIC is a whole number."""
@@ -59,6 +59,10 @@ class Claim:
 
     claim: Literal["fractional", "integer", "undecided"]
     reasons: tuple[str, ...]
+
+
+NO_RUN = Claim("undecided", (f"{NO_FIT}: no run of it reached the end of a recording.",))
+"""Where every run failed."""
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBloc
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, schwarz
-from fracid.selection.claim import OrderFound, claim_of
+from fracid.selection.claim import LACKS, NO_RUN, OrderFound, claim_of
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
@@ -157,6 +157,11 @@ class Row:
     where that was not asked for or cannot be told."""
 
     @property
+    def fits(self) -> bool:
+        """Whether it follows what it was fitted to; a run that fails does not."""
+        return math.isfinite(self.cost) and all(e.fits for e in self.left_over.values())
+
+    @property
     def error(self) -> float:
         """The geometric mean of the held-out errors [rad]; infinite where a run fails; NaN without any."""
         errors = [s.error for s in self.held_out.values()]
@@ -206,6 +211,12 @@ class Comparison(CardDisplay):
     def best(self, *, fractional: bool) -> Row:
         """The best row with orders free, or with orders 1: on held-out recordings, by BIC where there are none."""
         return _best([row for row in self.rows if row.fractional == fractional])
+
+    @property
+    def doubts(self) -> dict[str, str]:
+        """What speaks against the claim, as :func:`fracid.selection.doubts.doubts` of a fit."""
+        left = self.best(fractional=self.claim == "fractional").left_over.values()
+        return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKS}
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians, what is not finite as null."""
@@ -831,10 +842,13 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         why = f"The best structure with orders 1 has a springpot, {' and '.join(found)}, which is fractional itself."
         how = "What would decide it: fracid fit with that structure, which tells its interval."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
-    if predicted := _as_good_as_integer(comparison):
-        return replace(comparison, claim="integer", claim_reasons=(predicted,))
     orders = [OrderFound(n, value, math.inf if ends is None else (ends[1] - ends[0]) / 2, integers_of(base, n))
               for n, (value, ends) in fractional.orders.items() if n not in base.ties]  # fmt: skip
+    if not (fractional.fits or comparison.best(fractional=False).fits):
+        none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else NO_RUN
+        return replace(comparison, claim=none.claim, claim_reasons=none.reasons)
+    if predicted := _as_good_as_integer(comparison):
+        return replace(comparison, claim="integer", claim_reasons=(predicted,))
     doubts = [*_not_helped(comparison)]
     first = claim_of(orders, None, fractional.left_over, doubts)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
