@@ -336,3 +336,24 @@ def test_a_recording_with_many_more_samples_than_its_swings_need_is_proposed_a_r
         line.removeprefix("# ") for line in proposed
     ]
     assert "long.npz" in text
+
+
+def test_a_pendulum_that_never_moves_is_no_other_column(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    still = {"time": t, "theta": 0.2 * np.cos(6 * t) * np.exp(-t / 3), "alpha": np.full(t.size, 0.1)}
+    np.savez(tmp_path / "log.npz", **still)
+    with pytest.raises(InputError, match=r"log\.npz: alpha: it stays at 0\.1 throughout: is its encoder connected"):
+        draft_project(tmp_path / "log.npz", folder=tmp_path)
+    with pytest.raises(InputError, match=r"alpha: it stays at 5\.73° throughout"):
+        draft_project(tmp_path / "log.npz", {"alpha": {"column": "alpha", "unit": "rad"}}, folder=tmp_path)
+
+
+def test_a_clock_in_another_unit_is_refused_until_somebody_says_it(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    np.savez(tmp_path / "log.npz", time=1e3 * t, alpha=0.3 * np.exp(-t / 3) * np.cos(6 * t))
+    with pytest.raises(InputError, match=r"Type fracid init .*log.npz --time time,unit=ms; or unit=s, if"):
+        draft_project(tmp_path / "log.npz", folder=tmp_path)
+    drafted = draft_project(tmp_path / "log.npz", folder=tmp_path, time={"column": "time", "unit": "ms"})
+    assert 'unit = "ms"' in drafted.text
+    believed = draft_project(tmp_path / "log.npz", folder=tmp_path, time={"column": "time", "unit": "s"})
+    assert any(note.startswith("May be wrong: alpha: a swing takes") for note in believed.notes)

@@ -152,7 +152,8 @@ SHAKEN = PLATEAU + np.where(T < 3, 1e-3 * np.random.default_rng(1).standard_norm
         "a motor told to jump": {"voltage": 5.0 * np.sign(np.sin(3 * T)), "alpha": swing(40)},
         "a motor's sine": {"voltage": np.round(5.0 * np.sin(3 * T), 2), "alpha": swing(40)},
         "a motor's pulse": {"voltage": np.where((T > 1) & (T < 2), 10.0, 0.0), "alpha": swing(40)},
-        "nothing that moves": {"alpha": np.zeros(T.size)},
+        "an arm that stands still": {"theta": np.zeros(T.size), "alpha": swing(40)},
+        "a release whose end is at rest": {"alpha": counted(PLATEAU * (T < 9))},
         "few counts": {"alpha": counted(swing(2), 500)},
     }.items(),
     ids=lambda v: v if isinstance(v, str) else "",
@@ -160,6 +161,28 @@ SHAKEN = PLATEAU + np.where(T < 3, 1e-3 * np.random.default_rng(1).standard_norm
 def test_a_good_recording_has_no_finding(what, signals):
     units = {n: "V" if n == "voltage" else "rad" for n in signals}
     assert codes(Recording.of("swing", T, signals, units).report.findings) == []
+
+
+def test_a_pendulum_that_never_moves_is_said_to_be_still():
+    report = Recording.of("swing", T, {"theta": swing(10), "alpha": np.full(T.size, 0.1)}).report
+    assert str(sole(report.findings, "still")).startswith("alpha: it stays at 5.73° throughout")
+    assert report.verdict.endswith("alpha stands still")
+
+
+def test_a_release_at_the_end_of_a_recording_is_too_short():
+    found = sole(Recording.of("swing", T[:390], {"alpha": counted(PLATEAU)[:390]}).report.findings, "short-window")
+    assert (found.number, found.limit) == (pytest.approx(1.0, abs=0.5), 3)
+    assert "It ends 0.8" in str(found)
+
+
+def test_what_an_input_sets_in_motion_is_not_called_released():
+    volts = np.where((T > 3) & (T < 4), 10.0, 0.0)
+    report = Recording.of("swing", T, {"voltage": volts, "alpha": PLATEAU}, {"voltage": "V", "alpha": "rad"}).report
+    assert report.release == pytest.approx(3.0, abs=0.1)
+    assert "set in motion by its input at 3" in report.verdict
+    later = np.where((T > 8) & (T < 9), 10.0, 0.0)
+    report = Recording.of("swing", T, {"voltage": later, "alpha": PLATEAU}, {"voltage": "V", "alpha": "rad"}).report
+    assert "released at 3" in report.verdict
 
 
 def test_an_encoders_turning_points_are_no_saturation_however_slow_the_swing():

@@ -96,11 +96,30 @@ def check(
 
 
 def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
-    steps = [(typed("init", recording.path, *_again(options)), "writes a project of it, which runs as it is")]
+    found = {f.code: f for f in recording.report.findings}
+    again, why = dict(options), ""
+    if "still" in found:
+        say_next(new_console(), (typed("check", recording.path, *_again(options), "--column", "alpha=COLUMN"),
+                                 "if another column is the pendulum's angle"))  # fmt: skip
+        return
+    if "wrong-clock" in found and options["--time"] is options["--rate"] is None:
+        again["--time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"
     if columns := _in_doubt(recording, options):
-        steps.insert(0, (typed("check", recording.path, *_again({**options, "--column": columns})),
-                         "if these are the columns and units; else change them: rad, deg, turns, counts"))  # fmt: skip
+        again["--column"] = columns
+        why = "if these are the columns and units; else change them: rad, deg, turns, counts"
+    steps = [(typed("check", recording.path, *_again(again)), why)] if why else []
+    steps.append((typed("init", recording.path, *_again(again if "wrong-clock" in found else options)),
+                  "writes a project of it, which runs as it is"))  # fmt: skip
     say_next(new_console(), *steps)
+
+
+def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]) -> str:
+    """The time column as ``--time`` takes it, in the unit with which the pendulum is one of a laboratory."""
+    from fracid.recording.clock import time_column
+    from fracid.recording.faults import unit_of_time
+    from fracid.recording.readers.table import read_table
+
+    return f"{time_column(read_table(recording.path, options['--variable']), None)},unit={unit_of_time(length)}"
 
 
 def _doubted(recording: Recording) -> dict[str, str]:

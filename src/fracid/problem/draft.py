@@ -36,6 +36,7 @@ import json
 import math
 import os
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,7 +49,8 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import RIGS, rotary_pendulum
 from fracid.recording import Recording, SignalReport, inspect_recording
-from fracid.recording.faults import clock_jumps, wraps
+from fracid.recording.clock import time_column
+from fracid.recording.faults import clock_jumps, unit_of_time, wraps
 from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
@@ -192,6 +194,7 @@ def draft_project(
         if "alpha" not in column_specs:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
     reading: dict[str, Any] = {"time": time, "variable": variable}
+    _refuse_unfit(inspect_recording(file, column_specs, **reading), file, time, variable)
     for complete in (_units, _wraps):
         notes += complete(inspect_recording(file, column_specs, **reading), column_specs)
     window = _window(inspect_recording(file, column_specs, **reading))
@@ -200,9 +203,25 @@ def draft_project(
         reading |= {"start": window.start, "stop": window.stop}
     notes += _zeros(inspect_recording(file, column_specs, **reading), column_specs)
     recording = inspect_recording(file, column_specs, **reading)
+    notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window,
                  starts or {})  # fmt: skip
     return Draft(page.text(), column_specs, notes)
+
+
+def _refuse_unfit(recording: Recording, file: str | Path, time: Mapping[str, Any] | None, variable: str | None) -> None:
+    """A pendulum that never moves, and a clock in another unit, whose constants would be nobody's.
+
+    Whoever says the unit of time, or the rate, is believed.
+    """
+    for f in recording.report.findings:
+        if f.code == "still":
+            raise InputError(f"{Path(file).name}: {f}")
+        if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not (time or {}).keys() & {"unit", "rate"}:
+            column = time_column(read_table(Path(file), variable), time)
+            typed = ["fracid", "init", str(file), "--time", f"{column},unit={unit_of_time(f.number)}"]
+            sentence = str(f).partition(" Type ")[0]
+            raise InputError(f"{Path(file).name}: {sentence} Type {shlex.join(typed)}; or unit=s, if it is right.")
 
 
 # --- what the columns are ----------------------------------------------------------------------------
@@ -598,7 +617,7 @@ class _Page:
         ]
         if own:
             where = "# where it rests differs from recording to recording"
-            lines.append(f"per_recording = {json.dumps(own)}".ljust(40) + where)
+            lines.append(f"per_recording = {json.dumps(own)}".ljust(39) + " " + where)
         return lines
 
 

@@ -32,7 +32,7 @@ from fracid.recording.channel import measurable
 from fracid.recording.readers.table import Table
 from fracid.safety.text import LONGEST_NAME, printable
 
-__all__ = ["CLOCK_STAMP", "read_clock", "short_text", "unevenness"]
+__all__ = ["CLOCK_STAMP", "SECONDS", "read_clock", "short_text", "time_column", "unevenness"]
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
@@ -118,6 +118,14 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         stamps = stamps - stamps[0]
     _refuse_no_clock(stamps, table)
     return stamps, rows, _Said(column, tuple(sentences))
+
+
+def time_column(table: Table, time: Mapping[str, Any] | int | str | None) -> str | None:
+    """The name of the column that :func:`read_clock` takes, its place where it has none; None where a rate is given."""
+    spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
+    if "rate" in spec or (not spec and len(table.names) == 1):
+        return None
+    return table.names[table.find(spec["column"]) if spec else _guess_time(table)].removeprefix("column ")
 
 
 def _name_unit(name: str) -> str:

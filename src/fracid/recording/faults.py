@@ -17,6 +17,9 @@ Time in another unit
     A small pendulum swings with ω² = g/l.  A swing that takes 800 s is one of a pendulum 160 km long,
     or its milliseconds were taken for seconds.
 
+A pendulum that stands still
+    Its angle has one value throughout: a plug that is out, or the wrong channel.
+
 A clock that was set
     Where samples are lost a swing has gone on meanwhile; where the clock jumped, a parabola through the samples on both
     sides fits five times as well if the gap is taken for one step.
@@ -55,14 +58,25 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
-from fracid.recording.measures import FAMILIAR_COUNTS, GAP, PENDULUM
+from fracid.recording.clock import SECONDS
+from fracid.recording.measures import FAMILIAR_COUNTS, GAP, is_pendulum
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import quickening, swing_count, swing_period
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from fracid.recording.measures import SignalReport
 
-__all__ = ["BOTH_SIDES", "clock_jumps", "familiar_counts", "signal_faults", "turns_to_both_sides", "wraps"]
+__all__ = [
+    "BOTH_SIDES",
+    "clock_jumps",
+    "familiar_counts",
+    "signal_faults",
+    "still",
+    "turns_to_both_sides",
+    "unit_of_time",
+    "wraps",
+]
 
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""
@@ -100,6 +114,9 @@ FEW_COUNTS = 50
 
 SLOW, FAST = 100.0, 1e-4
 """Lengths of pendulums that nobody swings in a laboratory [m]: 20 s and 0.02 s a swing."""
+
+TYPICAL = 0.3
+"""Of a laboratory's pendulum [m]."""
 
 GRAVITY = 9.81
 """[m/s²]"""
@@ -158,10 +175,12 @@ def signal_faults(
     for s in reports:
         x = signals[s.name]
         mask = np.isfinite(x)
+        pendulum = is_pendulum(s.name) or angles == 1
+        if mask.sum() >= 10 and s.range == 0 and is_pendulum(s.name):
+            findings.append(still(s.name, float(x[mask][0]), s.unit))
         if mask.sum() < 10 or not s.range > 0:
             continue
         x, t = (x, time) if mask.all() else (x[mask], time[mask])
-        pendulum = s.name == PENDULUM or angles == 1
         findings += _unit(s, x, pendulum)
         findings += _jumps(s, t, x)
         findings += _repeated(s, t, x)
@@ -169,6 +188,18 @@ def signal_faults(
         findings += _set_clock(s, t, x) if pendulum else ()
         findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     return tuple(findings)
+
+
+def still(name: str, value: float, unit: str) -> Finding:
+    """A pendulum's angle that never changes.
+
+    Examples
+    --------
+    >>> str(still("alpha", 0.0, "rad"))
+    'alpha: it stays at 0° throughout: is its encoder connected? A model of the pendulum needs it to swing.'
+    """
+    return Finding("still", name, 0.0, 0.0, unit, f"it stays at {with_unit(value, unit)} throughout: is its encoder "
+                   "connected? A model of the pendulum needs it to swing.")  # fmt: skip
 
 
 # --- units -------------------------------------------------------------------------------------------
@@ -268,11 +299,23 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     if math.isfinite(length) and length > SLOW:
         yield Finding("wrong-clock", s.name, length, SLOW, "m of pendulum",
                       f"a swing takes {period:.3g} s, as that of a pendulum {_long(length)} long: is its time in "
-                      'another unit? Type unit = "ms", or "us", in the table of time, or give the rate.')  # fmt: skip
+                      f'another unit? Type unit = "{unit_of_time(length)}" in the table of time, or give the '
+                      "rate.")  # fmt: skip
     elif length < FAST and s.range > 2 * HARDLY:
         yield Finding("wrong-clock", s.name, length, FAST, "m of pendulum",
                       f"a swing takes {1e3 * period:.3g} ms, as that of a pendulum {1e3 * length:.2g} mm long: is its "
                       "time in another unit, minutes perhaps? Give the rate.")  # fmt: skip
+
+
+def unit_of_time(length: float) -> str:
+    """The unit in which a clock may be that has a pendulum so long, if it was taken for seconds [m].
+
+    Examples
+    --------
+    >>> unit_of_time(2.3e5), unit_of_time(2.3e11)
+    ('ms', 'us')
+    """
+    return min(("ms", "us", "ns"), key=lambda unit: abs(math.log(length * SECONDS[unit] ** 2 / TYPICAL)))
 
 
 def clock_jumps(t: FloatArray, x: FloatArray) -> list[tuple[float, float]]:

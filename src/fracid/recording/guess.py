@@ -31,7 +31,7 @@ from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_s
 from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
 
-__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units"]
+__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units", "is_angle"]
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
@@ -57,6 +57,17 @@ WHOLE = 50
 
 LEVELS = 12
 """A column that has no more values than this, and keeps each for long, is a command."""
+
+
+def is_angle(name: str, what: str = "alpha") -> bool:
+    """Whether a column is called the pendulum's angle, or the arm's.
+
+    Examples
+    --------
+    >>> is_angle("pend_angle"), is_angle("alpha_dot"), is_angle("theta"), is_angle("theta", "theta")
+    (True, False, False, True)
+    """
+    return bool(re.search(NAMES[what], name.lower())) and not re.search(OTHER, name.lower())
 
 
 def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Columns, tuple[str, ...]]:
@@ -144,8 +155,11 @@ def _roles(recording: Recording) -> dict[str, str]:
         raise InputError(
             f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
         )
+    dead = [str(f) for f in recording.report.findings if f.code == "still"]
+    if dead and not any(is_angle(n) for n in angles):
+        raise InputError(f"{recording.path.name}: {dead[0]} Another column for it: --column alpha=COLUMN.")
     moving = [n for n, s in reports.items() if s.range > 0]
-    roles = {what: _first(pattern, moving if what == "voltage" else angles) for what, pattern in NAMES.items()}
+    roles = {what: _first(what, moving if what == "voltage" else angles) for what in NAMES}
     commands = [n for n in angles if n not in roles.values() and len(angles) > 1 and _is_command(recording.signals[n])]
     roles["voltage"] = roles["voltage"] or next(iter(commands), None)
     rest = _by_travel([reports[n] for n in angles if n not in roles.values()])
@@ -158,9 +172,9 @@ def _roles(recording: Recording) -> dict[str, str]:
     return {what: name for what, name in roles.items() if name is not None}
 
 
-def _first(pattern: str, names: Mapping[str, Any] | list[str]) -> str | None:
+def _first(what: str, names: Mapping[str, Any] | list[str]) -> str | None:
     """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
-    matches = [n for n in names if re.search(pattern, n.lower()) and not re.search(OTHER, n.lower())]
+    matches = [n for n in names if is_angle(n, what)]
     return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
 
 

@@ -23,10 +23,12 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError
+from fracid.findings import Finding
 from fracid.recording.channel import COUNTING, Channel, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
-from fracid.recording.guess import guessed_units
+from fracid.recording.faults import still
+from fracid.recording.guess import guessed_units, is_angle
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
@@ -157,6 +159,7 @@ def inspect_recording(
     channels, more = choose_channels(table, columns, source.column, rows)
     if columns is not None:
         refuse_shared(table, channels, source.column)
+    dead = _left_out(table, rows, channels, source.column) if columns is None else ()
     digest, reading = _digest(path), (*table.notes, *source.sentences, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
@@ -165,7 +168,7 @@ def inspect_recording(
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
         return Recording(
             name or path.stem, path, digest, read_only(clock), {n: read_only(x) for n, x in values.items()}, units,
-            replace(report, findings=(*source.findings, *report.findings)),
+            replace(report, findings=(*source.findings, *dead, *report.findings)),
             frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
         )  # fmt: skip
 
@@ -197,6 +200,23 @@ def _signals(
             assumed.add(signal)
         sentences += [said] if (said := guesses.get(signal, unit_said)) else []
     return signals, frozenset(assumed), sentences
+
+
+def _left_out(
+    table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], time: int | None
+) -> tuple[Finding, ...]:
+    """A column that is called the pendulum's angle and left out, for it never changes."""
+    taken = {table.find(c.column) for c in channels.values()} | {time}
+    left = [j for j, name in enumerate(table.names) if j not in taken and is_angle(name)]
+    return tuple(still(table.names[j], *_first(table, rows, j)) for j in left
+                 if rows.any() and np.ptp(table.values[rows, j]) == 0.0)  # fmt: skip
+
+
+def _first(table: Table, rows: NDArray[np.bool_], column: int) -> tuple[float, str]:
+    """The first value of a column, and its unit; a pure number where the header says none."""
+    unit = header_unit(table.units[column])
+    channel = Channel(column, unit=unit or "1")
+    return float(channel.convert(table.values[rows, column][:1].copy(), table.names[column])[0]), channel.signal_unit
 
 
 def _guesses(

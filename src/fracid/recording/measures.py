@@ -23,7 +23,17 @@ from fracid.signals.noise import white_noise
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import tail
 
-__all__ = ["FAMILIAR_COUNTS", "GAP", "PENDULUM", "UNIFORM", "Clock", "SignalReport", "measure_clock", "measure_signal"]
+__all__ = [
+    "FAMILIAR_COUNTS",
+    "GAP",
+    "PENDULUM",
+    "UNIFORM",
+    "Clock",
+    "SignalReport",
+    "is_pendulum",
+    "measure_clock",
+    "measure_signal",
+]
 
 FAMILIAR_COUNTS = tuple(
     sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
@@ -99,6 +109,17 @@ class SignalReport:
     def range(self) -> float:
         """Largest less smallest value."""
         return self.maximum - self.minimum
+
+
+def is_pendulum(name: str) -> bool:
+    """Whether a signal is called the pendulum's angle, as a header may have it with its unit.
+
+    Examples
+    --------
+    >>> is_pendulum("alpha"), is_pendulum("alpha [deg]"), is_pendulum("alpha_dot")
+    (True, True, False)
+    """
+    return name.partition(" ")[0] == PENDULUM
 
 
 def measure_clock(time: FloatArray) -> Clock:

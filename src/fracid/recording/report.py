@@ -40,7 +40,7 @@ from fracid.findings import Finding
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.text import shortened
-from fracid.signals.swing import release_time
+from fracid.signals.swing import release_time, swing_count
 
 __all__ = ["Report", "measure"]
 
@@ -49,6 +49,18 @@ LONG_GAP = 0.05
 
 LISTED = 1000
 """Times of each kind that are written out."""
+
+BY_INPUT = "an input moves it"
+"""How the reason of a release ends that is none: nobody let go."""
+
+SHORTLY = {"still": "stands still", "short-window": "too short"}
+"""Findings whose code says little, in the verdict's line."""
+
+FEW_SWINGS = 3
+"""Fewer after a release tell neither its period nor its damping."""
+
+WITH = 0.25
+"""An input that changes until so long after the pendulum begins to move has moved it [s]."""
 
 FEW = 50
 """Fewer samples make a recording no better than usable."""
@@ -107,12 +119,15 @@ class Report:
         if self.faults:
             more = f" (and {len(self.faults) - 1} more)" if len(self.faults) > 1 else ""
             return f"unfit: {self.faults[0].split('. ')[0].rstrip('.')}{more}"
-        released = f"released at {self.release:.3f} s" if self.release is not None else "no release found"
+        how = "set in motion by its input" if self.release_reason.endswith(BY_INPUT) else "released"
+        released = f"{how} at {self.release:.3f} s" if self.release is not None else "no release found"
         end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM and not self.uneven else ""
         gaps = f"{len(c.gaps)} gap{'s' * (len(c.gaps) > 1)}" if c.gaps and not self.uneven else ""
         few = "few samples" if c.samples < FEW else ""
-        findings = dict.fromkeys(f"{f.where} {f.code.replace('-', ' ')}" for f in self.findings)
+        findings = dict.fromkeys(
+            f"{f.where} {SHORTLY.get(f.code, f.code.replace('-', ' '))}".strip() for f in self.findings
+        )
         but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *findings))))
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
@@ -221,13 +236,37 @@ def measure(
         release, reason = None, "time does not increase"
     else:
         release, reason = release_time(time, _swinging(signals, units))
+        if release is not None and _driven(time, signals, units, release):
+            reason += f", then {BY_INPUT}"
     measured = tuple(measure_signal(n, units[n], time, x) for n, x in signals.items())
     uneven = uneven and not clock.uniform
     findings = (
         () if uneven or clock.duplicated or clock.backward
         else signal_faults(time, _samples(time, signals, bridged), measured)
     )  # fmt: skip
+    findings += tuple(_short(time, _swinging(signals, units), release, measured))
     return Report(clock, measured, release, reason, reading, resampled, findings, uneven)
+
+
+def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:
+    """Whether a voltage or a torque changes before it moves, or with it."""
+    before = time <= release + WITH
+    return any(np.nanmax(x[before]) > np.nanmin(x[before]) for n, x in signals.items()
+               if units[n] in ("V", "N m") and np.isfinite(x[before]).any())  # fmt: skip
+
+
+def _short(
+    time: FloatArray, swing: FloatArray, release: float | None, signals: Iterable[SignalReport]
+) -> Iterable[Finding]:
+    """A release that is hardly in the record."""
+    if release is None or any(s.at_rest for s in signals):
+        return
+    after = time >= release
+    count, seconds = swing_count(swing[after & np.isfinite(swing)]), float(time[-1]) - release
+    if count < FEW_SWINGS:
+        yield Finding("short-window", "", count, FEW_SWINGS, "swings",
+                      f"It ends {seconds:.3g} s after the release, after {count:.2g} swings, in motion: too short to "
+                      f"tell a model. Record {FEW_SWINGS:g} swings or more, best until it rests.")  # fmt: skip
 
 
 def _samples(

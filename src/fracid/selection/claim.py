@@ -189,7 +189,8 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     determined = [order for order in orders if order.half <= KNOWN and order.integers]
     without = [order for order in orders if not order.integers]
     others = [order for order in orders if order not in (*determined, *without)]
-    unknown = [f"{GREEK.get(order.name, order.name)} is not identifiable." for order in others]
+    names = " and ".join(GREEK.get(order.name, order.name) for order in others)
+    unknown = [f"{names} {'is' if len(others) == 1 else 'are'} not identifiable."] if others else []
     unknown += [f"The model gives {order} no integer value (integer_orders), so nothing of integer order is held "
                 "against it." for order in without]  # fmt: skip
     if not determined:
