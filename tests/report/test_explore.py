@@ -195,6 +195,9 @@ def test_the_section_fits_the_screen_and_a_checker_of_accessibility_finds_nothin
     browser.until("explore !== null && explore.charts.length > 0")
     assert browser.complaints == []
     assert browser.run("document.documentElement.scrollWidth") <= width
+    stuck = browser.run("[...document.querySelectorAll('#explore *')].filter(e => getComputedStyle(e).position === "
+                        "'sticky').map(e => e.clientHeight / innerHeight)")  # fmt: skip
+    assert sum(stuck) < 0.15
     browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
     found = browser.run("axe.run('#explore').then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
     assert found == []
