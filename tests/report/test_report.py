@@ -647,6 +647,22 @@ def test_the_page_opens_without_a_complaint_or_a_request_and_draws_every_curve(b
     assert browser.run("window.hit") is None
 
 
+@pytest.mark.parametrize("width", [400, 768, 1000, 1600])
+def test_no_value_and_no_score_is_cut_off_at_the_side(browser, file, width):
+    browser.open(file, width=width, **CALM)
+    browser.run("for (const d of document.querySelectorAll('details')) d.open = true")
+    cut = "[...document.querySelectorAll('.wide')].filter(e => e.querySelector('.estimates, .fits')" \
+          " && e.scrollWidth > e.clientWidth).map(e => e.ariaLabel)"  # fmt: skip
+    assert browser.run(cut) == []
+
+
+def test_the_indices_of_an_equation_stand_below_their_letters(browser, file):
+    browser.open(file, width=1440, **CALM)
+    below = """[...document.querySelectorAll('msub')].map(sub => [...sub.children]
+      .map(e => e.getBoundingClientRect().bottom)).map(([letter, index]) => index - letter)"""
+    assert min(browser.run(below)) > 1
+
+
 @pytest.mark.parametrize("width", [400, 1600])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_wider_than_the_screen_and_all_text_can_be_read(browser, file, width, scheme):
