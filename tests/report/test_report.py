@@ -411,7 +411,7 @@ ORDERS = {
     "given": (estimate(1.0, free=False), "1 (given)"),
     "without an interval": (estimate(0.9), "0.9, no interval"),
     "with one": (estimate(0.9145782, 0.00016), "0.91458 ± 0.00016"),
-    "hardly seen": (estimate(1.2, 9.0), "1.2 ± 9"),
+    "hardly seen": (estimate(1.2, 9.0), "1.2 ± 9.0"),
     "of a run that failed": (estimate(None), "–, no interval"),
     "out of all proportion": (estimate(1e300, 1e299), "±"),
 }

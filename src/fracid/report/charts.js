@@ -14,17 +14,21 @@ const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charC
 // uPlot knows a gap as null.
 const line = values => Array.from(values, v => (Number.isFinite(v) ? v : null));
 
+const raised = k => String(Number(k)).replace(/./g, c => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] || "⁻");
+
 function round(v, digits = 4) {
   if (v === null || v === undefined) return "–";
   const small = v !== 0 && Math.abs(v) < 1e-4;
-  return (small ? (+v.toPrecision(digits)).toExponential() : String(+v.toPrecision(digits))).replaceAll("-", "−");
+  if (!small) return String(+v.toPrecision(digits)).replace("-", "−");
+  const [mantissa, exponent] = (+v.toPrecision(digits)).toExponential().split("e");
+  return `${mantissa.replace("-", "−")}×10${raised(exponent)}`;
 }
 
 // Of a logarithmic axis the powers of ten alone, as 10⁻⁴.
 const powers = (u, ticks) => ticks.map(v => {
   if (v === null) return "";
   const k = Math.round(Math.log10(v));
-  return Math.abs(Math.log10(v) - k) > 1e-9 ? "" : Math.abs(k) < 3 ? round(v, 3) : `10${String(k).replace(/./g, c => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] || "⁻")}`;
+  return Math.abs(Math.log10(v) - k) > 1e-9 ? "" : Math.abs(k) < 3 ? round(v, 3) : `10${raised(k)}`;
 });
 
 const KINDS = {

@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
 from fracid.report.samples import base64_floats, extremes
-from fracid.report.sentences import number
+from fracid.report.sentences import number, raised
 
 __all__ = ["RIGHT", "Axis", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
 
@@ -263,7 +263,7 @@ def _labels(chart: Chart, x: Axis, y: Axis, width: int) -> Iterator[str]:
 def _tick(value: float, log: bool) -> str:
     """``0.5``; of a logarithmic axis ``10⁻⁴``."""
     if log and abs(log10(value)) > 2.5:
-        return number(value, ".0e").removeprefix("1·")
+        return f"10{raised(round(log10(value)))}"
     return number(value, ".6g")
 
 

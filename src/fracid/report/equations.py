@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from fracid.report.sentences import digits, letter
+from fracid.report.sentences import digits, letter, number
 
 if TYPE_CHECKING:
     from fracid.models import Model
@@ -175,9 +175,9 @@ def _squared(base: Markup) -> Markup:
 
 def _number(text: str, *, brackets: bool = False) -> Markup:
     """A number, its power of ten raised; then a thin space, for factors follow it."""
-    mantissa, dot, raised = text.partition("·10")
+    mantissa, times, raised = text.partition("×10")
     plain = raised.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "−0123456789"))
-    n = _row(_n(mantissa), _o("·"), _power(_n("10"), _n(plain))) if dot else _n(mantissa)
+    n = _row(_n(mantissa), _o("×"), _power(_n("10"), _n(plain))) if times else _n(mantissa)
     return _row(_bracket(n) if brackets else n, Markup('<mspace width="0.17em"></mspace>'))
 
 
@@ -223,6 +223,12 @@ def _sum(terms: list[Term]) -> Iterator[Markup]:
         yield _n("0")
 
 
+def _factor(e: Mapping[str, Any]) -> str:
+    """Its digits; one that its interval leaves none keeps the first, or the term would say nothing."""
+    text = digits(e)
+    return text if text.strip("−0.") or not e["value"] else number(e["value"], ".1g")
+
+
 @dataclass(frozen=True)
 class Writer:
     """What a model writes its equations with: constants, as symbols or as numbers, and the marks of mathematics."""
@@ -244,7 +250,7 @@ class Writer:
         """The constant as a factor."""
         e = self.constants.get(name)
         if self.numbers and e and e["value"] is not None:
-            return _number(digits(e), brackets=e["value"] < 0)
+            return _number(_factor(e), brackets=e["value"] < 0)
         self.named.add(name)
         return _sub(*self.symbols[name])
 
@@ -260,7 +266,7 @@ class Writer:
         negative = self.numbers and value is not None and value < 0
         negation = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
         e = {**self.constants[name], **negation} if negative else None
-        size = _number(digits(e)) if e else self(name)
+        size = _number(_factor(e)) if e else self(name)
         return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
 
     bracket = staticmethod(_bracket)

@@ -6,8 +6,6 @@ const AGREES = 1e-6; // of the swing: the page's solver against fracid's curve
 
 const largest = values => values.reduce((most, v) => (Math.abs(v) > most ? Math.abs(v) : most), 0);
 
-const raised = k => String(k).replace(/./g, c => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
-
 // How far an axis goes for a value: in few steps, for it to stay while a slider moves.
 const roomFor = v => {
   const power = 10 ** Math.floor(Math.log10(v || 1));
@@ -16,8 +14,6 @@ const roomFor = v => {
 
 // 10 to a whole power, the next above.
 const power = v => (v > 0 ? `10${raised(Math.ceil(Math.log10(v)))}` : "rounding");
-
-const shown = (v, digits) => round(v, digits).replace(/e(.+)$/, (_, k) => `·10${raised(k.replace("−", "-"))}`);
 
 const doubles = text => new Float64Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 
@@ -320,7 +316,7 @@ class Explore {
     this.zooming = false;
     for (const { slider, input, output } of this.rows) {
       input.value = slider.now;
-      output.textContent = `${shown(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
+      output.textContent = `${round(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
       input.setAttribute("aria-valuetext", `${output.textContent}, estimate ${round(slider.value, 5)}`);
     }
     this.score(run);

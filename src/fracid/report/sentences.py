@@ -21,7 +21,7 @@ from typing import Any
 
 from fracid.units import GREEK
 
-__all__ = ["digits", "half_width", "joined", "letter", "number", "unit"]
+__all__ = ["digits", "half_digits", "half_width", "joined", "letter", "number", "raised", "unit", "with_error"]
 
 
 def letter(name: str) -> str:
@@ -36,18 +36,34 @@ def letter(name: str) -> str:
 
 
 def number(value: float | None, form: str = ".4g") -> str:
-    """A number with a true minus; a dash for none.
+    """A number with a true minus, without a power of ten from 0.0001 up to 100 000; a dash for none.
 
     Examples
     --------
-    >>> number(-0.00123, ".2g"), number(None), number(1.2e-05)
-    ('−0.0012', '–', '1.2·10⁻⁵')
+    >>> number(-0.00123, ".2g"), number(None), number(1.2e-05), number(131.0, ".2g"), number(1e-7)
+    ('−0.0012', '–', '1.2×10⁻⁵', '130', '10⁻⁷')
     """
     if value is None or not isfinite(value):
         return "–"
-    mantissa, _, exponent = f"{value:{form}}".partition("e")
-    raised = "·10" + str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) if exponent else ""
-    return mantissa.replace("-", "−") + raised
+    text = f"{value:{form}}"
+    if "e" in text and 1 <= abs(float(text)) < 1e5:
+        text = f"{float(text):.0f}"
+    mantissa, _, exponent = text.replace("-", "−").partition("e")
+    if not exponent:
+        return mantissa
+    power = f"10{raised(int(exponent.replace('−', '-')))}"
+    return {"1": power, "−1": f"−{power}"}.get(mantissa, f"{mantissa}×{power}")
+
+
+def raised(exponent: int) -> str:
+    """An exponent in small figures.
+
+    Examples
+    --------
+    >>> raised(-12)
+    '⁻¹²'
+    """
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def digits(estimate: Mapping[str, Any]) -> str:
@@ -65,10 +81,50 @@ def digits(estimate: Mapping[str, Any]) -> str:
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
     value, half = estimate.get("value"), half_width(estimate)
-    if value is None or not half or value == 0:
-        return number(value, ".6g")
-    precision = floor(log10(abs(value))) - floor(log10(float(f"{half:.1e}"))) + 2
-    return number(value, f".{min(10, max(2, precision))}g")
+    return number(value, ".6g") if value is None or not half else _to_place(value, _second_digit(half))
+
+
+def half_digits(estimate: Mapping[str, Any]) -> str:
+    """Half of the 95 % interval, two digits of it.
+
+    Examples
+    --------
+    >>> half_digits({"interval95": [-0.0155, 0.0245]}), half_digits({"interval95": None})
+    ('0.020', '–')
+    """
+    half = half_width(estimate)
+    return number(half) if not half else _to_place(half, _second_digit(half))
+
+
+def with_error(value: float | None, error: float | None) -> str:
+    """A value to the second digit of its error, and that error.
+
+    Examples
+    --------
+    >>> with_error(0.000348, 0.002), with_error(12345.6, 2000.0), with_error(9.05e-09, 1.2e-07), with_error(1.0, None)
+    ('0.0003 ± 0.0020', '12300 ± 2000', '10⁻⁸ ± 1.2×10⁻⁷', '1 ± –')
+    """
+    if value is None or not error or not isfinite(error):
+        return f"{number(value)} ± {number(error)}"
+    place = _second_digit(error)
+    return f"{_to_place(value, place)} ± {_to_place(error, place)}"
+
+
+LAST_PLACE = -7
+"""Down to it a value has no power of ten beside its interval."""
+
+
+def _second_digit(half: float) -> int:
+    """Which power of ten the second digit of a number is, once it is rounded to two."""
+    return floor(log10(float(f"{half:.1e}"))) - 1
+
+
+def _to_place(value: float, place: int) -> str:
+    """A number down to that power of ten, zeros included."""
+    rounded = round(value, -place) + 0.0  # no −0
+    if LAST_PLACE <= place <= 4:
+        return f"{rounded:.{max(0, -place)}f}".replace("-", "−")
+    return number(rounded, f".{max(1, floor(log10(abs(rounded) or 1.0)) - place + 1)}g")
 
 
 def half_width(estimate: Mapping[str, Any]) -> float | None:

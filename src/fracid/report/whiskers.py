@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from fracid.report.charts import round_step
-from fracid.report.sentences import digits, half_width, letter, number
+from fracid.report.sentences import digits, half_digits, half_width, letter, number
 
 __all__ = ["OrderAxis", "order_axis", "orders_drawn", "whisker"]
 
@@ -58,7 +58,7 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], axis: OrderAxis | None
     Examples
     --------
     >>> drawn = orders_drawn({"mu": {"value": 0.9, "interval95": [0.89, 0.91], "standard_error": 0.005, "free": True}})
-    >>> "0.9 ± 0.01" in drawn, "μ" in drawn
+    >>> "0.900 ± 0.010" in drawn, "μ" in drawn
     (True, True)
     """
     axis = axis or order_axis(list(orders.values()))
@@ -88,9 +88,8 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], axis: OrderAxis | None
 
 def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
-    half = half_width(e)
-    if half is not None:
-        return f"{digits(e)} ± {number(half, '.2g')}"
+    if half_width(e) is not None:
+        return f"{digits(e)} ± {half_digits(e)}"
     return f"{digits(e)} (given)" if not e["free"] else f"{digits(e)}, no interval"
 
 
