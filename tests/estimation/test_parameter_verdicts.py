@@ -7,7 +7,7 @@ import pytest
 
 import fracid
 from fracid.errors import Failure, FailureReason, InputError
-from fracid.estimation.cost_plane import cost_plane
+from fracid.estimation.cost_plane import CostPlane, cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.parameter_verdicts import _halved, _powers, identifiability
@@ -61,6 +61,18 @@ def test_other_unknowns_stay_where_they_are_and_jobs_change_nothing():
     one, three = (cost_plane(p, x, points=3, jobs=jobs) for jobs in (1, 3))
     assert np.array_equal(one.cost, three.cost)
     assert one.cost[1, 1] == p.cost(x)
+
+
+def test_a_cliff_beside_a_narrow_valley_makes_no_minimum_that_is_not_there():
+    def cost(first, second):
+        across = second - 0.03 * first
+        return np.sqrt(1 + (first / 0.05) ** 2 + (across / 0.001) ** 2 * np.where(across > 0.025, 21, 1))
+
+    gathered = np.sign(np.linspace(-1, 1, 15)) * np.abs(np.linspace(-1, 1, 15)) ** 1.6
+    first, second = 0.1 * gathered, 0.05 * gathered
+    fine = CostPlane(("lambda", "mu"), first, second, cost(first[:, None], second)).refined()
+    truth = cost(fine.first[:, None], fine.second)
+    assert np.abs(fine.cost / truth - 1)[truth < 5].max() < 0.1
 
 
 def test_where_a_run_fails_the_plane_is_infinite():

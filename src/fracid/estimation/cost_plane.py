@@ -40,6 +40,9 @@ WIDE = 0.15
 GATHERED = 1.6
 """The points of an axis lie at this power of equal parts of it."""
 
+WALLS = 100.0
+"""The square of a cost that has risen by this multiple is no longer the valley's."""
+
 STEEP = 1e3
 """A cost that rises by this factor over the plane is not refined: a smooth surface through it would ring."""
 
@@ -63,14 +66,15 @@ class CostPlane:
     def refined(self, points: int = 121) -> CostPlane:
         """A smooth surface through the plane on an even grid; itself where a run failed, or it is too steep for that.
 
-        The square of the cost is what is smooth at the minimum, by splines.
+        The square of the cost is what is smooth at the minimum; far from it the splines take its logarithm, or a
+        cliff there, where a pendulum swings over the top, would ring in the valley: minima that are not there.
 
         Examples
         --------
         >>> orders = np.linspace(0.8, 1.0, 9)
         >>> bowl = CostPlane(("lambda", "mu"), orders, orders, np.sqrt(1 + (orders[:, None] - 0.9) ** 2 + orders**2))
         >>> fine = bowl.refined(41)
-        >>> fine.cost.shape, bool(abs(fine.cost[3, 7] - np.sqrt(1 + 0.085**2 + 0.835**2)) < 1e-12)
+        >>> fine.cost.shape, bool(abs(fine.cost[3, 7] - np.sqrt(1 + 0.085**2 + 0.835**2)) < 1e-8)
         ((41, 41), True)
         """
         z = self.cost
@@ -79,7 +83,8 @@ class CostPlane:
         from scipy.interpolate import RectBivariateSpline
 
         first, second = (np.linspace(axis[0], axis[-1], points) for axis in (self.first, self.second))
-        square = RectBivariateSpline(self.first, self.second, (z / z.min()) ** 2)(first, second)
+        rise = np.log1p(((z / z.min()) ** 2 - 1) / WALLS)
+        square = 1 + WALLS * np.expm1(RectBivariateSpline(self.first, self.second, rise)(first, second))
         return replace(self, first=first, second=second, cost=z.min() * np.sqrt(np.maximum(square, 1.0)))
 
     def plot(
