@@ -415,7 +415,7 @@ def test_a_bound_that_is_reached_is_told():
     assert fit.orders["mu"].bound is None
     assert {n: e["bound"] for n, e in fit.to_json()["orders"].items()} == {"lambda": 0.95, "mu": None}
     assert fit.orders["lambda"].identifiable == "at its bound"
-    assert "lambda lies at its bound: 0.95; widen the bound or extend the model." in fit.warnings
+    assert "λ lies at its bound: 0.95; widen the bound or extend the model." in fit.warnings
 
 
 @pytest.mark.broad

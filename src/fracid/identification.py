@@ -76,6 +76,7 @@ from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
+from fracid.units import GREEK
 from fracid.validation.after_search import after, failed
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
@@ -701,7 +702,7 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         return
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
-        yield f"The data cannot separate {' and '.join(names)}: fix one of them."
+        yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
     for v in verdicts.values():
         if v.kind in SAID and not any(v.name in names for names in together):
-            yield f"{v.name} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
+            yield f"{GREEK.get(v.name, v.name)} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."

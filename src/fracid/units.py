@@ -99,8 +99,10 @@ def half_width(half: float) -> str:
 
     Examples
     --------
-    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(5.2e-6)
-    ('0.040', '3.0', '640', '5.2e-06')
+    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(8e-5), half_width(5.2e-6)
+    ('0.040', '3.0', '640', '0.000080', '5.2e-06')
     """
     short = float(f"{half:.1e}")
-    return f"{short:.0f}" if 10 <= short < PLAIN else f"{short:#.2g}".rstrip(".")
+    if 10 <= short < PLAIN:
+        return f"{short:.0f}"
+    return f"{short:.6f}" if SMALL / 10 <= short < SMALL else f"{short:#.2g}".rstrip(".")

@@ -408,7 +408,7 @@ def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_pa
 def test_notes_that_differ_in_output_and_numbers_are_one():
     notes = ["low: theta: the residual is 0.22°, 8.5 steps.", "no fault", "low: alpha: the residual is 0.21°, 7 steps."]
     folded = cli_fit._folded(notes, ("theta", "alpha"))
-    assert folded == ["low: theta: the residual is 0.22°, 8.5 steps. The same of alpha.", "no fault"]
+    assert folded == ["low: theta: the residual is 0.22°, 8.5 steps. The same holds for alpha.", "no fault"]
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import pytest
 from fracid import Recording, Sensor, rotary_pendulum, save_recording, simulate
 from fracid.cli.app import main
 from fracid.estimation.parameter_verdicts import Kind
+from fracid.estimation.records import in_words
 from fracid.findings import Finding
 from fracid.identification import CHANCE, IMITATION
 from fracid.models import MODELS, RIGS, model_from_name
@@ -156,7 +157,7 @@ READING = (DOCS / "reading-the-report.md").read_text(encoding="utf-8")
 
 def test_every_verdict_is_told_how_to_read():
     told = {row[0] for row in tables(READING)["Verdicts"][1:]}
-    assert told == {*get_args(Kind), "fixed", IMITATION, CHANCE.format(1)}
+    assert told == {*map(in_words, get_args(Kind)), "fixed", IMITATION, CHANCE.format(1)}
 
 
 @pytest.mark.parametrize("outcome", [o for o in Outcome if o not in (Outcome.STOPPED, Outcome.GENERATIONS_DONE)])

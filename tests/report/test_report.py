@@ -22,6 +22,7 @@ from browser import CHROMIUM, Browser
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
+from fracid.estimation.records import in_words
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
@@ -213,7 +214,7 @@ def test_every_value_of_the_result_stands_on_the_page_in_full(page, fitted):
 def test_warnings_verdicts_reasons_and_hashes_are_said(parsed, fitted):
     result = json.loads((fitted[0] / "result.json").read_text(encoding="utf-8"))
     text = " ".join("".join(parsed.text).split())
-    said = [*result["warnings"], *(e["identifiable"] for e in result["parameters"].values())]
+    said = [*result["warnings"], *(in_words(e["identifiable"]) for e in result["parameters"].values())]
     said += [*result["data_sha256"].values(), *result["versions"].values(), "fracid fit", "'<run>'", "coulomb_theta"]
     said += [s for outputs in Material.of_run(load_run(fitted[0])).analyses.values() for a in outputs.values()
              for s in a.sentences.values()]  # fmt: skip

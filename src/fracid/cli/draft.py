@@ -65,7 +65,7 @@ def init(
     for note in draft.notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))
-    say_next(new_console(), (typed("fit", target), "after a look at every line of it"))
+    say_next(new_console(), (typed("fit", target), "once you have read every line of it"))
 
 
 def _asked(

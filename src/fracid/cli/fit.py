@@ -238,7 +238,9 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     folded = []
     for first, *others in groups.values():
         also = {name: None for note in others for name in re.findall(rf"\b(?:{names})\b", note)[:1]}
-        folded.append(f"{first} The same of {' and '.join(also)}." if others and len(also) == len(others) else first)
+        folded.append(
+            f"{first} The same holds for {' and '.join(also)}." if others and len(also) == len(others) else first
+        )
         folded += others if len(also) != len(others) else []
     return folded
 
@@ -277,7 +279,7 @@ def _print_estimates(console: Console, fit: Fit) -> None:
 def _verdict(e: Estimate) -> str:
     if e.identifiable == "identifiable":
         return "".join(e.reason.partition("given that")[1:])
-    return "" if e.identifiable in SAID else e.identifiable
+    return "" if e.identifiable in SAID else e.verdict
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import ZEROS, key_of, one_of
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
+from fracid.units import half_width, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -170,9 +172,12 @@ def _print_constants(console: Console, f: Regression) -> None:
 
     table = new_table("", "value", "95 % interval", "bias", "unit", "", fold=())
     for name, c in f.parameters.items():
-        half = "" if c.interval95 is None else f"± {(c.interval95[1] - c.interval95[0]) / 2:.2g}"
+        half = 0.0 if c.interval95 is None else (c.interval95[1] - c.interval95[0]) / 2
+        value, interval = f"{c.value:.4g}", ""
+        if 0 < half < inf:
+            value, interval = to_second_digit(c.value, half), f"± {half_width(half)}"
         bias = "" if c.bias is None else f"{c.bias:+.1g}"
-        table.add_row(*map(escape, (name, f"{c.value:.4g}", half, bias, c.unit, _short(c.verdict))))
+        table.add_row(*map(escape, (name, value, interval, bias, c.unit, _short(c.verdict))))
     console.print(table)
     doubted = [(n, c.verdict) for n, c in f.parameters.items() if _short(c.verdict) != c.verdict]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):

@@ -261,4 +261,4 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     for path in files:
         if kind := kinds.get(path.suffix, "recording"):
             console.print(f"{kind:10} {escape(str(path))}", soft_wrap=True)
-    say_next(console, (typed("check", files[0]), "what it is worth, as of any recording"))
+    say_next(console, (typed("check", files[0]), "look at it as at any recording"))

@@ -46,7 +46,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import with_unit
+from fracid.units import half_width, to_second_digit, with_unit
 
 __all__ = ["Verdict", "identifiability"]
 
@@ -368,9 +368,9 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    text = f"its interval is {view.x[i]:.3g} ± {view.half(i):.2g}"
+    text = f"its interval is {_interval(view.x[i], view.half(i))}"
     if view.half(i) > reach.upper - reach.lower:
-        text = f"its interval is wider than all that it may be, {reach.lower:.3g} … {reach.upper:.3g}"
+        text = f"its interval is wider than its bounds, {reach.lower:.3g} … {reach.upper:.3g}"
     because = _because(view, i)
     ratio = None if because else _near_ratio(view, i)
     if ratio is None:
@@ -379,6 +379,10 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         partner, combination, percent = ratio
         yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {combination} is known to {percent:.2g} %, "
                       f"while {text}", (partner,))  # fmt: skip
+
+
+def _interval(value: float, half: float) -> str:
+    return f"{to_second_digit(value, half)} ± {half_width(half)}" if 0 < half < math.inf else f"{value:.3g}"
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
@@ -417,7 +421,7 @@ def _because(view: _View, i: int) -> str:
             return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
         return (
-            f"; it shows with the power {view.power(i):.1f} of the swing, and {most} swings by "
+            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {most} swings by "
             f"{view.size(most)} in all: release it from further out, or fix it"
         )
     return ""

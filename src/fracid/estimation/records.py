@@ -27,7 +27,22 @@ if TYPE_CHECKING:
 
     from fracid.problem import Experiment
 
-__all__ = ["Estimate", "RecordingFit", "deviations_of"]
+__all__ = ["Estimate", "RecordingFit", "deviations_of", "in_words"]
+
+
+VERDICTS = {"practically not": "practically non-identifiable", "not at all": "not identifiable"}
+"""Verdicts whose name in files says less than tables have room for."""
+
+
+def in_words(identifiable: str) -> str:
+    """A verdict of ``result.json``, as tables say it.
+
+    Examples
+    --------
+    >>> in_words("practically not"), in_words("at its bound")
+    ('practically non-identifiable', 'at its bound')
+    """
+    return VERDICTS.get(identifiable, identifiable)
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,12 +66,17 @@ class Estimate(CardDisplay):
     white95: tuple[float, float] | None = None
     """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
 
+    @property
+    def verdict(self) -> str:
+        """The verdict, as tables say it."""
+        return in_words(self.identifiable)
+
     def _card(self) -> Card:
         shown, factor = shown_unit(self.unit)
         low, high = (None, None) if self.interval95 is None else (factor * b for b in self.interval95)
         half = None if low is None or high is None else (high - low) / 2
         title = f"Estimate {rounded(factor * self.value, half)} {shown}".rstrip()
-        rows = (("identifiable", self.identifiable), ("why", self.reason), ("at its bound", brief(self.bound)))
+        rows = (("identifiable", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
 
     @property

@@ -393,7 +393,7 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     says = f"between two samples it jumps by {_degrees(largest)}, {often} after {t[jumps[0]]:.6g} s, "
     says += (
         f"{times:.3g} times as fast as it moves elsewhere: a glitch, or samples that are none. Take the part "
-        "before or after it with from and to, or leave those cells blank and be told of them."
+        "before or after it with from and to, or leave those cells blank: fracid then reports them as missing."
     )
     yield Finding("jump", s.name, times, JUMP, "times the greatest lasting speed", says)
 

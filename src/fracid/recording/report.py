@@ -290,6 +290,12 @@ def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> Fl
 # ----------------------------------------------------------------------- the sentences
 
 
+def _disorder(repeat: int, back: int) -> str:
+    """``1 stamp repeats the one before it, 3 stamps go back``."""
+    said = [f"{repeat:,} stamp{' repeats the one' if repeat == 1 else 's repeat those'} before"] if repeat else []
+    return ", ".join(said + ([f"{back:,} stamp{' goes' if back == 1 else 's go'} back"] if back else []))
+
+
 def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     if c.samples < 2:
         yield f"{c.samples} sample{'s' * (c.samples != 1)}; a recording needs at least two."
@@ -297,7 +303,7 @@ def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     if disorder:
         first = min((c.duplicated + c.backward), key=float)
         yield (
-            f"time does not increase: {len(c.duplicated)} stamps repeat and {len(c.backward)} go back, "
+            f"time does not increase: {_disorder(len(c.duplicated), len(c.backward))}, "
             f"the first at {first:.6g} s. Choose another time column, give the rate, or cut the part out."
         )
     longest = max((g for _, g in c.gaps), default=0.0)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from fracid.estimation.records import in_words
 from fracid.report.sentences import digits, half_digits, joined, letter, number, unit, with_error
 from fracid.report.whiskers import whisker
 from fracid.safety.text import printable
@@ -32,8 +33,8 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    jinja.filters |= {"number": number, "digits": digits, "half": half_digits, "unit": unit, "letter": letter,
-                      "joined": joined, "with_error": with_error, "whisker": whisker}  # fmt: skip
+    jinja.filters |= {"in_words": in_words, "number": number, "digits": digits, "half": half_digits, "unit": unit,
+                      "letter": letter, "joined": joined, "with_error": with_error, "whisker": whisker}  # fmt: skip
     return jinja
 
 

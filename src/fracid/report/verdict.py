@@ -94,7 +94,7 @@ def _fit(material: Material) -> Line:
     poor = not percents or min(percents) < POOR
     misfit = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "misfit"]
     doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
-    doubt += f" That is no noise in {joined(misfit)}: the model lacks something." if misfit else ""
+    doubt += f" In {joined(misfit)} it leaves more than noise." if misfit else ""
     sentence = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
     return Line("Fit", sentence, not poor and not misfit)
 

@@ -283,7 +283,7 @@ class NoiseStudy(CardDisplay):
         sentences = (*map(str, self.findings), *self._of_the_search(),
                      *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
         biased = any("times its spread" in sentence for sentence in sentences)
-        return (*sentences, f"What may make a bias: {'; '.join(self._causes())}.") if biased else sentences
+        return (*sentences, f"What may cause the bias: {'; '.join(self._causes())}.") if biased else sentences
 
     def _causes(self) -> Iterator[str]:
         """What makes a bias, and what to do about it."""
