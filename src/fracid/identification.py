@@ -483,8 +483,9 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     if nearest is not None and part is not problem:
         nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
     analysis.alternative = nearest
-    analysis.warnings.append(analysis.alternative.warning if analysis.alternative else "")
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
+    if nearest is not None and (analysis.fits or analysis.claim.claim == "integer"):
+        analysis.warnings.append(nearest.warning)
     if nearest is not None and part is not problem:
         end = max(float(e.time[-1]) for e in part.experiments)
         reason = f"Models of integer order were compared on the first {end:.3g} s."

@@ -188,8 +188,7 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     from rich.markup import escape
 
     from fracid.fit import PARTIAL
-    from fracid.selection.claim import LACKS
-    from fracid.selection.doubts import doubts
+    from fracid.selection.doubts import doubts, unsaid
 
     console = console or new_console()
     p, fit = run.fit.problem, run.fit
@@ -206,9 +205,8 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
-    claimed = {str(f) for f in fit.findings if f.code == "misfit"} if LACKS in " ".join(fit.claim_reasons) else set()
-    notes = [w for w in fit.warnings if w != PARTIAL and w not in claimed]
-    notes = _folded([*notes, *run.project.notes], fit.problem.outputs)
+    warnings = [w for w in unsaid(run.result) if w != PARTIAL]
+    notes = _folded([*warnings, *run.project.notes], fit.problem.outputs)
     for note in notes[:SHOWN]:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     if len(notes) > SHOWN:

@@ -27,6 +27,7 @@ from fracid.report.surface import surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, verdict
 from fracid.report.whiskers import orders_drawn
+from fracid.selection.doubts import unsaid
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
@@ -338,7 +339,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "open_at_most": OPEN,
         "headline": headline,
         "lines": lines,
-        "warnings": [*material.notes, *material.left_out, *result["warnings"], *project.notes],
+        "warnings": [*material.notes, *material.left_out, *unsaid(result), *project.notes],
         "result": result,
         "outputs": project.problem.outputs,
         "recordings": [_recording(material, name) | {"charts": _of(charts, f"whole-{k}")}

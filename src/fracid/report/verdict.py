@@ -57,8 +57,16 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     doubt = ", but a model of integer order does as well" if _stand_in(material.result) else ""
     but = "and" if doubt else "but"
     doubt += f", {but} {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
-    no_fit = any(reason.startswith(NO_FIT) for reason in material.result.get("claim_reasons", ()))
-    yield Line("Claim", f"{CLAIMS['' if no_fit else claim]}: {orders}{doubt}.", claim != "undecided" and not against)
+    yield Line(
+        "Claim",
+        f"{CLAIMS['' if _no_fit(material.result) else claim]}: {orders}{doubt}.",
+        claim != "undecided" and not against,
+    )
+
+
+def _no_fit(result: Mapping[str, Any]) -> bool:
+    """Whether the model does not follow what it was fitted to."""
+    return any(reason.startswith(NO_FIT) for reason in result.get("claim_reasons", ()))
 
 
 def _stand_in(result: Mapping[str, Any]) -> bool:
@@ -93,9 +101,11 @@ def _fit(material: Material) -> Line:
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
     poor = not percents or min(percents) < POOR
     misfit = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "misfit"]
-    doubt = " For one of them that is hardly better than a constant." if poor and percents else ""
+    hardly = "no" if not percents or min(percents) <= 0 else "hardly"
+    doubt = f" For one of them that is {hardly} better than a constant." if poor and percents else ""
     doubt += f" In {joined(misfit)} it leaves more than noise." if misfit else ""
-    sentence = f"The model follows {what} to {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
+    follows = f"does not follow {what}: it is off by" if _no_fit(material.result) else f"follows {what} to"
+    sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
     return Line("Fit", sentence, not poor and not misfit)
 
 
@@ -122,6 +132,8 @@ def _orders(material: Material) -> Line:
     if not free:
         return Line("Orders", f"{sentence} They were given, not found.", True)
     claim = material.result.get("claim")
+    if _no_fit(material.result):
+        return Line("Orders", f"{sentence} {NO_FIT}: they mean nothing.", False)
     if rival and rival["warning"]:
         says = rival["warning"] if claim is None else "They stand in for something of integer order, see above."
         return Line("Orders", f"{sentence} {says}", False)
@@ -193,8 +205,11 @@ def _prediction(material: Material) -> Line:
         return Line("Prediction", f"No run reached the end of {joined(failures)}, which was held out.", False)
     what, was = (next(iter(validation)), "was") if len(validation) == 1 else (f"{len(validation)} recordings", "were")
     percents = [v for r in validation.values() for v in r["fit_percent"].values() if v is not None]
-    sentence = f"It predicts {what}, which {was} held out, to {_errors(material, validation)} rms{_fits(percents)}"
     poor = not percents or min(percents) < POOR
+    predicts = "does not predict" if poor else "predicts"
+    to = "it is off by" if poor else "to"
+    errors = f"{to} {_errors(material, validation)} rms{_fits(percents)}"
+    sentence = f"It {predicts} {what}, which {was} held out{': ' if poor else ', '}{errors}"
     missed = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "missed"]
     doubt = "; for one signal that is hardly better than a constant" if poor else ""
     doubt += f"; it misses {joined(missed)}" if missed else ""
@@ -202,19 +217,35 @@ def _prediction(material: Material) -> Line:
 
 
 def _values(material: Material) -> Line:
-    free = {n: e for n, e in (*material.result["orders"].items(), *material.result["parameters"].items()) if e["free"]}
-    own = [e for r in material.used("fit").values() for b in ("parameters", "initial_state") for e in r[b].values()]
-    kinds = (e["identifiable"] for e in (*free.values(), *(e for e in own if e["free"])))
-    flags = [kind == "identifiable" for kind in kinds if kind != "forgotten"]
-    non_identifiable = [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable"]
-    if all(flags):
-        return Line("Values", f"All {len(flags)} free values are identifiable.", True)
-    sentence = f"{sum(flags)} of {len(flags)} free values {'is' if sum(flags) == 1 else 'are'} identifiable"
-    return Line(
-        "Values",
-        f"{sentence}; {joined(non_identifiable)} {_is(non_identifiable)} not." if non_identifiable else f"{sentence}.",
-        False,
-    )
+    kinds = dict(_free_kinds(material))
+    unknown = [name for name, kind in kinds.items() if kind != "identifiable"]
+    count = len(kinds) - len(unknown)
+    if not unknown:
+        return Line("Values", f"All {len(kinds)} free values are identifiable.", True)
+    if all(kinds[name] == "unknown" for name in unknown) and not count:
+        return Line("Values", f"Of the {len(kinds)} free values there are no intervals.", False)
+    named = joined(unknown if len(unknown) <= NAMED else [*unknown[: NAMED - 1], f"{len(unknown) - NAMED + 1} more"])
+    sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable"
+    return Line("Values", f"{sentence}; {named} {_is(unknown)} not.", False)
+
+
+NAMED = 8
+"""Values that a sentence has room for."""
+
+
+def _free_kinds(material: Material) -> Iterator[tuple[str, str]]:
+    """Each free value by name → its verdict; those that a recording has for itself with its name, where there are more.
+
+    What a joint has forgotten is no question.
+    """
+    fitted = material.used("fit")
+    for block in ("orders", "parameters"):
+        yield from ((letter(n), e["identifiable"]) for n, e in material.result[block].items() if e["free"])
+    for recording, r in fitted.items():
+        of = f" of {recording}" if len(fitted) > 1 else ""
+        own = {**r["parameters"], **{f"{n}(0)": e for n, e in r["initial_state"].items()}}
+        yield from ((f"{letter(n)}{of}", e["identifiable"]) for n, e in own.items()
+                    if e["free"] and e["identifiable"] != "forgotten")  # fmt: skip
 
 
 def _checks(material: Material) -> Line:
@@ -252,4 +283,4 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
     else:
         time = number(worst.whiteness.correlation_time, ".2g")
         what = f"The residual of {letter(worst.output)}"
-        yield f"{what} is correlated over {time} s: not noise alone, the model lacks something.", False
+        yield f"{what} is correlated over {time} s: it is not noise alone.", False

@@ -250,10 +250,16 @@ def _effect(order: OrderFound) -> str:
     )
 
 
+def _in_short(structure: str) -> str:
+    """What an alternative has, without the names of its parameters, which its elements say in words."""
+    parts = structure.split("; ")
+    return "; ".join([part for part in parts if not part.endswith(" free") or len(parts) < 3])
+
+
 def _beaten(alternative: Alternative) -> tuple[str, ...]:
     tried = [t.name for t in alternative.trials if t.tried]
     untried = [t.name for t in alternative.trials if not t.tried]
     worse = f"{alternative.gain:,.0f}" if alternative.gain >= MANY else f"{alternative.gain:.3g}"
     reasons = [f"No integer-order model fits as well. Tried: {', '.join(tried)}. The nearest "
-               f"({alternative.structure}) has a BIC that is {worse} higher."]  # fmt: skip
+               f"({_in_short(alternative.structure)}) has a BIC that is {worse} higher."]  # fmt: skip
     return (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from fracid.selection.claim import LACKS
 from fracid.units import GREEK
 
-__all__ = ["claimed", "doubts"]
+__all__ = ["claimed", "doubts", "unsaid"]
 
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
@@ -45,6 +46,21 @@ def claimed(claim: str, against: Mapping[str, str]) -> str:
     return f"{claim}, but {', and '.join(against.values())}" if against else claim
 
 
+def unsaid(result: Mapping[str, Any]) -> list[str]:
+    """The warnings that the claim's reasons have not said already: of residuals that are no noise.
+
+    Examples
+    --------
+    >>> misfit = {"code": "misfit", "where": "swing: alpha", "sentence": "The residual is large."}
+    >>> said = {"warnings": ["swing: alpha: The residual is large.", "C1 lies at its bound."], "findings": [misfit]}
+    >>> unsaid(said | {"claim_reasons": ["The residual of swing, alpha is correlated: the model lacks something."]})
+    ['C1 lies at its bound.']
+    """
+    reasons = " ".join(result.get("claim_reasons", ()))
+    said = {f"{f['where']}: {f['sentence']}" for f in result.get("findings", ()) if f["code"] == "misfit"}
+    return [w for w in result["warnings"] if w not in said or LACKS not in reasons]
+
+
 def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     codes = {f["code"] for f in result.get("findings", ())}
     scores = {use: [v for r in result["recordings"].values() if r["use"] == use for v in r["fit_percent"].values()]
@@ -52,7 +68,7 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if _poor(scores["fit"]):
         yield "Fit", "the model hardly fits"
     elif codes & {"misfit", "cannot-explain"}:
-        yield "Fit", "the model lacks something"
+        yield "Fit", LACKS
     if result["claim"] == "integer" and not result.get("alternative") and (unknown := _unknown(result)):
         yield "Orders", f"{' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identifiable"
     if "missed" in codes or _poor(scores["validate"]):
