@@ -328,6 +328,7 @@ MISTAKES = [
     (UNEVEN, {"known": C4}, r"no uniform|not on a uniform grid; type recording.resample"),
     (DRIVEN, {"known": C4, "torque": True}, r"has a voltage, but the model takes a torque"),
     ([], {"known": C4}, r"expected a Recording or a list of them"),
+    (object(), {"known": C4}, r"Of a project type fracid.regress.project.recordings"),
     ([np.zeros(3)], {"known": C4}, r'Recording\.of\("name", time'),
 ]
 

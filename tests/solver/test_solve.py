@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fracid.errors import InputError
+from fracid.models import rotary_pendulum
 from fracid.solver.arguments import StepWarning
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
 from fracid.solver.operators import mittag_leffler
-from fracid.solver.solve import PaperSchemeWarning, solve_fde
+from fracid.solver.solve import PaperSchemeWarning, simulate, solve_fde
 from fracid.solver.trajectory import Outcome
 from oracles.problems import M2, PROBLEMS, T1, T8, T11, T19, T20, T27, T33, FractionalProblem, m1, t2, t4
 
@@ -656,3 +657,15 @@ def test_a_right_hand_side_may_call_functions_of_its_file():
 def test_a_wrong_index_in_a_function_that_is_called_is_an_error_and_no_crash():
     with pytest.raises((IndexError, InputError)):
         solve_fde(_helper_beyond, 1.0, [1.0], step=0.1, end=1.0)
+
+
+def test_a_model_without_orders_is_its_integer_order_model():
+    rig = rotary_pendulum("srv02-rotpen")
+    options = {"initial": {"alpha": 0.17}, "step": 1e-2, "end": 1.0}
+    ones = simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, **options)
+    np.testing.assert_array_equal(simulate(rig, **options).states, ones.states)
+
+
+def test_a_model_that_has_no_integer_value_of_an_order_asks_for_it():
+    with pytest.raises(InputError, match=r"the model gives mu no integer value\. Type orders="):
+        simulate(replace(rotary_pendulum("srv02-rotpen"), integer_orders={"mu": None}), initial={}, step=0.1, end=1.0)

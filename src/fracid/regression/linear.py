@@ -232,11 +232,13 @@ def regress(
     ('identified', True)
     """
     terms_of(model)
-    records = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    several = isinstance(recordings, Sequence)
+    records = [recordings] if isinstance(recordings, Recording) else [*recordings] if several else []
     if not records or not all(isinstance(r, Recording) for r in records):
         raise InputError(
             f"recordings = {recordings!r:.60}: expected a Recording or a list of them; arrays become one by "
-            'fracid.Recording.of("name", time, {"theta": …, "alpha": …}).'
+            'fracid.Recording.of("name", time, {"theta": …, "alpha": …}). Of a project type '
+            "fracid.regress(project.recordings, project.problem.model), or use the command fracid regress."
         )
     if estimator not in get_args(Estimator):
         raise unknown_name("estimator", estimator, get_args(Estimator))

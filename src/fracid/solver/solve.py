@@ -177,7 +177,7 @@ def solve_fde(
 def simulate(
     model: Model,
     *,
-    orders: Mapping[str, float] | ArrayLike,
+    orders: Mapping[str, float] | ArrayLike | None = None,
     initial: Mapping[str, float] | ArrayLike,
     step: float,
     end: float,
@@ -192,8 +192,8 @@ def simulate(
     ----------
     model : Model
         For example ``fracid.rotary_pendulum()``.
-    orders : mapping or array_like
-        By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state.
+    orders : mapping or array_like, optional
+        By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state; the integer-order model if left out.
     initial : mapping or array_like
         States at the start by name (those left out are 0), ``{"alpha": 0.17}``, or as in :func:`solve_fde`.
     parameters : mapping, optional
@@ -220,6 +220,8 @@ def simulate(
         raise InputError(f"model = {model!r}: expected a model, for example fracid.rotary_pendulum('srv02-rotpen').")
     model = model.with_parameters(**(parameters or {}))
     values = model.parameter_vector()
+    if orders is None:
+        orders = _integer_orders(model)
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
     arguments = Arguments(
@@ -230,6 +232,15 @@ def simulate(
         relaxing=model.relaxing_states, **options,
     )  # fmt: skip
     return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
+
+
+def _integer_orders(model: Model) -> dict[str, float]:
+    """Every order at its integer value."""
+    orders = {n: model.solved_at(n) for n in model.order_names}
+    if without := [n for n, q in orders.items() if q is None]:
+        raise InputError(f"orders are missing: the model gives {' and '.join(without)} no integer value. Type "
+                         f"orders={{{', '.join(f'{n!r}: 0.5' for n in orders)}}}.")  # fmt: skip
+    return {n: q for n, q in orders.items() if q is not None}
 
 
 def time_scale(model: Model, values: FloatArray) -> float:
