@@ -710,3 +710,10 @@ def test_a_comment_with_as_many_commas_as_columns_is_not_taken_for_the_header(tm
     file.write_text("# SIMULATED, not measured\n# made by a script\ntime [s],alpha [deg]\n0,1\n1,2\n2,3\n")
     recording = load_recording(file)
     assert list(recording.signals) == ["alpha [deg]"]
+
+
+def test_a_part_that_begins_at_the_release_still_knows_it():
+    t = np.linspace(0, 10, 1001)
+    held = Recording.of("swing", t, {"alpha": np.where(t < 4, 0.5, 0.5 * np.cos(6 * (t - 4)))})
+    assert held.trim("release").report.release == held.report.release == pytest.approx(4.0, abs=0.02)
+    assert held.trim(5.0).report.release is None

@@ -125,7 +125,11 @@ class Recording(CardDisplay):
             raise InputError(
                 f"{self.name}: from {low:.6g} to {high:.6g} s holds {inside.sum()} samples; it spans {span}."
             )
-        return self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
+        part = self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
+        release, found = self.report.release, part.report.release
+        if found is not None or release is None or not part.time[0] - slack <= release <= part.time[-1]:
+            return part  # the plateau before it tells the release, and may be cut off
+        return replace(part, report=replace(part.report, release=release, release_reason=self.report.release_reason))
 
     def _start(self, start: float | str | None) -> float:
         if start is None:
