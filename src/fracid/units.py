@@ -88,7 +88,7 @@ def to_second_digit(value: float, half: float) -> str:
     if decimals > MOST:
         return f"{value:.{MOST}g}"
     short = round(value, decimals)
-    if abs(short) >= PLAIN or (0 < abs(short) < SMALL and half < SMALL):
+    if abs(short) >= PLAIN or (0 < abs(short) < SMALL and half < SMALL / 10):
         digits = math.floor(math.log10(abs(short))) + decimals + 1
         return f"{short:#.{max(digits, 1)}g}".rstrip(".").replace(".e", "e")
     return f"{short:.{max(decimals, 0)}f}"
