@@ -198,7 +198,7 @@ def test_a_residual_that_bends_with_the_angle_shows_in_the_mean_of_the_bins():
 @pytest.mark.broad
 def test_the_encoder_step_is_drawn_where_it_is_known():
     known = words(residual_plots(twin(), "alpha", resolution=STEPS))
-    assert "one encoder step, 0.0879°" in known
+    assert "± ½ encoder step of 0.0879°" in known
     for unknown in (None, {}, {"alpha": None}, {"alpha": 0.0}, {"alpha": np.nan}):
         assert "encoder" not in words(residual_plots(twin(200), "alpha", resolution=unknown))
 

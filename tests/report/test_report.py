@@ -802,7 +802,10 @@ def test_slider_cursor_and_rig_are_at_one_time(browser, file):
     assert browser.run("player.now") == pytest.approx(1)
     shown = browser.run("player.charts[0].values.textContent").replace("−", "-")
     expected = browser.run("player.trace.output('theta').measured[player.trace.t.findIndex(t => t > 0.995)]")
-    assert float(re.search(r"measured (\S+),", shown)[1]) == pytest.approx(expected, rel=1e-3)
+    measured = re.search(r"measured (\S+°),", shown)[1]
+    assert float(measured.rstrip("°")) == pytest.approx(expected, abs=0.0051)
+    below = browser.run("document.getElementById('rig-said').textContent").replace("−", "-")
+    assert f"measured\N{NO-BREAK SPACE}{measured})" in below
 
 
 def test_zooming_one_curve_zooms_all_of_its_recording(browser, file):
@@ -934,7 +937,7 @@ def test_a_residual_has_ticks_at_one_and_three_encoder_steps_and_the_band_over_t
                                      "(player.charts[1])")  # fmt: skip
     assert step == pytest.approx(360 / 1024)
     assert {-1, 1} <= {round(at / step, 6) for at in ticks} <= {-10, -3, -1, 1, 3, 10}
-    assert [(b["from"], b["to"]) for b in bands] == [(-step, step)]
+    assert [(b["from"], b["to"]) for b in bands] == [(-step / 2, step / 2)]  # as in the figures
     # On a line as wide as the plot the band still shows: orange, so more red than blue.
     red, _, blue, _ = browser.run("""(async c => {
       c.spec.series[0].y = c.spec.x.map((_, i) => (i % 2 ? 1 : -1) * c.spec.bands[0].to);

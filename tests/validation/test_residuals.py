@@ -527,7 +527,7 @@ def test_the_page_shows_what_the_analysis_says():
 def test_the_encoders_step_is_drawn_over_time_and_its_rounding_in_the_spectrum():
     e = measured_by_an_encoder(FITTED, 2 * ENCODER * rng().standard_normal(N))
     figure = residual_diagnostics(twin(e), "alpha", resolution={"alpha": ENCODER})
-    assert "one encoder step, 0.0879°" in words(figure)
+    assert "± ½ encoder step of 0.0879°" in words(figure)
     spectrum = figure.axes[6]
     floor = next(line for line in spectrum.lines if line.get_label() == "rounding of the encoder alone").get_ydata()[0]
     assert floor * 0.5 / STEP == pytest.approx(np.degrees(ENCODER) ** 2 / 12, rel=1e-3)

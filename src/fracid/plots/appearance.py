@@ -69,7 +69,7 @@ MARKS: dict[str, dict[str, Any]] = {
 SYMBOLS = {name: rf"$\{name}$" for name in GREEK}
 
 BRIEF = {
-    "one encoder step, ": "encoder step ",
+    "encoder step of ": "step of ",
     "residual (measured − fitted)": "",
     "the paper's structure": "the paper's",
     "mean of each bin": "bin means",
@@ -301,11 +301,12 @@ def outline(y: FloatArray) -> NDArray[np.intp]:
 
 
 def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:
-    """Shade where an error of the encoder alone would lie; its edges lie over the residual, which would hide them."""
+    """Shade where an error by rounding alone would lie; its edges lie over the residual, which would hide them."""
     if step:
         half = shown_unit(unit)[1] * step / 2
         span, line = (axes.axvspan, axes.axvline) if upright else (axes.axhspan, axes.axhline)
-        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=f"one encoder step, {with_unit(step, unit)}")
+        label = f"± ½ encoder step of {with_unit(step, unit)}"
+        span(-half, half, color=ORANGE, alpha=0.3, lw=0, zorder=0.5, label=label)
         for edge in (-half, half):
             line(edge, color=ORANGE, lw=0.8, zorder=3)
 

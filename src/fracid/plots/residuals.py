@@ -332,7 +332,8 @@ def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: st
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
     axes.plot(x, normal, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution")
-    text = f"mean {with_unit(mean / factor, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
+    shown = 0.0 if abs(mean) < 1e-3 * deviation else mean / factor  # what is left of it is rounding
+    text = f"mean {with_unit(shown, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
     appearance.corner(axes, text.replace("-", "−"))
 
 

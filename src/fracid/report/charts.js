@@ -1,6 +1,6 @@
 "use strict";
 // Curves: uPlot with the page's colours.  A chart is described by a plain record (charts.py writes it too)
-//   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind }], bands: [{ axis, from, to, kind }],
+//   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind, unit, step }], bands: [{ axis, from, to, kind }],
 //     marks: [{ axis, at, text, kind, row }], right: [{ at, text }], rightlabel, height, yrange, logx, logy, bare, room, keyed }
 // and built when it comes into view, in the place of the SVG that stands there for paper and where no script runs; on a
 // change of theme or width it is built again.
@@ -22,6 +22,21 @@ function round(v, digits = 4) {
   if (!small) return String(+v.toPrecision(digits)).replace("-", "−");
   const [mantissa, exponent] = (+v.toPrecision(digits)).toExponential().split("e");
   return `${mantissa.replace("-", "−")}×10${raised(exponent)}`;
+}
+
+// A value in its unit: an angle with as many decimals as its encoder tells, two without one.
+function inUnit(v, { unit, step, digits = 4, more = 0 }) {
+  if (!Number.isFinite(v)) return "–";
+  if (unit !== "°") return `${round(v, digits)}${unit ? ` ${unit}` : ""}`;
+  const decimals = step ? Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 6) : 2;
+  return `${v.toFixed(decimals + more).replace(/^-(?=.*[1-9])/, "−").replace("-", "")}°`;
+}
+
+// Which of rising values is the nearest.
+function nearest(values, v) {
+  let low = 0, high = values.length - 1;
+  while (high - low > 1) { const m = (low + high) >> 1; if (values[m] <= v) low = m; else high = m; }
+  return v - values[low] <= values[high] - v ? low : high;
 }
 
 // Of a logarithmic axis the powers of ten alone, as 10⁻⁴.
@@ -108,7 +123,7 @@ class Chart {
             label: s.label, stroke: css(kind.colour), width: kind.width, dash: kind.dash, spanGaps: false,
             paths: kind.points ? () => null : undefined,
             points: kind.points ? { show: true, size: 4, width: 0, fill: css(kind.colour) } : { show: false },
-            value: (u, v) => round(v, s.digits || 4),
+            value: (u, v) => inUnit(v, s),
           };
         }),
       ],
@@ -128,15 +143,15 @@ class Chart {
   right(axis) {
     const { right, rightlabel } = this.spec, text = new Map(right.map(r => [r.at, r.text]));
     return axis(rightlabel, {
-      side: 1, size: 34, grid: { stroke: css("edge"), width: 0.5, dash: [2, 3] },
+      side: 1, size: 52, grid: { stroke: css("edge"), width: 0.5, dash: [2, 3] },
       splits: (u, k, low, high) => right.map(r => r.at).filter(at => at >= low && at <= high),
       values: (u, ticks) => ticks.map(at => text.get(at) || ""),
     });
   }
 
   // The values under the cursor, beside the title.
-  read(u) {
-    const i = u.cursor.idx, named = this.spec.xname === "time" ? [] : [[this.spec.xname, round(u.data[0][i], 4)]];
+  read(u, i = u.cursor.idx) {
+    const named = this.spec.xname === "time" ? [] : [[this.spec.xname, round(u.data[0][i], 4)]];
     const values = u.series.slice(1).map((s, k) => [s.label, s.value(u, u.data[k + 1][i])]);
     this.values.textContent = i === null || i === undefined ? "" : [...named, ...values].map(pair => pair.join(" ")).join(", ");
   }
@@ -194,7 +209,7 @@ class Chart {
   point(x) {
     if (!this.plot) return;
     this.plot.setCursor({ left: this.plot.valToPos(x, "x"), top: 1 }, false);
-    this.read(this.plot);
+    this.read(this.plot, nearest(this.spec.x, x));
   }
 }
 

@@ -19,7 +19,7 @@ from fracid.report.sentences import number, raised
 
 __all__ = ["RIGHT", "Axis", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
 
-LEFT, RIGHT, TOP, BOTTOM = 58.0, 58.0, 6.0, 40.0
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0
 """Room around the plot for ticks and labels [px]."""
 
 ENCODER_STEPS = (1, 3, 10, 30, 100, 300, 1000)

@@ -208,7 +208,7 @@ class Explore {
       const most = 1.15 * Math.max(largest(r.measured[k]), largest(r.fitted[k])), y = { measured: line(r.measured[k]) };
       const low = y.measured.reduce((least, v) => Math.min(least, v ?? least), most), high = y.measured.reduce((top, v) => Math.max(top, v ?? top), -most);
       return { title: `${o.letter}, measured and simulated`, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
-        series: [{ label: "measured", y: y.measured, kind: "measured" }, { label: "simulated", y: () => this.curves[k], kind: "fitted" }] };
+        series: [{ label: "measured", y: y.measured, kind: "measured", unit: o.unit }, { label: "simulated", y: () => this.curves[k], kind: "fitted", unit: o.unit }] };
     });
     const reach = this.outputs.map(() => 0);
     const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
@@ -218,8 +218,8 @@ class Explore {
         reach[k] = next;
         return grown;
       },
-      series: [{ label: "of the best fit", y: line(r.measured[k].map((v, n) => v - r.fitted[k][n])), kind: "measured", digits: 3 },
-        { label: "here", y: () => this.residuals[k], kind: "fitted", digits: 3 }] }));
+      series: [{ label: "of the best fit", y: line(r.measured[k].map((v, n) => v - r.fitted[k][n])), kind: "measured", unit: o.unit, digits: 3, more: 1 },
+        { label: "here", y: () => this.residuals[k], kind: "fitted", unit: o.unit, digits: 3, more: 1 }] }));
     this.live = [];
     this.charts = [...angles, ...residuals].map(spec => {
       const [, { y }] = spec.series;

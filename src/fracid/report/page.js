@@ -12,7 +12,7 @@ class Trace {
     this.said = said;
     this.t = floats(said.t);
     this.end = this.t.at(-1);
-    this.outputs = said.outputs.map(o => ({ ...o, measured: floats(o.measured), fitted: floats(o.fitted) }));
+    this.outputs = said.outputs.map(o => ({ ...o, measured: floats(o.measured), fitted: floats(o.fitted), read: { unit: o.unit, step: o.step } }));
   }
 
   // The value of a line at a time, between its samples; 0 where there is none.
@@ -40,16 +40,16 @@ const traceOf = (() => {
 function curves(trace) {
   const x = line(trace.t);
   return trace.outputs.flatMap((o, k) => {
-    const last = k === trace.outputs.length - 1, alone = trace.outputs.length === 1, shared = { x, xname: "time", keyed: true, bare: !last, room: trace.outputs.some(o => o.step) ? 56 : 10 };
+    const last = k === trace.outputs.length - 1, alone = trace.outputs.length === 1, shared = { x, xname: "time", keyed: true, bare: !last, room: trace.outputs.some(o => o.step) ? 72 : 10 };
     const residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]), unit = o.unit ? ` [${o.unit}]` : "";
-    const shaded = o.step ? `; shaded: ± 1 ${o.unit === "°" ? "encoder step" : "step"} of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
+    const shaded = o.step ? `; shaded: ± ½ ${o.unit === "°" ? "encoder step" : "step"} of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
     return [
       { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: alone ? 290 : 146, ...shared, bare: true,
-        series: [{ label: "measured", y: line(o.measured), kind: "measured" }, { label: "simulated", y: line(o.fitted), kind: "fitted" }] },
+        series: [{ label: "measured", y: line(o.measured), kind: "measured", ...o.read }, { label: "simulated", y: line(o.fitted), kind: "fitted", ...o.read }] },
       { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? `time after ${round(trace.said.start, 6)} s [s]` : "",
         height: alone ? 250 : last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
-        bands: o.step ? [{ axis: "y", from: -o.step, to: o.step, kind: "band" }] : [],
-        series: [{ label: "residual", y: line(residual), kind: "residual", digits: 3 }] },
+        bands: o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [],
+        series: [{ label: "residual", y: line(residual), kind: "residual", ...o.read, digits: 3, more: 1 }] },
     ];
   });
 }
@@ -166,12 +166,12 @@ class Player {
     element("clock").textContent = `${now.toFixed(2)} s`;
     element("time").setAttribute("aria-valuetext", `${now.toFixed(2)} seconds`);
     if (!rig) return;
-    const { simulated, measured, ghost } = this.poses(now);
+    const { simulated, ghost } = this.poses(now);
     const moments = this.playing ? 24 : 0;
     const trail = Array.from({ length: moments }, (_, k) => this.poses(Math.max(0, now - 0.35 * (1 - k / (moments - 1 || 1)))).simulated);
     rig.draw(simulated, ghost, trail);
-    const degrees = (name, k) => `${name} ${simulated[k].toFixed(1)}° (measured ${measured[k].toFixed(1)}°)`;
-    element("rig-said").textContent = [trace.output("theta") && degrees("θ", 0), degrees("α", 1)].filter(Boolean).join(", ").replaceAll("-", "−");
+    const k = nearest(trace.t, now), shown = trace.outputs.filter(o => ["theta", "alpha"].includes(o.name)); // the numbers beside the curves
+    element("rig-said").textContent = shown.map(o => `${o.letter}\u00a0${inUnit(o.fitted[k], o.read)} (measured\u00a0${inUnit(o.measured[k], o.read)})`).join(", ");
   }
 
   play(on = !this.playing) {

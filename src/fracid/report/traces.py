@@ -106,7 +106,7 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
         yield Chart(
             residual_title(α, unit, step), time, f"time after {number(float(r.time[0]), '.6g')} s [s]" if last else "",
             f"residual{_in(unit)}", (Series("measured − simulated", factor * r.residual(name), "residual"),),
-            xname="time", bands=(Band("y", -step, step),) if step else (), height=140 if last else 116,
+            xname="time", bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
             yrange=(-limit, limit), right=encoder_ticks(limit, step) if step else (),
             rightlabel="steps" if step else "", room=room,
         )  # fmt: skip
@@ -116,7 +116,7 @@ def residual_title(symbol: str, unit: str, step: float | None) -> str:
     """What the chart shows, and how much an encoder's step is."""
     words = "encoder step" if unit == "°" else "step"
     shown = f"{number(step, '.3g')}{unit if unit == '°' else f' {unit}'}" if step else ""
-    shaded = f"; shaded: ± 1 {words} of {shown}" if step else ""
+    shaded = f"; shaded: ± ½ {words} of {shown}" if step else ""
     return f"{symbol}, residual (measured − simulated){shaded}"
 
 
