@@ -871,6 +871,15 @@ def test_paper_gets_every_chart_as_a_drawing_and_every_note_in_light_colours(bro
     assert browser.complaints == []
 
 
+def test_the_map_on_paper_has_the_lines_of_the_one_on_the_screen(browser, file):
+    browser.open(file, **CALM)
+    levels = browser.run("Plane.all[0].spec.levels.map(level => level.label)")
+    words = browser.run("[...document.querySelectorAll('#plane + svg text')].map(text => text.textContent)")
+    drawn = {word for word in words if word[0] in "+×"}
+    assert drawn
+    assert drawn <= set(levels)
+
+
 def test_a_page_without_a_script_shows_every_drawing(browser, page, tmp_path):
     text = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
     text = text.replace("<details", "<details open")

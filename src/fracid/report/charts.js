@@ -1,7 +1,7 @@
 "use strict";
 // Curves: uPlot with the page's colours.  A chart is described by a plain record (charts.py writes it too)
 //   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind, unit, step }], bands: [{ axis, from, to, kind }],
-//     marks: [{ axis, at, text, kind, row }], right: [{ at, text }], rightlabel, height, yrange, logx, logy, bare, room, keyed }
+//     marks: [{ axis, at, text, kind, before }], right: [{ at, text }], rightlabel, height, yrange, logx, logy, bare, room, keyed }
 // and built when it comes into view, in the place of the SVG that stands there for paper and where no script runs; on a
 // change of theme or width it is built again.
 
@@ -187,11 +187,14 @@ class Chart {
       ctx.stroke();
       if (!mark.text) continue;
       ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
-      const room = mark.axis === "x" && at + ctx.measureText(mark.text).width + 8 * uPlot.pxRatio > left + width;
+      const long = ctx.measureText(mark.text).width + 8 * uPlot.pxRatio, gap = 4 * uPlot.pxRatio;
+      const before = mark.axis === "x" && mark.before && at - long > left, room = mark.axis === "x" && (before || at + long > left + width);
+      const place = mark.axis === "x" ? [at + (room ? -gap : gap), top + (13 + 15 * (mark.before && !before)) * uPlot.pxRatio] : [left + width - gap, at - gap];
       ctx.textAlign = room || mark.axis === "y" ? "right" : "left";
-      const gap = 4 * uPlot.pxRatio;
-      if (mark.axis === "x") ctx.fillText(mark.text, at + (room ? -gap : gap), top + (13 + 15 * (mark.row || 0)) * uPlot.pxRatio);
-      else ctx.fillText(mark.text, left + width - gap, at - gap);
+      Object.assign(ctx, { strokeStyle: css("paper"), lineWidth: 3 * uPlot.pxRatio, lineJoin: "round" });
+      ctx.setLineDash([]);
+      ctx.strokeText(mark.text, ...place); // lines run below it
+      ctx.fillText(mark.text, ...place);
     }
     ctx.restore();
   }

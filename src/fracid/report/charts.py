@@ -56,8 +56,8 @@ class Mark:
     at: float
     text: str = ""
     kind: str = "mark"
-    row: int = 0
-    """Of the word, so that two do not overlap."""
+    before: bool = False
+    """The word stands to the left of the line, where there is room, so that two do not overlap; else a row lower."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ class Chart:
             "xname": self.xname or self.xlabel, "height": self.height, "logx": self.logx, "logy": self.logy,
             "series": [{"label": s.label, "y": base64_floats(s.y), "kind": s.kind} for s in self.series],
             "bands": [{"axis": b.axis, "from": b.low, "to": b.high, "kind": b.kind} for b in self.bands],
-            "marks": [{"axis": m.axis, "at": m.at, "text": m.text, "kind": m.kind, "row": m.row} for m in self.marks],
+            "marks": [{"axis": m.axis, "at": m.at, "text": m.text, "kind": m.kind, "before": m.before}
+                      for m in self.marks],
             "yrange": self.yrange, "right": [{"at": at, "text": text} for at, text in self.right],
             "rightlabel": self.rightlabel,
         }  # fmt: skip
@@ -314,12 +315,14 @@ def _mark(mark: Mark, x: Axis, y: Axis) -> str:
     if not axis.inside(mark.at):
         return ""
     at = float(axis.at(mark.at))
-    late = axis is y or at > x.end - 60  # the word stands before the line's end, or after an upright line
+    left = mark.before and at > x.start + 60
+    late = axis is y or left or at > x.end - 60  # the word stands before the line's end, or after an upright line
     if axis is x:
-        d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * mark.row)
+        row = mark.before and not left
+        d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * row)
     else:
         d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.end - 4, at - 4)
-    word = _text(*place, mark.text, anchor="end" if late else "start") if mark.text else ""
+    word = _text(*place, mark.text, ' class="word"', "end" if late else "start") if mark.text else ""
     return f'<path class="mark {mark.kind}" d="{d}"/>{word}'
 
 

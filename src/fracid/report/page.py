@@ -23,7 +23,7 @@ from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number, unit
-from fracid.report.surface import surface_still
+from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, verdict
 from fracid.report.whiskers import orders_drawn
@@ -206,24 +206,43 @@ def _rig(material: Material) -> dict[str, Any] | None:
 
 
 def _plane_data(material: Material) -> dict[str, Any] | None:
+    """The cost over the orders for ``planes.js``."""
+    found = _cost_surface(material)
+    if found is None or material.plane is None:
+        return None
+    surface, least = found
+    tried = np.empty((0, 2)) if surface.tried is None else surface.tried
+    return {
+        "names": [letter(n) for n in material.plane.names],
+        "keys": list(material.plane.names),
+        "first": surface.first,
+        "second": surface.second,
+        "least": least,
+        "height": base64_floats(surface.height),
+        "scale": surface.scale.to_json(),
+        "best": surface.best,
+        "intervals": surface.intervals,
+        "tried": np.round(tried, 5),
+        "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if surface.left else None,
+        "name": material.result["cost"]["name"],
+    }
+
+
+def _cost_surface(material: Material) -> tuple[Surface, float] | None:
+    """The rise of the cost over the orders above its least, and that; the cost itself where the least is 0."""
     plane = material.plane
     if plane is None or not np.isfinite(plane.cost).any():
         return None
-    orders, tried, fine = material.result["orders"], _thinned(material.tried), plane.refined(61)
+    fine, tried, orders = plane.refined(61), _thinned(material.tried), material.result["orders"]
     least = max(0.0, float(np.min(fine.cost[np.isfinite(fine.cost)])))
-    return {
-        "names": [letter(n) for n in plane.names],
-        "keys": list(plane.names),
-        "first": fine.first,
-        "second": fine.second,
-        "least": least,
-        "height": base64_floats(fine.cost / least - 1 if least else fine.cost),
-        "best": [orders[n]["value"] for n in plane.names],
-        "intervals": [orders[n]["interval95"] for n in plane.names],
-        "tried": np.round(tried, 5),
-        "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if len(tried) else None,
-        "name": material.result["cost"]["name"],
-    }
+    height = fine.cost / least - 1 if least else fine.cost
+    first, second = (orders[n] for n in plane.names)
+    surface = Surface(
+        (f"order {letter(plane.names[0])}", f"order {letter(plane.names[1])}"), fine.first, fine.second, height,
+        cost_scale(height, least > 0), (first["value"], second["value"]), (first["interval95"], second["interval95"]),
+        tried if len(tried) else None,
+    )  # fmt: skip
+    return surface, least
 
 
 def _thinned(points: Any, most: int = 1500) -> Any:
@@ -292,17 +311,20 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
 
 def _surfaces(material: Material) -> dict[str, Markup]:
     """The cost over the orders, and the joint profile."""
-    plane, joint = _plane_data(material), (_profiles(material) or {}).get("joint")
-    cost = None
-    if plane and material.plane:
-        coarse = material.plane.refined(31)
-        cost = plane | {"names": [f"order {n}" for n in plane["names"]], "first": coarse.first,
-                        "second": coarse.second, "cost": coarse.cost}  # fmt: skip
-    rise = joint and joint | {"cost": joint["rise"], "intervals": [None, None]}
+    cost, joint = _cost_surface(material), (_profiles(material) or {}).get("joint")
     return {
-        "plane_still": surface_still(cost) if cost else Markup(""),
-        "joint_still": surface_still(rise, "Rise") if rise else Markup(""),
+        "plane_still": surface_still(cost[0]) if cost else Markup(""),
+        "joint_still": surface_still(_joint_surface(joint)) if joint else Markup(""),
     }
+
+
+def _joint_surface(joint: Mapping[str, Any]) -> Surface:
+    """The joint profile as ``page.js`` has it."""
+    rise = np.array(joint["rise"], dtype=float) + RISE.low
+    scale = replace(RISE, levels=((joint["threshold"] + RISE.low, "95 %"),))
+    (first, second), best = joint["names"], joint["best"]
+    return Surface((first, second), np.array(joint["first"]), np.array(joint["second"]), rise, scale,
+                   (best[0], best[1]), what="Rise", bar=False)  # fmt: skip
 
 
 def _rig_still(material: Material) -> Markup:

@@ -296,15 +296,9 @@ function ticks(axis, count) {
 
 // --- the cost over two orders
 
-const RISES = [...[1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10].map(percent => ({ at: percent / 100, label: `+${round(percent, 3)} %` })),
-  ...[2, 5, 10, 20, 50, 100, 1000].map(times => ({ at: times - 1, label: `×${times}` }))];
-
 // The rise of the cost above its least, four decades of it; the cost itself where the least is 0.
 function costOverOrders(p) {
   const flat = floats(p.height), n = p.second.length, height = p.first.map((_, i) => line(flat.subarray(i * n, (i + 1) * n)));
-  const above = Array.from(flat).filter(v => v > 0).sort((a, b) => a - b), high = above.length ? Math.min(above.at(-1), 10 * above[above.length >> 1]) : 1;
-  const low = Math.max(high * 1e-4, (above[0] || 0) / 2);
-  const levels = p.least > 0 ? RISES : [1, 2, 3].map(k => high * 10 ** -k).reverse().map(at => ({ at, label: round(at, 2) }));
-  const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `cost ${round(h, 3)}`);
-  return { ...p, height, low, high, bar: true, levels: levels.filter(({ at }) => at > low && at < high), names: p.names.map(name => `order ${name}`), read };
+  const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1e-6 ? "the lowest" : h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `cost ${round(h, 3)}`);
+  return { ...p, ...p.scale, height, bar: true, names: p.names.map(name => `order ${name}`), read };
 }

@@ -1,4 +1,4 @@
-"""A surface over two values as SVG: the cost over the orders, for paper and where no script runs.
+"""A surface over two values as SVG, for paper and where no script runs: the picture that ``planes.js`` draws.
 
 Its colours grow with the logarithm of how far the cost rises above its least, so that both the valley's floor and its
 walls are seen.
@@ -6,8 +6,10 @@ walls are seen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import groupby
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, cos, hypot, log, pi, sin
 from typing import Any
 
 import numpy as np
@@ -17,94 +19,280 @@ from fracid.arrays import FloatArray
 from fracid.report.charts import Axis
 from fracid.report.sentences import number
 
-__all__ = ["surface_still"]
+__all__ = ["RISE", "Scale", "Surface", "cost_scale", "surface_still"]
 
-SIZE, LEFT, TOP, BOTTOM, RIGHT = 420, 58, 10, 48, 92
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 470, 70, 10, 96, 44
 """Of the drawing, and the room around the surface [px]."""
 
-SHADES = 12
-"""Colours, and classes ``s0`` … of ``page.css``; the last is where a run failed."""
+BANDS = 32
+"""Of colour."""
 
-FLOOR = {"Cost": 0.01, "Rise": 0.5}
-"""A rise that looks like none: of a cost as a share of the least, of a profile as it is."""
+DECADES = 1e-4
+"""A rise that is this part of the greatest looks like none."""
 
-DEPTH = 1e-3
-"""Nor more than this part of the greatest."""
+CIVIDIS = ("00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74", "c3b369", "e1cc55", "fee838")
+"""As in ``planes.js``."""
+
+INSET, EDGE, AIR = 0.3, 6.0, 8.0
+"""The whole search: its part of the surface's width and height, its place and the room in it [px]."""
 
 
-def surface_still(plane: Mapping[str, Any], what: str = "Cost") -> Markup:
-    """A surface over two values, with the best, its intervals and a scale.
+@dataclass(frozen=True)
+class Scale:
+    """From which height to which the colours go, and the heights that have a line and a word."""
 
-    Parameters
-    ----------
-    plane : mapping
-        ``names`` of two, ``first`` (n,), ``second`` (m,), ``cost`` (n, m), ``best`` of two, ``intervals`` of two.
-    what : str
-        ``Cost``, whose rise is shown as a share of the least, or ``Rise``, that of a profile.
+    low: float
+    high: float
+    levels: tuple[tuple[float, str], ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``planes.js`` takes it."""
+        levels = [{"at": at, "label": label} for at, label in self.levels]
+        return {"low": self.low, "high": self.high, "levels": levels}
+
+
+RISE = Scale(0.3, 60.0, ())
+"""Of a profile's rise, with 0.3 added."""
+
+RISES = (
+    *((percent / 100, f"+{number(percent)} %") for percent in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0)),
+    *((times - 1.0, f"×{times}") for times in (2, 5, 10, 20, 50, 100, 1000)),
+)
+"""Of a cost above its least, as a share of it."""
+
+
+def cost_scale(height: FloatArray, relative: bool) -> Scale:
+    """Of a cost's rise as a share of its least, or of a cost whose least is 0: four decades below its greatest.
 
     Examples
     --------
-    >>> axis = np.linspace(0.8, 1.0, 5)
-    >>> plane = {"names": ["order λ", "order μ"], "first": axis, "second": axis,
-    ...          "cost": 1 + (axis[:, None] - axis) ** 2, "best": [0.9, 0.9], "intervals": [[0.88, 0.92], None]}
-    >>> drawn = surface_still(plane)
-    >>> drawn.count('class="interval"'), "order λ" in drawn
-    (1, True)
+    >>> [label for _, label in cost_scale(np.geomspace(1e-3, 30, 50), True).levels]
+    ['+0.1 %', '+1 %', '+10 %', '×2']
     """
-    first, second, cost = (np.asarray(plane[n], dtype=float) for n in ("first", "second", "cost"))
-    x, y = Axis(first[0], first[-1], LEFT, SIZE - RIGHT), Axis(second[0], second[-1], SIZE - BOTTOM, TOP)
-    rise = cost / np.nanmin(np.where(np.isfinite(cost), cost, np.nan)) - 1 if what == "Cost" else cost
-    floor = min(FLOOR[what], DEPTH * (float(rise[np.isfinite(rise)].max(initial=0.0)) or 1.0))
-    shades, top = _shades(rise, floor)
-    columns, rows = (np.concatenate([a[:1], (a[1:] + a[:-1]) / 2, a[-1:]]) for a in (x.at(first), y.at(second)))
-    parts = []
-    for i in range(first.size):
-        j = 0
-        for shade, run in groupby(shades[i].tolist()):  # one rectangle for neighbours of a colour
-            k = j + len(list(run))
-            parts.append(_rectangle(shade, columns[i], rows[k], columns[i + 1] - columns[i], rows[j] - rows[k]))
-            j = k
-    parts += [f'<text x="{x.at(v):.1f}" y="{SIZE - BOTTOM + 16}" text-anchor="middle">{number(v, ".6g")}</text>'
-              for v in x.ticks(70.0)]  # fmt: skip
-    parts += [f'<text x="{LEFT - 6}" y="{y.at(v) + 4:.1f}" text-anchor="end">{number(v, ".6g")}</text>'
-              for v in y.ticks(40.0)]  # fmt: skip
-    names, middle = [escape(n) for n in plane["names"]], (SIZE - BOTTOM + TOP) / 2
-    parts.append(f'<text x="{(LEFT + SIZE - RIGHT) / 2}" y="{SIZE - 8}" text-anchor="middle">{names[0]}</text>')
-    turned = f'transform="rotate(-90 14 {middle})"'
-    parts.append(f'<text x="14" y="{middle}" text-anchor="middle" {turned}>{names[1]}</text>')
-    parts += _scale(top, floor, what == "Cost")
-    a, b = float(x.at(plane["best"][0])), float(y.at(plane["best"][1]))
-    for ends, axis, upright in zip(plane["intervals"], (x, y), (False, True), strict=True):
-        if ends and None not in ends:
-            low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in ends)
-            d = f"M{a:.1f} {low:.1f}V{high:.1f}" if upright else f"M{low:.1f} {b:.1f}H{high:.1f}"
-            parts.append(f'<path class="interval" d="{d}"/>')
-    parts.append(f'<circle class="best" cx="{a:.1f}" cy="{b:.1f}" r="5"/>')
-    name = escape(f"{what} over {plane['names'][0]} and {plane['names'][1]}")
-    opened = f'<svg class="still surface" viewBox="0 0 {SIZE} {SIZE}" role="img" aria-label="{name}">'
+    above = np.sort(height[np.isfinite(height) & (height > 0)])
+    high = float(min(above[-1], 10 * above[above.size // 2])) if above.size else 1.0
+    low = max(high * DECADES, float(above[0]) / 2 if above.size else 0.0)
+    tenths = tuple((high * 10.0**-k, number(high * 10.0**-k, ".2g")) for k in (3, 2, 1))
+    return Scale(low, high, tuple(level for level in (RISES if relative else tenths) if low < level[0] < high))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What is drawn."""
+
+    names: tuple[str, str]
+    first: FloatArray
+    """Shape (n,), rising."""
+    second: FloatArray
+    """Shape (m,), rising."""
+    height: FloatArray
+    """Shape (n, m); not finite where no run ended."""
+    scale: Scale
+    best: tuple[float, float]
+    intervals: tuple[Any, Any] = (None, None)
+    """Two ends each, where there are any."""
+    tried: FloatArray | None = None
+    """Where the search has been, shape (k, 2)."""
+    what: str = "Cost"
+    bar: bool = True
+    """Whether the colours are explained at the side."""
+
+    @property
+    def left(self) -> bool:
+        """Whether the search went beyond it."""
+        corners = np.array([[axis[0], axis[-1]] for axis in (self.first, self.second)]).T
+        return self.tried is not None and bool(((self.tried < corners[0]) | (self.tried > corners[1])).any())
+
+
+def surface_still(surface: Surface) -> Markup:
+    """A surface over two values: colours, lines of equal height, the search, the best with its intervals.
+
+    Examples
+    --------
+    >>> axis = np.linspace(0.8, 1.0, 9)
+    >>> bowl = (axis[:, None] - 0.9) ** 2 + (axis - 0.9) ** 2
+    >>> drawn = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, cost_scale(bowl, True), (0.9, 0.9),
+    ...                               ([0.88, 0.92], None), np.array([[0.85, 0.9], [0.9, 0.9]])))
+    >>> drawn.count('class="interval"'), 'class="tried"' in drawn, "order λ" in drawn
+    (1, True, True)
+    """
+    x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT if surface.bar else WIDTH - 10)
+    y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
+    corner = _corner(surface, x, y)
+    parts = [*_colours(surface, x, y), *_lines(surface, x, y, corner), *_axes(surface, x, y),
+             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y),
+             *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9),
+             *(corner.drawn(surface) if corner else ())]  # fmt: skip
+    name = escape(f"{surface.what} over {surface.names[0]} and {surface.names[1]}")
+    opened = f'<svg class="still surface" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{name}">'
     return Markup(opened + "".join(parts) + "</svg>")  # the names are escaped
 
 
-def _shades(rise: FloatArray, floor: float) -> tuple[Any, float]:
-    """A number of a colour for each point, and the greatest rise."""
-    there = np.isfinite(rise)
-    top = float(rise[there].max(initial=0.0)) or 1.0
-    share = np.log1p(np.maximum(np.where(there, rise, 0.0), 0.0) / floor) / np.log1p(top / floor)
-    return np.where(there, np.minimum((share * SHADES).astype(int), SHADES - 1), SHADES), top
+def _at(point: Any, x: Axis, y: Axis) -> tuple[float, float]:
+    return float(x.at(point[0])), float(y.at(point[1]))
 
 
-def _scale(top: float, floor: float, percent: bool) -> list[str]:
-    """What the colours mean, at the right."""
-    left, height = SIZE - RIGHT + 16, (SIZE - BOTTOM - TOP) / SHADES
-    base = SIZE - BOTTOM
-    parts = [_rectangle(k, left, base - (k + 1) * height, 14, height) for k in range(SHADES)]
-    for k in range(0, SHADES + 1, 3):
-        rise = floor * np.expm1(k / SHADES * np.log1p(top / floor))
-        words = "least" if k == 0 else f"+{number(100 * rise, '.2g')} %" if percent else f"+{number(rise, '.2g')}"
-        parts.append(f'<text x="{left + 19}" y="{base - k * height + 4:.1f}">{words}</text>')
-    return parts
+def _colour(share: float) -> str:
+    at = min(max(share, 0.0), 1.0) * (len(CIVIDIS) - 1)
+    i = min(int(at), len(CIVIDIS) - 2)
+    ends = [[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in CIVIDIS[i : i + 2]]
+    return "#" + "".join(f"{round(a + (at - i) * (b - a)):02x}" for a, b in zip(*ends, strict=True))
 
 
-def _rectangle(shade: int, x: float, y: float, width: float, height: float) -> str:
-    # a little larger, or seams show between neighbours
-    return f'<rect class="s{shade}" x="{x:.1f}" y="{y:.1f}" width="{width + 0.4:.1f}" height="{height + 0.4:.1f}"/>'
+def _contours(surface: Surface, x: Axis, y: Axis) -> Any:
+    """Places [px] of equal share of the colours, from 0 to 1."""
+    from contourpy import FillType, LineType, contour_generator
+
+    low, high = surface.scale.low, surface.scale.high
+    share = np.log(np.maximum(np.where(np.isfinite(surface.height), surface.height, high), low) / low) / log(high / low)
+    masked = np.ma.array(share.T, mask=~np.isfinite(surface.height.T))
+    return contour_generator(x.at(surface.first), y.at(surface.second), masked, name="serial",
+                             fill_type=FillType.OuterOffset, line_type=LineType.Separate)  # fmt: skip
+
+
+def _d(places: FloatArray, close: str = "") -> str:
+    """A path, its steps in tenths of a pixel."""
+    first, *steps = np.diff(np.rint(10 * places).astype(int), axis=0, prepend=0).tolist()
+    return f"M{first[0]} {first[1]}l" + " ".join(f"{a} {b}" for a, b in steps if a or b) + close
+
+
+def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
+    """A band over the one below it, which it overlaps, or seams would show; grey where no run ended."""
+    yield f'<rect class="failed" x="{x.start}" y="{y.end}" width="{x.end - x.start}" height="{y.start - y.end}"/>'
+    contours = _contours(surface, x, y)
+    for k in range(BANDS):
+        shapes, offsets = contours.filled(k / BANDS if k else -1.0, np.inf)
+        rings = [shape[a:b] for shape, at in zip(shapes, offsets, strict=True) for a, b in pairwise(at)]
+        if rings:
+            d = "".join(_d(ring, "z") for ring in rings)
+            yield f'<path fill="{_colour((k + 0.5) / BANDS)}" fill-rule="evenodd" transform="scale(.1)" d="{d}"/>'
+
+
+def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> Iterator[str]:
+    """Each with its word at its right end, where there is room for it."""
+    contours = _contours(surface, x, y)
+    taken: list[tuple[float, float]] = []
+    low, high = surface.scale.low, surface.scale.high
+    words = []
+    for at, label in surface.scale.levels:
+        lines = contours.lines(log(at / low) / log(high / low))
+        if not lines:
+            continue
+        d = "".join(_d(line) for line in lines)
+        yield f'<path class="level" transform="scale(.1)" d="{d}"/>'
+        points = np.concatenate(lines)
+        px, py = points[points[:, 0].argmax()].tolist()
+        if np.ptp(points[:, 0]) < 50 or (corner and corner.covers(px, py)):
+            continue
+        if all(hypot(px - a, py - b) >= 24 for a, b in taken):
+            taken.append((px, py))
+            late = px > x.end - 30
+            words.append(_text(px + (-2 if late else 2), py + 12, label, "end" if late else "start", ' class="level"'))
+    yield from words
+
+
+def _text(x: float, y: float, words: str, anchor: str = "middle", how: str = "") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
+
+
+def _axes(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
+    for v in x.ticks(60.0):
+        yield _text(float(x.at(v)), y.start + 16, number(v, ".6g"))
+    for v in y.ticks(60.0):
+        yield _text(x.start - 6, float(y.at(v)) + 4, number(v, ".6g"), "end")
+    middle = (y.start + y.end) / 2
+    yield _text((x.start + x.end) / 2, HEIGHT - 8, surface.names[0])
+    yield _text(14, middle, surface.names[1], how=f' transform="rotate(-90 14 {middle})"')
+
+
+def _bar(scale: Scale, left: float) -> Iterator[str]:
+    """What the colours mean."""
+    base, tall = HEIGHT - BOTTOM, HEIGHT - BOTTOM - TOP
+    for k in range(BANDS):
+        top = base - (k + 1) * tall / BANDS
+        place = f'x="{left}" y="{top:.1f}" width="12" height="{tall / BANDS + 0.4:.1f}"'
+        yield f'<rect fill="{_colour((k + 0.5) / BANDS)}" {place}/>'
+    last = float("inf")
+    for at, label in scale.levels:
+        y = base - tall * log(at / scale.low) / log(scale.high / scale.low)
+        if last - y >= 16:
+            yield f'<path class="axis" d="M{left + 12} {y:.1f}h3"/>{_text(left + 17, y + 4, label, "start")}'
+            last = y
+
+
+def _dots(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
+    if surface.tried is None:
+        return
+    inside = [_at(p, x, y) for p in surface.tried if x.inside(p[0]) and y.inside(p[1])]
+    if inside:
+        yield f'<path class="tried" d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in inside)}"/>'
+
+
+def _intervals(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
+    a, b = _at(surface.best, x, y)
+    for ends, axis in zip(surface.intervals, (x, y), strict=True):
+        if ends and None not in ends:
+            low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in ends)
+            d = f"M{low:.1f} {b:.1f}H{high:.1f}" if axis is x else f"M{a:.1f} {low:.1f}V{high:.1f}"
+            yield f'<path class="interval" d="{d}"/>'
+
+
+def _star(x: float, y: float, size: float) -> str:
+    turns = [(size if k % 2 == 0 else 0.4 * size, k * pi / 5 - pi / 2) for k in range(10)]
+    d = "L".join(f"{x + r * cos(turn):.1f} {y + r * sin(turn):.1f}" for r, turn in turns)
+    return f'<path class="best" d="M{d}z"/>'
+
+
+# --- the whole search, in the corner where the surface is highest -------------------------------------
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The inset with all that was tried."""
+
+    x: Axis
+    y: Axis
+
+    def covers(self, px: float, py: float) -> bool:
+        """Whether a word that begins there would be hidden."""
+        x, y = self.x, self.y
+        return x.start - AIR - 40 < px < x.end + AIR + 4 and y.end - AIR - 16 < py < y.start + AIR + 4
+
+    def drawn(self, surface: Surface) -> Iterator[str]:
+        """The path of the search, where in it the surface lies, and the best."""
+        x, y = self.x, self.y
+        assert surface.tried is not None
+        points = [_at((_within(a, x), _within(b, y)), x, y) for a, b in surface.tried]
+        width, height = x.end - x.start + 2 * AIR, y.start - y.end + 2 * AIR
+        place = f'x="{x.start - AIR:.1f}" y="{y.end - AIR:.1f}" width="{width:.1f}" height="{height:.1f}"'
+        yield f'<rect class="inset" {place}/>'
+        yield f'<path class="way" d="M{"L".join(f"{a:.1f} {b:.1f}" for a, b in points)}"/>'
+        yield f'<path class="been" d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in points)}"/>'
+        (left, right), (low, high) = (
+            [float(axis.at(_within(v, axis))) for v in (ends[0], ends[-1])]
+            for ends, axis in ((surface.first, x), (surface.second, y))
+        )
+        yield f'<path class="frame" d="M{left:.1f} {low:.1f}H{right:.1f}V{high:.1f}H{left:.1f}z"/>'
+        yield _star(*_at([_within(v, axis) for v, axis in zip(surface.best, (x, y), strict=True)], x, y), 5)
+
+
+def _within(value: float, axis: Axis) -> float:
+    return min(max(value, axis.low), axis.high)
+
+
+def _corner(surface: Surface, x: Axis, y: Axis) -> Corner | None:
+    """None where the search stayed on the surface."""
+    tried = surface.tried
+    if tried is None or not surface.left:
+        return None
+    n, m = (ceil(count / 3) for count in surface.height.shape)
+    high = np.where(np.isfinite(surface.height), surface.height, np.inf)
+    thirds = [(slice(n), slice(-n, None)), (slice(m), slice(-m, None))]
+    places = ((0, 1), (1, 1), (0, 0), (1, 0))
+    i, j = max(places, key=lambda place: float(high[thirds[0][place[0]], thirds[1][place[1]]].mean()))
+    wide, tall = INSET * (x.end - x.start), INSET * (y.start - y.end)
+    left = x.end - wide - EDGE if i else x.start + EDGE
+    top = y.end + EDGE if j else y.start - tall - EDGE
+    (low, least), (most, greatest) = tried.min(axis=0), tried.max(axis=0)
+    return Corner(Axis(low, max(most, low + 1e-12), left + AIR, left + wide - AIR),
+                  Axis(least, max(greatest, least + 1e-12), top + tall - AIR, top + AIR))  # fmt: skip

@@ -133,7 +133,7 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
     units = {n: material.unit(n) for n in whole.signals}
     used = float(r.time[0]), float(r.time[-1])
     marks = [Mark("x", used[0], "used", "link"), Mark("x", used[1], "", "link")]
-    marks += [] if whole.report.release is None else [Mark("x", whole.report.release, "release", "mark", row=1)]
+    marks += [] if whole.report.release is None else [Mark("x", whole.report.release, "release", "mark", before=True)]
     for unit in dict.fromkeys(unit for unit, _ in units.values()):
         names = [n for n in units if units[n][0] == unit]
         yield Chart(
