@@ -38,6 +38,7 @@ from typing import Literal
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, column_norms, uncertainty
@@ -46,7 +47,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import half_width, to_second_digit, with_unit
+from fracid.units import with_unit
 
 __all__ = ["Verdict", "identifiability"]
 
@@ -368,7 +369,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    text = f"its interval is {_interval(view.x[i], view.half(i))}"
+    text = f"its interval is {rounded(view.x[i], view.half(i))}"
     if view.half(i) > reach.upper - reach.lower:
         text = f"its interval is wider than its bounds, {reach.lower:.3g} … {reach.upper:.3g}"
     because = _because(view, i)
@@ -379,10 +380,6 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         partner, combination, percent = ratio
         yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {combination} is known to {percent:.2g} %, "
                       f"while {text}", (partner,))  # fmt: skip
-
-
-def _interval(value: float, half: float) -> str:
-    return f"{to_second_digit(value, half)} ± {half_width(half)}" if 0 < half < math.inf else f"{value:.3g}"
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
