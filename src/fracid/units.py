@@ -23,11 +23,11 @@ GREEK = {
 SHOWN_UNITS = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 """Unit of a signal: how it is shown, and the factor to it; what is not here is shown as it is."""
 
-PLAIN, SMALL = 1e5, 1e-4
-"""From here up, and from here down, numbers are written with a power of ten."""
+LAST_PLACE, FIRST_PLACE = -7, 4
+"""Powers of ten at which an interval may end for it to be written without one."""
 
-MOST = 12
-"""Decimals."""
+MOST = 15
+"""Digits that a number has."""
 
 
 def shown_unit(unit: str) -> tuple[str, float]:
@@ -84,14 +84,12 @@ def to_second_digit(value: float, half: float) -> str:
     >>> to_second_digit(0.9800026, 5.2e-06), to_second_digit(9.05e-09, 1.2e-07)
     ('0.9800026', '1e-08')
     """
-    decimals = 1 - math.floor(math.log10(float(f"{half:.1e}")))
-    if decimals > MOST:
-        return f"{value:.{MOST}g}"
-    short = round(value, decimals)
-    if abs(short) >= PLAIN or (0 < abs(short) < SMALL and half < SMALL / 10):
-        digits = math.floor(math.log10(abs(short))) + decimals + 1
-        return f"{short:#.{max(digits, 1)}g}".rstrip(".").replace(".e", "e")
-    return f"{short:.{max(decimals, 0)}f}"
+    place = math.floor(math.log10(float(f"{half:.1e}"))) - 1
+    short = round(value, -place) + 0.0  # no -0
+    if LAST_PLACE <= place <= FIRST_PLACE:
+        return f"{short:.{max(0, -place)}f}"
+    digits = math.floor(math.log10(abs(short) or 1.0)) - place + 1
+    return f"{short:.{min(max(1, digits), MOST)}g}"
 
 
 def half_width(half: float) -> str:
@@ -99,10 +97,7 @@ def half_width(half: float) -> str:
 
     Examples
     --------
-    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(8e-5), half_width(5.2e-6)
-    ('0.040', '3.0', '640', '0.000080', '5.2e-06')
+    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(8e-5), half_width(5.2e-8)
+    ('0.040', '3.0', '640', '0.000080', '5.2e-08')
     """
-    short = float(f"{half:.1e}")
-    if 10 <= short < PLAIN:
-        return f"{short:.0f}"
-    return f"{short:.6f}" if SMALL / 10 <= short < SMALL else f"{short:#.2g}".rstrip(".")
+    return to_second_digit(half, half)

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import floor, isfinite, log10
+from math import isfinite
 from typing import Any
 
-from fracid.units import GREEK
+from fracid.units import GREEK, to_second_digit
 
 __all__ = ["digits", "half_digits", "half_width", "joined", "letter", "number", "raised", "unit", "with_error"]
 
@@ -48,6 +48,11 @@ def number(value: float | None, form: str = ".4g") -> str:
     text = f"{value:{form}}"
     if "e" in text and 1 <= abs(float(text)) < 1e5:
         text = f"{float(text):.0f}"
+    return _typeset(text)
+
+
+def _typeset(text: str) -> str:
+    """A number as Python writes it, with a true minus and a raised exponent."""
     mantissa, _, exponent = text.replace("-", "−").partition("e")
     if not exponent:
         return mantissa
@@ -81,7 +86,7 @@ def digits(estimate: Mapping[str, Any]) -> str:
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
     value, half = estimate.get("value"), half_width(estimate)
-    return number(value, ".6g") if value is None or not half else _to_place(value, _second_digit(half))
+    return number(value, ".6g") if value is None or not half else _typeset(to_second_digit(value, half))
 
 
 def half_digits(estimate: Mapping[str, Any]) -> str:
@@ -93,7 +98,7 @@ def half_digits(estimate: Mapping[str, Any]) -> str:
     ('0.020', '–')
     """
     half = half_width(estimate)
-    return number(half) if not half else _to_place(half, _second_digit(half))
+    return number(half) if not half else _typeset(to_second_digit(half, half))
 
 
 def with_error(value: float | None, error: float | None) -> str:
@@ -106,25 +111,7 @@ def with_error(value: float | None, error: float | None) -> str:
     """
     if value is None or not error or not isfinite(error):
         return f"{number(value)} ± {number(error)}"
-    place = _second_digit(error)
-    return f"{_to_place(value, place)} ± {_to_place(error, place)}"
-
-
-LAST_PLACE = -7
-"""Down to it a value has no power of ten beside its interval."""
-
-
-def _second_digit(half: float) -> int:
-    """Which power of ten the second digit of a number is, once it is rounded to two."""
-    return floor(log10(float(f"{half:.1e}"))) - 1
-
-
-def _to_place(value: float, place: int) -> str:
-    """A number down to that power of ten, zeros included."""
-    rounded = round(value, -place) + 0.0  # no −0
-    if LAST_PLACE <= place <= 4:
-        return f"{rounded:.{max(0, -place)}f}".replace("-", "−")
-    return number(rounded, f".{max(1, floor(log10(abs(rounded) or 1.0)) - place + 1)}g")
+    return f"{_typeset(to_second_digit(value, error))} ± {_typeset(to_second_digit(error, error))}"
 
 
 def half_width(estimate: Mapping[str, Any]) -> float | None:

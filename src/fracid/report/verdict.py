@@ -177,7 +177,7 @@ def _inside(names: list[str], integer: Mapping[str, float]) -> str:
 
 def _order(name: str, e: Mapping[str, Any]) -> str:
     half = half_width(e)
-    return f"{letter(name)} = {digits(e)}" + (f" ± {number(half, '.2g')}" if half is not None else "")
+    return f"{letter(name)} = {said(e) if half is not None else digits(e)}"
 
 
 def _is(names: list[str]) -> str:
