@@ -50,3 +50,10 @@ def test_what_a_killed_process_leaves_undone_is_done_here():
         os.kill(next(iter(beside.pool._processes)), signal.SIGKILL)
         assert {answer() for answer in reversed(answers)} == {os.getpid()}
         assert beside.asked(its_process, None)() == process() == os.getpid()
+
+
+def test_what_leads_the_process_beside_has_ended_before_the_program_may():
+    with drawer(2) as beside:
+        manager = beside.pool._executor_manager_thread
+        assert manager.is_alive()
+    assert not manager.is_alive(), "an exit meanwhile would print a traceback: Bad file descriptor"

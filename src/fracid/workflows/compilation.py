@@ -41,7 +41,7 @@ def compiling_beside(method: str, jobs: int) -> Iterator[None]:
             yield
     finally:
         kernel.beside = None
-        pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(cancel_futures=True)
 
 
 def _start() -> Kernel:

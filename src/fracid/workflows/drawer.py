@@ -124,7 +124,7 @@ def drawer(jobs: int) -> Iterator[Drawer]:
         yield Drawer(pool)
     finally:
         _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
-        pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(cancel_futures=True)  # waits: an exit that comes meanwhile writes to a pipe that is just closed
 
 
 @contextmanager
