@@ -112,3 +112,23 @@ def test_a_fit_ended_at_any_stage_says_so_in_a_sentence_and_goes_on(name, stage,
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (again.returncode, "Traceback" in again.stderr) == (0, False)
     assert json.loads((tmp_path / "run" / "result.json").read_text())["outcome"].startswith("converged")
+
+
+def prints_and_ends(done):
+    with ending.quiet_when_closed():
+        sys.stdout.write("the result\n")
+        sys.stdout.flush()
+        done.append("the report")
+        sys.exit(0)
+
+
+def test_work_goes_on_to_its_end_when_the_reader_of_its_output_is_gone(monkeypatch):
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = []
+    with os.fdopen(writer, "w") as nobody:
+        monkeypatch.setattr(sys, "stdout", nobody)
+        with pytest.raises(SystemExit, match="1"):
+            prints_and_ends(done)
+        assert sys.stdout is nobody
+    assert done == ["the report"]

@@ -4,10 +4,11 @@ A command is one short file beside this one: parse, one call of the library, tex
 for programs.  To add one, write ``cli/NAME.py`` with a function under ``@app.command`` and import it in
 ``cli/__init__.py``.
 
-Exit codes: 0 it did what was asked; 1 long work was interrupted, or there is no memory or disk for it; 2 the caller's
-mistake; 3 a recording that fails its checks; 4 a fault of fracid itself, told in one sentence with what to send
-(``FRACID_TRACEBACK=1`` shows all of it).  With ``--json`` standard output holds JSON alone, and all else goes to
-standard error.
+Exit codes: 0 it did what was asked; 1 long work was interrupted, there is no memory or disk for it, or the reader of
+the output closed the pipe; 2 the caller's mistake; 3 a recording that fails its checks; 4 a fault of fracid itself,
+told in one sentence with what to send (``FRACID_TRACEBACK=1`` shows all of it).
+
+With ``--json`` standard output holds JSON alone, and all else goes to standard error.
 
 Heavy modules are imported inside the command that needs them: ``fracid --help`` and
 ``fracid check`` answer in less than half a second.
@@ -32,7 +33,7 @@ from fracid.cli.completion import Group
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
-from fracid.tasks.ending import ended_in_a_sentence
+from fracid.tasks.ending import ended_in_a_sentence, quiet_when_closed
 
 __all__ = [
     "CORES",
@@ -92,6 +93,7 @@ Trust = Annotated[
 ]
 
 
+@quiet_when_closed()
 def main(arguments: list[str] | None = None) -> None:
     """Run the program and exit with its code.
 
