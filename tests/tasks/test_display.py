@@ -94,11 +94,22 @@ def test_a_terminal_keeps_a_line_of_each_stage_with_what_it_came_to(clock, monke
     ]
 
 
-@pytest.mark.parametrize(("total", "left"), [(300, " · 8 s left"), (None, "")])
-def test_the_time_left_is_said_only_where_it_is_known(clock, total, left):
-    stage = display.Stage("repetitions", display.time.monotonic(), "repetitions", Progress(260, total, 20, 48.0))
+@pytest.mark.parametrize(
+    ("progress", "text"),
+    [
+        (Progress(260, 300, 20, 48.0), "260 of 300 repetitions · 48 s · 6 s left"),
+        (Progress(260, None, 20, 48.0), "260 repetitions · 48 s"),
+        (Progress(22, 300, 20, 48.0), "22 of 300 repetitions · 48 s"),
+        (Progress(260, 300, 20, 48.0, even=False, note="again"), "260 of 300 repetitions · again · 48 s"),
+        (Progress(260, 300, 20, 48.0, about=True), "260 of about 300 repetitions · 48 s"),
+        (Progress(299, 300, 20, 48.0), "299 of 300 repetitions · 48 s"),
+    ],
+)
+def test_the_time_left_is_said_only_where_it_is_known(clock, progress, text):
+    now = display.time.monotonic()
+    stage = display.Stage("repetitions", now, "repetitions", progress, heard=now + 46)
     clock(48)
-    assert stage.text() == ("260 of 300" if total else "260").join(["repetitions · ", f" · 48 s{left}"])
+    assert stage.text() == text
 
 
 def test_a_stage_that_ctrl_c_ended_has_a_cross(clock):

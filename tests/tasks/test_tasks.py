@@ -166,13 +166,13 @@ def test_journals_of_slices_of_a_study_are_joined_by_joining_their_lines(tmp_pat
         assert list(run_tasks(refuses, STUDY, journal=journal)) == list(whole)
 
 
-def test_progress_counts_those_done_before_apart_and_knows_the_lowest_cost(tmp_path):
+def test_progress_counts_those_done_before_apart(tmp_path):
     seen = []
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
         run_tasks(drawn, STUDY[:4], journal=journal)
-        found = run_tasks(drawn, STUDY, journal=journal, progress=seen.append)
+        run_tasks(drawn, STUDY, journal=journal, progress=seen.append)
     assert [(p.done, p.total, p.earlier) for p in seen] == [(n, 12, 4) for n in range(4, 13)]
-    assert seen[-1].best == min(value["cost"] for value in found.values())
+    assert {p.best for p in seen} == {None}, "costs of different data cannot be compared"
 
 
 def test_the_time_left_is_that_of_the_rest_at_the_rate_of_this_process():

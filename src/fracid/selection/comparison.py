@@ -43,6 +43,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
@@ -84,7 +85,7 @@ from fracid.signals.correlation import effective_samples
 from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import Execution
+from fracid.tasks.tasks import Execution, Part
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -668,6 +669,9 @@ class _Study:
     starts: int
     execution: Execution
     done: int = 0
+    earlier: int = 0
+    """Of the fits that are done, those that were in the journal before."""
+    began: float = field(default_factory=time.perf_counter)
 
     def ladder(self, fold: str) -> Ladder:
         return _fold(self.origin, self.folds[fold], self.leave_one_out).ladder
@@ -678,7 +682,7 @@ class _Study:
         fits: dict[tuple[str, str], dict[str, Any]] = {}
         for wave in self._waves():
             tasks = [Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave]
-            results = self._run(_fit_structure, tasks)
+            results = self._run_fits(tasks)
             fits |= {(fold, s.name): results[_key(fold, s)] for fold, s in wave}
         return fits
 
@@ -689,13 +693,14 @@ class _Study:
         tasks = [Task(f"step | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
                                              dict(row.values), _half_widths(row), max(1, self.execution.jobs // 2)))
                  for row in best]  # fmt: skip
-        results = self._run(_choose_step, tasks)
+        results = self._run(_choose_step, tasks, "is the step fine enough?")
         return max((int(results[task.key]["substeps"]) for task in tasks), default=1)
 
     def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
         """All fits once more, at a finer step, each from its minimum."""
         coarse, self.origin = self.ladder(WHOLE).structures[0].problem.substeps, self.origin.at(substeps)
         again = dict(fits)
+        self.total += sum(fit["cost"] is not None for fit in fits.values())
         for wave in self._waves():
             tasks = {
                 (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
@@ -703,7 +708,7 @@ class _Study:
                     (fits[fold, s.name]["values"], fits[fold, s.name]["outcome"], coarse),
                 )) for fold, s in wave if fits[fold, s.name]["cost"] is not None
             }  # fmt: skip
-            results = self._run(_fit_structure, [*tasks.values()])
+            results = self._run_fits([*tasks.values()], f"again, with {substeps} steps a sample")
             again |= {pair: results[task.key] for pair, task in tasks.items()}
         return again
 
@@ -723,23 +728,34 @@ class _Study:
         return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
                 max(1, self.execution.jobs // beside))  # fmt: skip
 
-    def _run(self, work: Callable[..., Any], tasks: list[Task]) -> dict[str, Any]:
-        before, progress = self.done, self.execution.progress
+    def _run_fits(self, tasks: list[Task], note: str = "") -> dict[str, Any]:
+        before = self.earlier
 
         def over_all(p: Progress) -> None:
-            if progress is not None:
-                progress(replace(p, done=before + p.done, total=max(self.total, before + len(tasks))))
+            self.earlier = before + p.earlier
+            self._tell(self.done + p.done, note)
 
-        results = replace(self.execution, progress=over_all).run(work, tasks)
+        part = Part("fits", self.done, self.total)
+        results = replace(self.execution, progress=over_all, part=part).run(_fit_structure, tasks)
         self.done += len(tasks)
         return results
+
+    def _run(self, work: Callable[..., Any], tasks: list[Task], note: str) -> dict[str, Any]:
+        """What follows from the fits, which stay what is counted."""
+        part = Part("fits", self.done, self.total, beside=True)
+        return replace(self.execution, progress=lambda _: self._tell(self.done, note), part=part).run(work, tasks)
+
+    def _tell(self, done: int, note: str) -> None:
+        if self.execution.progress is not None:
+            seconds = time.perf_counter() - self.began
+            self.execution.progress(Progress(done, self.total, self.earlier, seconds, note=note, even=False))
 
     def with_odds(self, rows: Sequence[Row], samples: float) -> tuple[tuple[Row, ...], tuple[str, ...]]:
         """The rows with their posterior odds, and why some have none."""
         tasks = {row.name: Task(f"evidence | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
                                                            dict(row.values), self.execution.jobs))
                  for row in rows if math.isfinite(row.cost)}  # fmt: skip
-        results = self._run(_log_evidence, [*tasks.values()])
+        results = self._run(_log_evidence, [*tasks.values()], "evidence")
         hierarchy, logs, without = self.ladder(WHOLE), {}, []
         for name, task in tasks.items():
             content = results[task.key]
@@ -759,7 +775,7 @@ class _Study:
         key = f"alternatives | {row.name}"
         task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half, others,
                           self.execution.jobs, self.starts, self.seed))  # fmt: skip
-        content = self._run(_try_alternatives, [task])[key]["alternative"]
+        content = self._run(_try_alternatives, [task], "integer-order alternatives")[key]["alternative"]
         return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
 
     def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
@@ -768,7 +784,7 @@ class _Study:
         tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
                                               dict(comparison[name].values), max(1, self.execution.jobs // len(names))))
                  for name in names]  # fmt: skip
-        results = self._run(_test_amplitude, tasks)
+        results = self._run(_test_amplitude, tasks, "do the orders drift with amplitude?")
         return {name: AmplitudeTest.of_json(results[f"amplitude | {name}"]) for name in names}
 
 

@@ -3,9 +3,10 @@
 On a terminal the stage that runs is a line at its foot; one that has ended stays above, with what it came to::
 
     ✓ search · 556 evaluations · 0.056° · 1.8 s
-    ⠋ integer-order alternative · 3 s
+    ⠋ 120 of 300 repetitions · 48 s · 1 min 12 s left
 
-The time left is there only where the number of what is counted is known.  A stage of less than :data:`SHORT` seconds
+The time left is there only where the number of what is counted is known, each takes about as long, and the first few
+are done.  A stage of less than :data:`SHORT` seconds
 that counts nothing leaves no line.  Terminals get it on standard error, which leaves standard output to the result.
 
 An event is one of::
@@ -62,22 +63,32 @@ class Stage:
     what: str = ""
     """What is counted."""
     progress: Progress | None = None
+    heard: float = 0.0
+    """When the progress came."""
     note: str = ""
 
     def text(self, *, ended: bool = False) -> str:
         """The stage in a line, without its mark."""
         seconds = time.monotonic() - self.began
-        parts = [self.name, *self._counts(), "" if ended else self.note, duration(seconds, fine=ended)]
-        left = None if self.progress is None or ended else self.progress.left
-        return " · ".join(p for p in (*parts, "" if left is None else f"{duration(left)} left") if p)
+        counts = [*self._counts(ended)]
+        name = "" if counts and self.what == self.name else self.name
+        parts = [name, *counts, "" if ended else self.note, duration(seconds, fine=ended)]
+        return " · ".join(p for p in (*parts, "" if ended else self._left()) if p)
 
-    def _counts(self) -> Iterator[str]:
+    def _left(self) -> str:
+        left = None if self.progress is None else self.progress.left
+        if left is None:
+            return ""
+        left -= time.monotonic() - self.heard
+        return f"{duration(left)} left" if left >= 1 else ""
+
+    def _counts(self, ended: bool) -> Iterator[str]:
         p = self.progress
         if p is None:
             return
-        what = "" if self.what == self.name else f" {self.what}"
-        yield f"{p.done:,}{what}" if p.total is None else f"{p.done:,} of {p.total:,}{what}"
-        yield p.note
+        of = "" if p.total is None or (p.about and ended) else f" of {'about ' * p.about}{p.total:,}"
+        yield f"{p.done:,}{of} {self.what}"
+        yield "" if ended else p.note
         if p.best is not None:
             yield with_unit(p.best, p.unit) if p.unit else f"lowest cost {p.best:.4g}"
 
@@ -156,7 +167,7 @@ class Display:
         stage.what = what
 
         def tell(p: Progress) -> None:
-            stage.progress = p
+            stage.progress, stage.heard = p, time.monotonic()
             self._surface.update(stage)
 
         yield tell
@@ -348,10 +359,10 @@ def shown(
     Examples
     --------
     >>> with shown(events=True, stream=sys.stdout) as observer, observer.progress("repetitions") as tell:
-    ...     tell(Progress(done=3, total=4, earlier=1, seconds=2.0))
+    ...     tell(Progress(done=7, total=9, earlier=1, seconds=6.0))
     {"event": "stage", "name": "repetitions", "seconds": 0.0}
-    {"event": "progress", "what": "repetitions", "done": 3, "total": 4, "earlier": 1,
-     "seconds": 2.0, "rate": 1.0, "left": 1.0, "best": null}
+    {"event": "progress", "what": "repetitions", "done": 7, "total": 9, "earlier": 1,
+     "seconds": 6.0, "rate": 1.0, "left": 2.0, "best": null}
     """
     stream = sys.stderr if stream is None else stream
     if not events and not stream.isatty():

@@ -44,6 +44,9 @@ __all__ = [
     "unpacked",
 ]
 
+FEW = 3
+"""Repetitions whose time says how long the others take; the first ones wait for processes and compilation."""
+
 Work = Callable[..., Json]
 """Does one task: a function of a module, given the task's arguments."""
 
@@ -70,11 +73,15 @@ class Progress:
     seconds: float
     """Since this process began [s]."""
     best: float | None = None
-    """The lowest ``cost`` among the results, where they have one."""
+    """The lowest cost so far, where all costs are of the same data and model."""
     unit: str = ""
     """Of `best`, where it has one."""
     note: str = ""
     """What is being done, where that changes."""
+    even: bool = True
+    """Whether each takes about as long as the others."""
+    about: bool = False
+    """Whether `total` is an estimate."""
 
     @property
     def rate(self) -> float:
@@ -83,8 +90,9 @@ class Progress:
 
     @property
     def left(self) -> float | None:
-        """Seconds to the end at this rate; None before the first has ended, or where the end is not known."""
-        return (self.total - self.done) / self.rate if self.total is not None and self.rate > 0 else None
+        """Seconds to the end at this rate; None before the first few have ended, and where nobody can know it."""
+        known = self.even and not self.about and self.done - self.earlier >= FEW
+        return (self.total - self.done) / self.rate if known and self.total is not None and self.rate > 0 else None
 
 
 class Stopped(Exception):

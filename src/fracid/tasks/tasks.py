@@ -37,7 +37,34 @@ from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
 
-__all__ = ["EXECUTORS", "Execution", "executor_from_name", "run_tasks"]
+__all__ = ["EXECUTORS", "Execution", "Part", "executor_from_name", "run_tasks"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What tasks are counted as, and of what longer count they are a part: for the message of an interruption.
+
+    Examples
+    --------
+    >>> Part("fits", before=6, total=12).counted(2, 2)
+    '8 of 12 fits'
+    """
+
+    what: str = "repetitions"
+    before: int = 0
+    """Done before these tasks."""
+    total: int | None = None
+    """Of all parts; None where these tasks are all."""
+    beside: bool = False
+    """Whether these tasks are not counted: they use what was done."""
+
+    def done(self, count: int) -> int:
+        """How many are done when `count` of these tasks are."""
+        return self.before + (0 if self.beside else count)
+
+    def counted(self, count: int, tasks: int) -> str:
+        """How many are done, in words."""
+        return f"{self.done(count):,} of {self.total or tasks:,} {self.what}"
 
 
 def run_tasks(
@@ -48,6 +75,7 @@ def run_tasks(
     jobs: int = 1,
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
+    part: Part = Part(),
 ) -> dict[str, Json]:
     """Do every task that the journal has not yet.
 
@@ -64,6 +92,8 @@ def run_tasks(
         Has what was done before, and gets each result as it ends.
     progress : function (Progress) -> None, optional
         Called at the beginning and after each.
+    part : Part
+        What the tasks are counted as.
 
     Returns
     -------
@@ -96,11 +126,11 @@ def run_tasks(
                 results[task.key] = json.loads(outcome.text)
                 if journal is not None:
                     journal.append(task.key, results[task.key], outcome.seconds)
-                watch.tell(results[task.key])
+                watch.tell()
         except KeyboardInterrupt:
-            raise Unfinished(f"Interrupted. {_kept(len(results), len(tasks), journal)}") from None
+            raise Unfinished(f"Interrupted. {_kept(part, len(results), len(tasks), journal)}") from None
         except Stopped as stopped:
-            raise Unfinished(f"{stopped} {_kept(len(results), len(tasks), journal)}") from stopped.__cause__
+            raise Unfinished(f"{stopped} {_kept(part, len(results), len(tasks), journal)}") from stopped.__cause__
     return {t.key: results[t.key] for t in tasks}
 
 
@@ -123,18 +153,22 @@ class Execution:
     """Results of before, and the place of new ones."""
     progress: Callable[[Progress], None] | None = None
     """Called at the beginning and after each repetition."""
+    part: Part = Part()
+    """What the tasks are counted as."""
 
     def run(self, work: Work, tasks: Sequence[Task]) -> dict[str, Json]:
         """Do the tasks; as :func:`run_tasks`."""
         return run_tasks(
-            work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=self.progress
-        )
+            work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=self.progress,
+            part=self.part,
+        )  # fmt: skip
 
 
-def _kept(count: int, total: int, journal: Journal | None) -> str:
+def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:
+    counted = part.counted(count, tasks)
     if journal is None:
-        return f"{count} of {total} repetitions were done."
-    return f"{count} of {total} repetitions are done and kept; fracid resume {resumable(journal.path)} goes on."
+        return f"{counted} were done."
+    return f"{counted} are done and kept. To continue, type fracid resume {resumable(journal.path)}."
 
 
 class _Watch:
@@ -143,24 +177,12 @@ class _Watch:
     def __init__(self, total: int, results: dict[str, Json], progress: Callable[[Progress], None] | None) -> None:
         self._total, self._done, self._earlier, self._progress = total, results, len(results), progress
         self._began = time.perf_counter()
-        self._best: float | None = None
-        for value in results.values():
-            self._look(value)
-        self._tell()
+        self.tell()
 
-    def tell(self, value: Json) -> None:
-        self._look(value)
-        self._tell()
-
-    def _look(self, value: Json) -> None:
-        cost = value.get("cost") if isinstance(value, dict) else None
-        if isinstance(cost, float) and (self._best is None or cost < self._best):
-            self._best = cost
-
-    def _tell(self) -> None:
+    def tell(self) -> None:
         if self._progress is not None:
             seconds = time.perf_counter() - self._began
-            self._progress(Progress(len(self._done), self._total, self._earlier, seconds, self._best))
+            self._progress(Progress(len(self._done), self._total, self._earlier, seconds))
 
 
 # --- what is refused ---------------------------------------------------------------------------------
