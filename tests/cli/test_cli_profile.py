@@ -64,7 +64,9 @@ def test_a_run_is_profiled_into_its_own_folder_with_a_table_and_a_figure(capsys,
 def test_every_interval_says_its_method_and_every_unknown_its_verdict(capsys, folder, tmp_path):
     code, out, err = run(capsys, "profile", folder / "run", "--parameter", "mu", "--json", "--out", tmp_path)
     assert code == 0
-    stages = [json.loads(line)["name"] for line in err.splitlines()]
+    events = [json.loads(line) for line in err.splitlines()]
+    assert [e["what"] for e in events if e["event"] == "progress"][-1:] == ["points"]
+    stages = [e["name"] for e in events if e["event"] == "stage"]
     assert stages == ["run", "profiles", "intervals", "bootstrap", "identifiability", "figures"]
     record = json.loads(out)
     assert record == json.loads((tmp_path / "profiles.json").read_text(encoding="utf-8"))

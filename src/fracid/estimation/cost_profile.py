@@ -45,6 +45,8 @@ from __future__ import annotations
 
 import math
 import reprlib
+import threading
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
@@ -63,6 +65,7 @@ from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 from fracid.solver.trajectory import vector
+from fracid.tasks.job import Progress
 from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
@@ -244,6 +247,7 @@ def profile(
     joint: tuple[str, str] | None = None,
     points: int = 12,
     jobs: int = 1,
+    progress: Callable[[Progress], None] | None = None,
 ) -> Profiles:
     """Profile unknowns of a problem about its minimum.
 
@@ -260,6 +264,8 @@ def profile(
         Between the two ends of an interval, about.
     jobs : int
         Threads; the result is the same for any number.
+    progress : function (Progress) -> None, optional
+        Called after each point, with about how many there will be.
 
     Returns
     -------
@@ -294,9 +300,10 @@ def profile(
     at_least("points", points, 4)
     at_least("jobs", jobs, 1)
     x, notes = problem.start if x is None else vector("x", x), list[str]()
+    count = _Count(progress, 0 if joint is None else min(points, GRID) ** 2)
     for _ in range(3):
         surface = _minimum(problem, x, at, jobs)
-        walks, (x, lower) = _walks(surface, at, points, jobs)
+        walks, (x, lower) = _walks(surface, at, points, jobs, count)
         if lower > -LOWER:
             break
         notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
@@ -304,7 +311,7 @@ def profile(
     profiles = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
     if not surface.calibrated:
         notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
-    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs)
+    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs, count)
     return Profiles(problem, surface.top.point, surface.top.cost, profiles, grid, tuple(notes))
 
 
@@ -318,12 +325,39 @@ def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> S
     return Surface(problem, there, jobs) if good else surface
 
 
+class _Count:
+    """The points that are done, of about how many: how far a walk goes shows on the way."""
+
+    def __init__(self, progress: Callable[[Progress], None] | None, grid: int) -> None:
+        self._progress, self._done, self._total = progress, 0, grid
+        self._began, self._lock = time.perf_counter(), threading.Lock()
+
+    def expect(self, more: int) -> None:
+        with self._lock:
+            self._total += more
+
+    def __call__(self) -> None:
+        with self._lock:
+            self._done += 1
+            total = max(self._total, self._done)
+            if self._progress is not None:
+                self._progress(Progress(self._done, total, 0, time.perf_counter() - self._began, about=True))
+
+
 def _walks(
-    surface: Surface, at: Sequence[int], points: int, jobs: int
+    surface: Surface, at: Sequence[int], points: int, jobs: int, count: _Count
 ) -> tuple[list[Branch], tuple[FloatArray, float]]:
     """Both sides of each unknown, and of all their points the lowest, with its rise."""
     tasks = [(i, side) for i in at for side in (-1, 1)]
-    walks = _in_threads(jobs, lambda task: walk(surface, *task, points), tasks)
+    usual = points // 2
+    count.expect(usual * len(tasks))
+
+    def walked_one(task: tuple[int, int]) -> Branch:
+        branch = walk(surface, *task, points, count)
+        count.expect(len(branch.path) - usual)
+        return branch
+
+    walks = _in_threads(jobs, walked_one, tasks)
     candidates = [
         (e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path
     ]
@@ -403,7 +437,7 @@ REACH = 3.2
 
 
 def _joint(
-    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int
+    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int, count: _Count
 ) -> JointProfile:
     """W over a grid; each point starts from where the parabola would have it."""
     if not surface.calibrated:
@@ -415,6 +449,7 @@ def _joint(
 
     def rise(point: FloatArray) -> float:
         delta = point - top[list(pair)]
+        count()
         if not np.any(delta):
             return 0.0
         ahead = top + slope @ delta

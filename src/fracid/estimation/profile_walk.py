@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -208,8 +208,8 @@ NEAR = 0.02
 """The walk ends this close to where runs fail, as a part of the way there."""
 
 
-def walk(surface: Surface, i: int, side: int, points: int) -> Branch:
-    """Go from the minimum to one side until the rise is past the threshold."""
+def walk(surface: Surface, i: int, side: int, points: int, counted: Callable[[], None] = lambda: None) -> Branch:
+    """Go from the minimum to one side until the rise is past the threshold; calls `counted` after each point."""
     path, heights, wall = [surface.top], [0.0], math.inf  # how far from the minimum runs fail
     best, bound = surface.top.point[i], float((surface.space.upper if side > 0 else surface.space.lower)[i])
     slope, aim = surface.slope([i])[:, 0], 2 * NORMAL_95 / (points - 1)  # so that the last is past it
@@ -237,6 +237,7 @@ def walk(surface: Surface, i: int, side: int, points: int) -> Branch:
             step, retries = step / 3, retries + 1
             continue
         path.append(e)
+        counted()
         heights.append(height)
         slope, retries = (e.point - here) / (e.point[i] - here[i]), 0
         step *= float(np.clip(aim / max(gain, 1e-9), 0.3, 3.0))

@@ -120,7 +120,10 @@ def run_profiles(
         problem = as_fitted(replace(fitted, memo=memo), x)
         if is_coarse(problem):
             watching.notice(_note(problem))
-        likelihood = profile(problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs)
+        with watching.progress("points") as tell:
+            likelihood = profile(
+                problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs, progress=tell
+            )
         watching.stage("intervals")
         precision = uncertainty(problem, likelihood.x, jobs=jobs)
         watching.stage("bootstrap")
