@@ -31,6 +31,7 @@ from fracid.units import to_second_digit
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from fracid.estimation.cost_profile import Profile
     from fracid.workflows.profiles import FinishedProfiles
 
 __all__ = ["profile"]
@@ -58,7 +59,9 @@ def profile(
     joint: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="Two free parameters, also profiled together.")
     ] = None,
-    points: Annotated[int, typer.Option(metavar="N", help="Between the ends of an interval, about.")] = 12,
+    points: Annotated[
+        int, typer.Option(metavar="N", help="Points across each interval, approximately; 4 or more.")
+    ] = 12,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
@@ -107,7 +110,7 @@ def _show(analysis: FinishedProfiles, console: Console) -> None:
     for name, p in analysis.profiles.profiles.items():
         row = intervals[name]
         others = [_half(row.get(method)) for method in ("sandwich", "bootstrap")]
-        cells = (name, f"{p.best:.6g}", _interval(p.interval95, p.best), *others, p.unit, p.verdict)
+        cells = (name, _value(p), _interval(p.interval95, p.best), *others, p.unit, p.verdict)
         table.add_row(*map(escape, cells))
     console.print(table)
     spread = analysis.result["spread"]
@@ -129,9 +132,19 @@ def _half(ends: tuple[float, float] | None) -> str:
     return "none" if ends is None else f"± {(ends[1] - ends[0]) / 2:.2g}"
 
 
+def _value(p: Profile) -> str:
+    """The value to the second digit of its interval."""
+    half = _reach(p.interval95, p.best) or _reach(p.wald95 or (None, None), p.best)
+    return to_second_digit(p.best, half) if half else f"{p.best:.4g}"
+
+
+def _reach(ends: tuple[float | None, float | None], best: float) -> float:
+    return max((abs(end - best) for end in ends if end is not None), default=0.0)
+
+
 def _interval(ends: tuple[float | None, float | None], best: float) -> str:
     """Both ends, or the one that there is."""
-    half = max((abs(end - best) for end in ends if end is not None), default=0.0)
+    half = _reach(ends, best)
     low, high = (None if end is None else to_second_digit(end, half or SMALLEST) for end in ends)
     if low is None and high is None:
         return "none"
