@@ -144,7 +144,8 @@ def _show(finished: FinishedComparison, console: Console) -> None:
         console.print(f"[bold]amplitude[/bold]: {escape(name)}", soft_wrap=True)
         for sentence in test.sentences:
             say(console, escape(sentence), "  ", 2)
-    say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
+    if comparison.verdict not in comparison.claim_reasons:  # those stand above the tables
+        say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
     for what, path in (("result", finished.path), ("table", finished.table)):
         console.print(f"{what:8} {escape(str(path))}", soft_wrap=True)
     print_figures(console, finished.figures)
