@@ -19,7 +19,15 @@ from fracid.problem.portable import Portable
 from fracid.solver.memory import compressed, full, short
 from fracid.tasks.tasks import run_tasks
 from fracid.twins.encoder import encoder, simulated
-from fracid.validation.monte_carlo import binomial95, noise_study, planned, repetition
+from fracid.validation.monte_carlo import (
+    Cell,
+    NoiseStudy,
+    Statistics,
+    binomial95,
+    noise_study,
+    planned,
+    repetition,
+)
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 COUNT = 2 * np.pi / 4096
@@ -174,7 +182,7 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     mu = found.cells[0].unknowns["mu"]
     assert abs(mu.bias) > mu.spread
     (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "contain the true value" in s]
-    assert "they promise too much at 0.1° of noise, 4096 counts" in sentence
+    assert "they are too narrow at 0.1° of noise, 4096 counts" in sentence
     assert "times its spread" in sentence
     assert "substeps = 2" in found.sentences()[-1]
     assert 'initial_state = "rest"' in found.sentences()[-1]
@@ -227,6 +235,17 @@ def test_intervals_that_keep_their_word_are_said_to():
 
 def test_so_few_repetitions_say_little():
     assert all("too few" in s for s in study(seeds=3).sentences())
+
+
+def test_exceptions_are_named_with_their_chance_and_the_others_together():
+    problem = release({n: Free(1e-3, 0.0, 1e-2) for n in ("b_theta", "b_alpha", "coulomb_alpha")})
+    held = dict(zip(problem.names, (2, 3, 4, 4, 4), strict=True))
+    unknowns = {n: Statistics(n, "", 1.0, 4, 0.0, 1.0, 1.0, 4, count) for n, count in held.items()}
+    cell = Cell(NOISE, COUNT, 4, {}, 0, 9.0, None, unknowns)
+    first, others = NoiseStudy(problem, np.ones(5), (cell,), {}, "multistart", 4, 1).sentences()
+    assert first.startswith("lambda: 2 of 4 intervals")
+    assert "by chance this happens in 1.4 % of studies" in first
+    assert others.startswith("mu, b_theta, b_alpha, coulomb_alpha: 75 to 100 % of their intervals of 95 %")
 
 
 def test_a_search_that_stops_short_of_the_truths_cost_is_counted():

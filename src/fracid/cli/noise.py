@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["noise"]
 
-HEADINGS = ("noise", "counts", "", "truth", "bias", "spread", "claimed", "coverage")
+HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 NOISE_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -75,7 +75,7 @@ def noise(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="processes, or threads: of a model of your own the only way.",
+            help="processes or threads; a model of your own runs on threads only.",
             autocompletion=key_of("executors"),
         ),
     ] = None,
@@ -147,12 +147,13 @@ def _show(finished: FinishedNoiseStudy, console: Console) -> None:
         f"{study.problem.method}; angles in degrees. "
         "Coverage is the share of 95 % intervals that contain the true value.",
     )
-    table = new_table(*HEADINGS, fold=("",))
     for cell in study.cells:
-        first = (f"{degrees(cell.level):.4g}°", f"{cell.counts:.6g}" if cell.counts else "none")
-        for i, s in enumerate(cell.unknowns.values()):
-            table.add_row(*map(escape, (*(("", "") if i else first), *_row(s))))
-    console.print(table)
+        console.print(f"[bold]{escape(cell.label)}[/bold]")
+        table = new_table(*HEADINGS, fold=("",))
+        table.columns[0].min_width = max(len(word) for name in cell.unknowns for word in name.split())
+        for s in cell.unknowns.values():
+            table.add_row(*map(escape, _row(s)))
+        console.print(table)
     for sentence in study.sentences():
         mark = "" if sentence.endswith("can be believed.") else "[yellow]![/yellow] "
         say(console, escape(sentence), mark, 2 if mark else 0)
@@ -174,7 +175,7 @@ def _row(s: Statistics) -> tuple[str, ...]:
         coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
     return (
         s.name,
-        cell(s.truth, ".5g"),
+        cell(s.truth, ".4g"),
         cell(s.bias, "+.1e"),
         cell(s.spread, ".1e"),
         cell(s.claimed, ".1e"),

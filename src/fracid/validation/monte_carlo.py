@@ -15,7 +15,8 @@ bias           mean of the estimates less the truth; known to spread/√n
 spread         their standard deviation: what the standard error ought to be
 claimed        root mean square of the standard errors that were claimed
 coverage       in how many of the 95 % intervals the truth lies, with the exact binomial interval of that
-               share [CP]_: of 50 intervals that keep their word 45 to 50 hold the truth, mostly
+               share [CP]_: of 50 intervals that keep their word 45 to 50 hold the truth, mostly;
+               2 of 4 do not keep it: by chance so few hold the truth in 1.4 % of studies
 failed         repetitions without a minimum: the run at the best point found fails
 stopped short  repetitions whose search ended at a higher cost than that of the truth itself: there is
                a lower minimum, which it missed
@@ -47,7 +48,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.cards import CardDisplay
+from fracid.cards import CardDisplay, listed
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
@@ -90,7 +91,7 @@ BELIEVED = (0.90, 0.99)
 """Intervals of 95 % whose coverage lies within can be believed."""
 
 ENOUGH = 20
-"""Of fewer intervals nothing is said in their favour."""
+"""Of fewer intervals nothing is said in their favour; against them even four can speak."""
 
 BIASED = 0.5
 """A bias above this part of the spread is what spoils a coverage."""
@@ -281,7 +282,7 @@ class NoiseStudy(CardDisplay):
     def sentences(self) -> tuple[str, ...]:
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
         sentences = (*map(str, self.findings), *self._of_the_search(),
-                     *(self._of_the_intervals(name) for name in self.problem.names))  # fmt: skip
+                     *self._of_the_intervals())  # fmt: skip
         biased = any("times its spread" in sentence for sentence in sentences)
         return (*sentences, f"What may cause the bias: {'; '.join(self._causes())}.") if biased else sentences
 
@@ -310,24 +311,64 @@ class NoiseStudy(CardDisplay):
                 "the truth itself costs less than what it found."
             )
 
-    def _of_the_intervals(self, name: str) -> str:
+    def _of_the_intervals(self) -> Iterator[str]:
+        """What is wrong, a sentence each; then the others, in one sentence where they are many."""
+        judged = [self._judged(name) for name in self.problem.names]
+        for kind in ("narrow", "none", "wide", "few", "believed"):
+            group = [j for j in judged if j.kind == kind]
+            if kind in TOGETHER and len(group) > ALONE:
+                yield _folded(group)
+            else:
+                yield from (j.sentence for j in group)
+
+    def _judged(self, name: str) -> _Judged:
         rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
         hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
         if not intervals:
-            return f"{name}: no repetition gave an interval."
+            return _Judged(name, "none", 0, 0, f"{name}: no repetition gave an interval.")
         text = (
             f"{name}: {hits} of {intervals} intervals of 95 % contain the true value ({100 * hits / intervals:.1f} %)"
         )
         narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
         if narrow:
-            return f"{text}; they promise too much at {'; at '.join(_why(c, s) for c, s in narrow)}."
-        if _promises_too_much(hits, intervals):
-            return f"{text}: they promise too much."
-        if hits / intervals > BELIEVED[1] and binomial95(hits, intervals)[0] > 0.95:
-            return f"{text}: they are wider than they need be."
-        if intervals < ENOUGH:
-            return f"{text}: too few to tell whether they can be believed."
+            kind, judgement = "narrow", f"; they are too narrow at {'; at '.join(_why(c, s) for c, s in narrow)}."
+        elif _promises_too_much(hits, intervals):
+            kind, judgement = "narrow", f": they are too narrow ({_by_chance(hits, intervals)})."
+        elif hits / intervals > BELIEVED[1] and binomial95(hits, intervals)[0] > 0.95:
+            kind, judgement = "wide", ": they are wider than they need be."
+        elif intervals < ENOUGH:
+            kind, judgement = "few", f": too few to judge; {ENOUGH} or more are needed."
+        else:
+            kind, judgement = "believed", ": they can be believed."
+        return _Judged(name, kind, hits, intervals, text + judgement)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What an unknown's intervals are worth."""
+
+    name: str
+    kind: str
+    held: int
+    intervals: int
+    sentence: str
+
+
+TOGETHER, ALONE = ("few", "believed"), 3
+"""Kinds of which more than so many are told in one sentence."""
+
+
+def _folded(group: Sequence[_Judged]) -> str:
+    shares = [100 * j.held / j.intervals for j in group]
+    least, most = min(j.intervals for j in group), max(j.intervals for j in group)
+    text = (
+        f"{listed(j.name for j in group)}: {min(shares):.0f} to {max(shares):.0f} % of their intervals of 95 % contain "
+        "the true value"
+    )
+    if group[0].kind == "believed":
         return f"{text}: they can be believed."
+    each = f"{most}" if least == most else f"{least} to {most}"
+    return f"{text}: {each} intervals each are too few to judge; {ENOUGH} or more are needed."
 
 
 def noise_study(
@@ -639,9 +680,23 @@ def _promises_too_much(hits: int, intervals: int) -> bool:
     return hits / intervals < BELIEVED[0] and binomial95(hits, intervals)[1] < 0.95
 
 
+def _by_chance(hits: int, intervals: int) -> str:
+    """How often true 95 % intervals do as badly.
+
+    Examples
+    --------
+    >>> _by_chance(2, 4)
+    'by chance this happens in 1.4 % of studies'
+    """
+    from scipy.special import bdtr
+
+    percent = 100 * float(bdtr(hits, intervals, 0.95))
+    return f"by chance this happens in {f'{percent:.2g}' if percent >= 0.01 else 'less than 0.01'} % of studies"
+
+
 def _why(cell: Cell, s: Statistics) -> str:
     """What spoils the coverage of an unknown."""
-    text = f"{cell.label} ({s.held} of {s.intervals}"
+    text = f"{cell.label} ({s.held} of {s.intervals}, {_by_chance(s.held, s.intervals)}"
     if s.bias is not None and s.spread and abs(s.bias) > BIASED * s.spread:
         return f"{text}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
     if s.claimed and s.spread and s.spread > 1.15 * s.claimed:
