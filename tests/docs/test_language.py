@@ -48,6 +48,12 @@ INSTEAD = {
     r"\bc(?:a|o)me out (?:within|up to|too)\b": "is within",
     r"\btakes it that\b": "assumes",
     r"\bwould do\.": "acts like",
+    r"\bbe told of\b": "fracid reports them",
+    r"\bthan all that\b": "than its bounds",
+    r"\bshows? with the power\b": "its effect grows as the swing to the power",
+    r"\bThe same of\b": "the same holds for",
+    r"\bmake a bias\b": "cause the bias",
+    r"\bpractically not\b(?!`)": "practically non-identifiable",
 }
 """Phrase → what to write in its place."""
 PATTERN = re.compile("|".join(f"(?:{phrase})" for phrase in INSTEAD), re.IGNORECASE)
