@@ -53,6 +53,24 @@ def test_every_format_is_read_again_to_the_last_digit_and_says_that_nothing_was_
         assert file.read_text().startswith("# SIMULATED, not measured: rotary-pendulum of srv02-rotpen, zero = hanging")
 
 
+@pytest.mark.parametrize("ending", ["csv", "npz"])
+def test_an_exercise_holds_none_of_its_true_values(capsys, tmp_path, ending):
+    file, truth = tmp_path / f"task.{ending}", tmp_path / "kept" / "truth.json"
+    words = ("simulate", "srv02-rotpen", "--order", "mu=0.8125", "--end", 1, "--to", file, "--truth", truth, "--json")
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    assert json.loads(out)["files"] == [str(file), str(truth)]
+    assert json.loads(truth.read_text())["orders"]["mu"] == 0.8125
+    text = file.read_text().split("time")[0] if ending == "csv" else str(np.load(file)["note"])
+    assert [line.lstrip("# ").split()[0] for line in text.splitlines()] == ["SIMULATED,", "made"]
+    code, _, err = run(capsys, *words, "--force", "--truth", file)
+    assert code == 2
+    assert "expected a file that ends in .json" in err
+    code, _, err = run(capsys, *words, "--to", tmp_path / f"other.{ending}")
+    assert code == 2
+    assert "truth.json is there already" in err
+
+
 def test_a_twin_is_ready_for_check_init_and_fit(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(capsys, "simulate", "srv02-rotpen", "--initial", "alpha=40deg", "--hold", "1", "--noise", "0.05deg", "--end",

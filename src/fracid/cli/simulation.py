@@ -34,6 +34,8 @@ SIMULATE_EXAMPLE = (
     "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim](a twin of its recording)[/dim]",
     "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim](what if?)[/dim]",
     "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
+    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim](an exercise: the recording "
+    "does not contain the solution)[/dim]",
 )
 
 UNITS = {
@@ -102,6 +104,10 @@ def simulate(
     to: Annotated[
         Path | None, typer.Option("--to", metavar="FILE", help="One file, .csv, .mat or .npz, and nothing else.")
     ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the true values to this .json file and none into the recording."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
     trust: Trust = False,
     out: Out = None,
@@ -124,7 +130,7 @@ def simulate(
     twin = twin if input_ is None else _driven(twin, input_, end)
     with shown(events=json_) as observer:
         simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states,
-                                  to=to, out=out, force=force, observer=observer)  # fmt: skip
+                                  to=to, out=out, force=force, truth=truth, observer=observer)  # fmt: skip
     if json_:
         echo_json({**simulated.result, "files": [str(path) for path in simulated.files]})
     else:

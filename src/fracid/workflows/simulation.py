@@ -168,7 +168,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
 
 def simulate_twin(
     twin: Twin, source: str, *, noise: Mapping[str, float], counts: int, seed: int, states: bool, to: Path | None,
-    out: Path | None, force: bool, observer: Observer | None = None,
+    out: Path | None, force: bool, truth: Path | None = None, observer: Observer | None = None,
 ) -> SimulatedRecording:  # fmt: skip
     """Simulate a twin and write what its encoders would have recorded, a figure, and the truth.
 
@@ -185,6 +185,8 @@ def simulate_twin(
         The folder; ``runs/RIG-simulated`` if left out.
     force : bool
         Write over a file that is there.
+    truth : Path, optional
+        A .json file for the true values; the recording then carries none of them.
     observer : Observer
         Hears what the solver warns of.
 
@@ -199,6 +201,7 @@ def simulate_twin(
     file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
     assert file is not None
     _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))
+    _refuse_truth(truth, force)
     watching = unless_given(observer)
     watching.stage("simulation")
     run, warned = _run(twin)
@@ -211,7 +214,7 @@ def simulate_twin(
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
     watching.stage("figure")
-    paths = _written(recording, record, file, folder)
+    paths = _written(recording, record, file, folder, truth)
     watching.stage("")
     return SimulatedRecording(twin, run, recording, record, paths)
 
@@ -229,6 +232,15 @@ def _refuse_over(file: Path, force: bool) -> None:
         raise InputError(f"--to {file} is not possible: expected a file that ends in {', '.join(WRITERS)}.")
     if file.exists() and not force:
         raise InputError(f"{file} is there already; give another name, or write over it: --force.")
+
+
+def _refuse_truth(truth: Path | None, force: bool) -> None:
+    if truth is None:
+        return
+    if truth.suffix.lower() != ".json":
+        raise InputError(f"--truth {truth} is not possible: expected a file that ends in .json.")
+    if truth.exists() and not force:
+        raise InputError(f"{truth} is there already; give another name, or write over it: --force.")
 
 
 def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
@@ -255,20 +267,32 @@ def _record(
     }  # fmt: skip
 
 
-def _written(made: Recording, record: Mapping[str, Any], file: Path, folder: Path | None) -> tuple[Path, ...]:
+def _written(
+    made: Recording, record: Mapping[str, Any], file: Path, folder: Path | None, truth: Path | None
+) -> tuple[Path, ...]:
     """Write the recording, the truth and the figure; gives the files."""
-    recording = save_recording(made, file, note=_note(record))
+    recording = save_recording(made, file, note=_note(record, secret=truth is not None))
+    if truth is None and folder is not None:
+        truth = folder / f"{file.stem}.json"
+    if truth is not None:
+        write_files(truth.parent, {truth.name: json_document(record)})
+    files = (recording,) if truth is None else (recording, truth)
     if folder is None:
-        return (recording,)
+        return files
     from fracid.plots import recording_overview, save
 
-    truth = folder / f"{file.stem}.json"
-    write_files(folder, {truth.name: json_document(record)})
-    return recording, truth, *save(recording_overview(made), folder, file.stem)
+    return *files, *save(recording_overview(made), folder, file.stem)
 
 
-def _note(record: Mapping[str, Any]) -> str:
-    """What the file says of itself."""
+def _note(record: Mapping[str, Any], *, secret: bool) -> str:
+    """What the file says of itself; without the values, where they are `secret`."""
+    zero = f", zero = {record['zero']}" if record["zero"] else ""
+    first = f"SIMULATED, not measured: {record['model']} of {record['source']}{zero}"
+    last = f"made by fracid {__version__}"
+    return "\n".join((first, last) if secret else (first, _values(record), last))
+
+
+def _values(record: Mapping[str, Any]) -> str:
     orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items())
     initial = ", ".join(f"{n} = {v:.6g}" for n, v in record["initial"].items() if v)
     levels = ", ".join(f"{n} {v:.3g}" for n, v in record["noise"].items() if v)
@@ -276,10 +300,7 @@ def _note(record: Mapping[str, Any]) -> str:
         f"noise {levels}" if levels else "no noise",
         f"{record['counts']} counts a turn" if record["counts"] else "",
     ]
-    return "\n".join((
-        f"SIMULATED, not measured: {record['model']} of {record['source']}"
-        + (f", zero = {record['zero']}" if record["zero"] else ""),
+    return (
         f"{orders}; at the start {initial or 'at rest'}; {record['method']}, step {record['step']:g} s / "
-        f"{record['substeps']}; {', '.join(filter(None, read))}; seed {record['seed']}",
-        f"made by fracid {__version__}",
-    ))  # fmt: skip
+        f"{record['substeps']}; {', '.join(filter(None, read))}; seed {record['seed']}"
+    )
