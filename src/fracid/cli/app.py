@@ -80,13 +80,13 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for what is written.")]
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Output folder.")]
 
 Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Random seed.", show_default=True, min=0)]
 
-Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Threads at most.", min=1)]
+Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Maximum number of threads.", min=1)]
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Run Python code that the project refers to (my_rig.py:model). Review it first.")

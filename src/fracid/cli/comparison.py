@@ -45,12 +45,12 @@ MOST = 3
 
 COMPARE_EXAMPLE = (
     "[bold]Examples[/bold]",
-    'fracid compare rig.toml  [dim](fits use = "fit", judges on use = "validate"; writes runs/rig-compare)[/dim]',
+    "fracid compare rig.toml  [dim](writes runs/rig-compare)[/dim]",
     "fracid compare rig.toml --leave-one-out --jobs 8  [dim](each recording held out once)[/dim]",
     "fracid compare rig.toml --amplitude  [dim](do the orders drift as the swing dies?)[/dim]",
-    "fracid compare rig.toml --evidence  [dim](posterior odds beside BIC; they decide nothing)[/dim]",
-    "fracid compare rig.toml --keep cable_stiffness  [dim](stays as the file has it)[/dim]",
-    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim](no others; --rung all: play, springpots too)[/dim]",
+    "fracid compare rig.toml --evidence  [dim](posterior odds beside BIC; the claim does not use them)[/dim]",
+    "fracid compare rig.toml --keep cable_stiffness  [dim](leaves it as it is in the file)[/dim]",
+    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim](these alone; all: also play and springpots)[/dim]",
     "fracid compare rig.toml --json | jq .verdict",
 )
 
@@ -65,41 +65,47 @@ def compare(
         bool, typer.Option("--amplitude", help="Test whether orders drift with amplitude: friction in disguise.")
     ] = False,
     evidence: Annotated[
-        bool, typer.Option("--evidence", help="Quote each structure's posterior odds, bounds as priors.")
+        bool, typer.Option("--evidence", help="Add the posterior odds of each structure, with its bounds as priors.")
     ] = False,
     multi_start: Annotated[
-        int | None, typer.Option("--multi-start", metavar="N", help="Starts of each fit.", min=1)
+        int | None, typer.Option("--multi-start", metavar="N", help="Number of starts of each fit.", min=1)
     ] = None,
     keep: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="A friction that stays as the file has it; may be given again."),
+        typer.Option(metavar="NAME", help="A friction parameter to leave as it is in the file; may be repeated."),
     ] = None,
     rungs: Annotated[
         list[str] | None,
-        typer.Option("--rung", metavar="NAME", help="A rung of the ladder to climb, or all; may be given again."),
+        typer.Option("--rung", metavar="NAME", help="A friction model to include, or all; may be repeated."),
     ] = None,
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper's cost and outputs.", autocompletion=key_of("presets")),
+        typer.Option(
+            metavar="NAME", help="paper: use the cost and the outputs of the paper.", autocompletion=key_of("presets")
+        ),
     ] = None,
     executor: Annotated[
         str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=key_of("executors"))
     ] = "threads",
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
     ] = None,
     trust: Trust = False,
     out: Out = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
+    ] = None,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
     """Compare friction structures, with orders 1 and with orders free.
 
-    From viscous to presliding, drag and cable.  All are fitted alike to the recordings with use = "fit" and judged on
-    those with use = "validate", where only the initial state, and what a recording has for itself, are refitted.
-    Writes compare.json, compare.csv and figures. Interrupted, the same command resumes.  Exit code 0 if it is done, 3
-    if no run of any structure reaches the end of the recordings.
+    Fits friction models of growing complexity, from viscous to presliding, drag and cable, in the same way to the
+    recordings with use = "fit".  Judges each by its prediction of those with use = "validate", where only the initial
+    state and the parameters of that recording alone are refitted.  Writes compare.json, compare.csv and figures.
+    After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of any structure reaches the
+    end of the recordings.
     """
     from fracid.workflows.comparison import run_comparison
 
@@ -115,7 +121,7 @@ def compare(
     else:
         console = new_console()
         _show(finished, console)
-        why = "with the structure that won in its file: residuals, intervals, a page"
+        why = "after writing the best structure into its file: residuals, intervals, report"
         say_next(console, (typed("fit", project, *["--trust"] * trust), why))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)

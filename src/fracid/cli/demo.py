@@ -41,11 +41,13 @@ STORY = (
 def demo(
     open_: Annotated[
         bool | None,
-        typer.Option("--open/--no-open", help="The reports in the browser. If not said: on a terminal with a display."),
+        typer.Option(
+            "--open/--no-open", help="Open the reports in the browser \\[default: on a terminal with a display]."
+        ),
     ] = None,
     out: Out = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="In place of the projects' own.", min=0)
+        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the projects'.", min=0)
     ] = None,
     jobs: Jobs = CORES,
     json_: Json = False,

@@ -27,18 +27,20 @@ EXPORT_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(EXPORT_EXAMPLE))
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     to: Annotated[
         list[str] | None,
         typer.Option(
             metavar="FORMAT",
-            help="{formats}; may be given again.",
+            help="{formats}; may be repeated \\[default: all].",
             autocompletion=key_of("formats"),
         ),
     ] = None,
     steps: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="Steps that the programs remember; the recordings', for C 10⁷."),
+        typer.Option(
+            metavar="N", min=1, help="Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C]."
+        ),
     ] = None,
     trust: Trust = False,
     out: Out = None,

@@ -31,7 +31,7 @@ def draw(
         str,
         typer.Argument(
             metavar="RUN|PROJECT|RIG",
-            help="The folder of a run, a comparison or a study of noise; a project file or the name of a rig.",
+            help="The folder of a fit, a comparison or a noise study; a project file; or the name of a rig.",
             autocompletion=key_of("rigs"),
         ),
     ],
@@ -43,7 +43,7 @@ def draw(
         typer.Option(
             "--format",
             metavar="NAME",
-            help="pdf, svg or png; may be given again. pdf if left out.",
+            help="pdf, svg or png; may be repeated \\[default: pdf].",
             autocompletion=one_of(*WRITTEN),
         ),
     ] = None,
@@ -61,10 +61,10 @@ def draw(
 ) -> None:
     """Draw the figures again, sized for journal columns, as PDF.
 
-    Fonts are embedded.  Of a run: the rig, measured and fitted, the residuals and what is tested of them, the cost over
-    the orders, where the starts ended, the cut, the linear models, and the profiles where fracid profile wrote them
-    into the folder.  Of a comparison: the ladder; of a study of noise: bias and spread.  Of a project or a rig: the rig
-    itself, to scale, with the zeros and positive senses of both angles.
+    Fonts are embedded.  A run: the rig, measured and fitted outputs, the residuals and their tests, the cost over the
+    orders, the minima of the starts, the start of the record, the linear models, and the profiles that fracid profile
+    wrote into the folder.  A comparison: the nested friction models.  A noise study: bias and spread.  A project or a
+    rig: the rig to scale, with the zeros and positive senses of both angles.
     """
     with shown("figures"):
         from fracid.workflows.redrawing import redraw  # here: it takes a second to import

@@ -56,18 +56,20 @@ def noise(
         str, typer.Option(metavar="DEG,DEG", help="Standard deviations of the noise, in degrees.")
     ] = "0.05,0.1,0.2",
     counts: Annotated[
-        str, typer.Option(metavar="N,N", help="Counts a turn of the encoders; 0 for no rounding.")
+        str, typer.Option(metavar="N,N", help="Encoder counts per turn; 0 for no quantisation.")
     ] = "4096,20000",
-    seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions at each level with each encoder.", min=1)] = 50,
+    seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions for each noise level and encoder.", min=1)] = 50,
     cost: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="In place of the project's: {costs}.", autocompletion=key_of("costs")),
+        typer.Option(
+            metavar="NAME", help="Cost function, instead of the project's: {costs}.", autocompletion=key_of("costs")
+        ),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the run's: {optimisers}.",
+            help="Optimiser, instead of the run's: {optimisers}.",
             autocompletion=key_of("optimisers"),
         ),
     ] = None,
@@ -80,21 +82,22 @@ def noise(
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
     ] = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes at most.", min=1)] = CORES,
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Maximum number of processes.", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
     """Refit simulated noisy data many times: bias, spread, coverage.
 
-    The values of the run are the true ones.  Each repetition simulates every recording with them, four times finer than
-    the fit, adds noise, rounds as the encoder does, and identifies from the project's own start.  Shows for each
-    unknown its bias, its spread, and how many of the 95 % intervals contain the true value; writes
-    noise.json, noise.csv and a figure.  Interrupted, the same command resumes.  Exit code 0 if it is done, 3
-    if no run of the model reaches the end of the recording.
+    Takes the fitted values as the true ones.  Each repetition simulates every recording with them (with a quarter of
+    the fit's step), adds noise, quantises as the encoder does, and repeats the fit from the project's start.  Shows
+    bias, spread and the coverage of the 95 % intervals for each free parameter.  Writes noise.json, noise.csv and a
+    figure.  After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of the model reaches
+    the end of the recording.
     """
     grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
     from fracid.workflows.monte_carlo import run_noise_study
@@ -111,7 +114,13 @@ def noise(
         console = new_console()
         _show(finished, console)
         command = "profile" if source.is_dir() else "fit"
-        say_next(console, (typed(command, source, *["--trust"] * trust), "what the measured data say of it"))
+        say_next(
+            console,
+            (
+                typed(command, source, *["--trust"] * trust),
+                "profile likelihood of the measured data" if command == "profile" else "the fit of the measured data",
+            ),
+        )
 
 
 def _numbers(option: str, text: str) -> list[float]:

@@ -59,52 +59,67 @@ def design(
         typer.Option(
             "--for",
             metavar="NAME,NAME",
-            help="Values to narrow; all if left out.",
+            help="Parameters whose intervals to narrow \\[default: all].",
             autocompletion=from_run("orders", "parameters"),
         ),
     ] = None,
-    experiments: Annotated[int, typer.Option(metavar="N", help="How many.", min=1, max=1000)] = 3,
+    experiments: Annotated[int, typer.Option(metavar="N", help="Number of experiments.", min=1, max=1000)] = 3,
     release: Annotated[
         str | None,
         typer.Option(
-            metavar="DEG,DEG", help="Angles of release: two are a range; 0 for none.  5,150 of a pendulum if left out."
+            metavar="DEG,DEG", help="Release angles; two are a range, 0 is none \\[default: 5,150 for a pendulum]."
         ),
     ] = None,
-    seconds: Annotated[str, typer.Option(metavar="S,S", help="Durations to choose from.")] = "20",
-    rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Samples a second to choose from.")] = "500",
+    seconds: Annotated[str, typer.Option(metavar="S,S", help="Durations to choose from, in s.")] = "20",
+    rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Sample rates to choose from.")] = "500",
     arm: Annotated[str, typer.Option(metavar="NAME,NAME", help="The arm: free, clamped, or both.")] = "free",
     voltage: Annotated[
         list[str] | None,
-        typer.Option(metavar="KIND,A,B,PEAK", help="multisine or chirp from A to B Hz, pulses of A to B s; again."),
+        typer.Option(
+            metavar="KIND,A,B,PEAK", help="multisine or chirp from A to B Hz, pulses of A to B s; may be repeated."
+        ),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s; again."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s; may be repeated."
+        ),
     ] = None,
-    sensors: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Outputs recorded; all if left out.")] = None,
+    sensors: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Recorded outputs \\[default: all].")] = None,
     counts: Annotated[
-        float | None, typer.Option(metavar="N", help="Counts a turn; those of the recordings if left out.", min=0)
+        float | None,
+        typer.Option(metavar="N", help="Encoder counts per turn \\[default: those of the recordings].", min=0),
     ] = None,
     criterion: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="D, A, Ds (of --for) or T (of --against).", autocompletion=one_of("D", "A", "Ds", "T")
+            metavar="NAME",
+            help="D, A, Ds (with --for) or T (with --against).",
+            autocompletion=one_of("D", "A", "Ds", "T"),
         ),
     ] = None,
     against: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="integer: tell the orders from integer-order models.", autocompletion=one_of("integer")
+            metavar="NAME",
+            help="integer: discriminate the orders from integer-order models.",
+            autocompletion=one_of("integer"),
         ),
     ] = None,
     order: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a rig: an order, mu=0.95; again for more.")
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a rig: an order, mu=0.95; may be repeated.")
     ] = None,
     friction: Annotated[
-        bool, typer.Option("--friction", help="For a rig: with the friction that was found on real recordings of it.")
+        bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
     ] = False,
     robust: Annotated[
-        int, typer.Option(metavar="N", help="Average over N draws from the intervals.", min=0, max=1000)
+        int,
+        typer.Option(
+            metavar="N",
+            help="Average over N parameter draws from the intervals; 0 for the fitted values.",
+            min=0,
+            max=1000,
+        ),
     ] = 0,
     trust: Trust = False,
     out: Out = None,
@@ -114,9 +129,10 @@ def design(
 ) -> None:
     """Choose the next experiments, and predict their intervals.
 
-    The information of each candidate is computed with the noise that the run shows, added to that of the recordings so
-    far, and the best set is found by exchange.  What exceeds a limit is excluded.  Writes project files with the
-    recordings' places empty, voltages, expected curves with a band, plan.json and figures.  Exit code 0 if it is done.
+    Computes the information of each candidate experiment with the noise of the run, adds it to that of the recordings
+    so far, and finds the best set by exchange.  Excludes candidates that exceed a limit.  Writes project files to
+    complete with the new recordings, voltages, expected curves with a band, plan.json and figures.  Exit code 0 when
+    done.
     """
     orders, limits = _assigned("--order", order, "mu=0.95"), _assigned("--limit", limit, "theta=2.5")
     angles = (0.0,) if release is None else _numbers("--release", release)

@@ -47,7 +47,7 @@ POSTERIOR_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(POSTERIOR_EXAMPLE))
 def posterior(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a fit.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     method: Annotated[
         str,
         typer.Option(
@@ -61,25 +61,29 @@ def posterior(
     ] = 2000,
     executor: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="threads or processes; for laplace.", autocompletion=key_of("executors")),
+        typer.Option(
+            metavar="NAME", help="threads or processes, for the method laplace.", autocompletion=key_of("executors")
+        ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
     ] = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Threads or processes at most.", min=1)] = CORES,
+    jobs: Annotated[
+        int, typer.Option("--jobs", metavar="N", help="Maximum number of threads or processes.", min=1)
+    ] = CORES,
     json_: Json = False,
 ) -> None:
     """Draw the free parameters from their posterior.
 
-    Correlations, bounds, bent valleys, and the evidence of the model.
+    Shows what intervals cannot: correlations, bounds, curved valleys, and the evidence of the model.
 
-    The likelihood is as informative as the intervals of the fit say; the priors are the bounds of the project, and its
-    normal priors where it has some.  Pareto's k says whether the draws can be trusted.  Writes posterior.json,
-    draws.npz and figures.  Interrupted, the same command resumes.  Exit code 0 if it is done, trusted
-    or not.
+    The likelihood is calibrated to the intervals of the fit; the priors are the bounds of the project and its normal
+    priors.  Pareto's k tells whether the draws can be trusted.  Writes posterior.json, draws.npz and figures.  After an
+    interruption the same command resumes.  Exit code 0 when done, trusted or not.
     """
     from fracid.workflows.posterior_draws import run_posterior
 

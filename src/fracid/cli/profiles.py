@@ -72,7 +72,7 @@ def profile(
 
     Fixes one parameter on a grid and refits the others.  Shows the 95 % interval of the profile beside those of the
     sandwich and of the bootstrap, and a verdict on each free parameter.  Writes profiles.json and a figure.  Exit
-    code 0 if it is done, 3 if no run of the model reached the end of the recording.
+    code 0 when done, 3 if no run of the model reaches the end of the recording.
     """
     from fracid.workflows.profiles import run_profiles
 

@@ -50,22 +50,27 @@ REGRESS_EXAMPLE = (
 def regress(
     source: Annotated[Path, typer.Argument(metavar="PROJECT|RECORDING", help="A project, .toml, or a recording.")],
     known: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A constant that is known [SI]; again for more.")
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A known constant in SI units; may be repeated.")
     ] = None,
     order: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="An order that is known; the others are searched.")
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A known order; the other orders are searched.")
     ] = None,
     term: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="A constant to look for, in place of what is free.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A constant to estimate, instead of the free ones; may be repeated."),
     ] = None,
     estimator: Annotated[
-        Estimator, typer.Option(help="Instruments, total least squares, or plain ones.")
+        Estimator, typer.Option(help="Instrumental variables, total least squares, robust or ordinary regression.")
     ] = Estimator.iv,
     cutoff: Annotated[
         float | None, typer.Option(metavar="HZ", help="Cut-off of the low-pass filter \\[default: from the spectrum].")
     ] = None,
-    each: Annotated[bool, typer.Option("--each", help="Each recording by itself, not all together.")] = False,
-    start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
+    each: Annotated[
+        bool, typer.Option("--each", help="Estimate from each recording alone, not from all together.")
+    ] = False,
+    start: Annotated[
+        str | None, typer.Option("--from", metavar="S", help="First time in s, or the word release.")
+    ] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
     column: Annotated[
         list[str] | None,
@@ -100,10 +105,9 @@ def regress(
 ) -> None:
     """Estimate the pendulum's constants by robust linear regression.
 
-    The equations are linear in the constants, for given orders; orders that are free are searched.  No trajectory is
-    simulated but for the instruments, so this needs no start; it gives one.  Of a project the recordings to be
-    fitted are taken together.  Writes regression.json only where --out says where to.  Exit code 0 if a constant was
-    identified, 3 if none was.
+    The equations are linear in the constants for given orders; free orders are searched.  No starting values are
+    needed: the estimates are starting values for a fit.  Uses all recordings of a project that have use = "fit"
+    together.  Writes regression.json if --out is given.  Exit code 0 if a constant is identified, 3 if none is.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}

@@ -25,11 +25,11 @@ REPORT_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(REPORT_EXAMPLE))
 def report(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, or one with runs in it.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a folder of runs.")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Where to; report.html in the folder if left out.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Output file \\[default: report.html in the folder].")
     ] = None,
-    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:

@@ -39,7 +39,7 @@ REPRODUCE_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(REPRODUCE_EXAMPLE))
 def reproduce(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, of fit, compare or noise.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit, compare or noise.")],
     trust: Trust = False,
     out: Out = None,
     jobs: Jobs = CORES,
@@ -47,9 +47,9 @@ def reproduce(
 ) -> None:
     """Do a run again, and compare the results value by value.
 
-    With its own project, recordings, seed and options.  The same versions on the same machine give the same result to
-    the last bit; other versions or another machine the same to 1e-9.  Says what differs, what was found first.  Nothing
-    is written into the run's folder.  Exit code 0 if it came out the same, 1 if not.
+    Repeats it with its own project, recordings, seed and options.  The same versions on the same machine give the same
+    result to the last bit, other versions or machines to 1e-9.  Lists the differences, the original value first.
+    Writes nothing into the run's folder.  Exit code 0 if the results agree, 1 if not.
     """
     from fracid.workflows.reproduction import reproduce_run
 

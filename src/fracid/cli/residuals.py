@@ -34,15 +34,16 @@ RESID_EXAMPLE = (
 
 @app.command(epilog="\n\n".join(RESID_EXAMPLE))
 def resid(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a run, as fracid fit leaves it.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     recording: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help="May be given again. All of them if left out.", autocompletion=from_run("recordings")
+            metavar="NAME", help="A recording; may be repeated \\[default: all].", autocompletion=from_run("recordings")
         ),
     ] = None,
     output: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="theta or alpha; may be given again. All if left out.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="An output, theta or alpha; may be repeated \\[default: all]."),
     ] = None,
     trust: Trust = False,
     out: Out = None,
@@ -50,10 +51,10 @@ def resid(
 ) -> None:
     """Test the residuals of a fit: white noise, or structure missing?
 
-    Simulates each recording with the values of the run, validation recordings too, and says in words whether the
-    residual is white, at which frequencies it is not, whether it is normal and scatters alike throughout, and how large
-    it is beside the encoder's step.  Writes residuals.json and a page of figures for each.  Exit code 0 if it is done,
-    3 if no run of the model reached the end of a recording.
+    Simulates each recording with the fitted values, validation recordings too.  Tests whether the residual is white
+    (and at which frequencies it is not), normal and of constant variance, and compares its size with the encoder's
+    step.  Writes residuals.json and a page of figures for each.  Exit code 0 when done, 3 if no run of the model
+    reaches the end of a recording.
     """
     from fracid.workflows.residuals import run_residuals
 

@@ -38,12 +38,15 @@ def resume(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="For a study: threads or processes, instead of its own.",
+            help="For noise and compare: threads or processes, instead of the run's.",
             autocompletion=key_of("executors"),
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="For a study: a Dask scheduler, tcp://HOST:8786.")
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="For noise and compare: the address of a Dask scheduler, tcp://HOST:8786."
+        ),
     ] = None,
     trust: Trust = False,
     jobs: Jobs = CORES,
@@ -51,8 +54,8 @@ def resume(
 ) -> None:
     """Resume an interrupted run, without repeating finished work.
 
-    The result is the same as of an uninterrupted run.  Interrupted by Ctrl-C, a kill, a crash or a full disk; a fit or
-    a study, noise or compare.  Exit codes are those of the command itself; 0 too if the run is finished already.
+    The result is the same as that of an uninterrupted run.  Resumes fit, noise and compare after Ctrl-C, a kill, a
+    crash or a full disk.  Exit codes are those of the command itself, and 0 if the run is finished already.
     """
     from fracid.workflows.resumption import finished_result, resume_run, state_of
 

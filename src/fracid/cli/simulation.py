@@ -51,46 +51,52 @@ def simulate(
         str,
         typer.Argument(
             metavar="RIG|PROJECT|RUN",
-            help="A rig's name, a project, a run; or my_rig.py:model.",
+            help="The name of a rig, a project file, a run folder, or my_rig.py:model.",
             autocompletion=key_of("rigs"),
         ),
     ],
     order: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="lambda=0.86; again for more. 1 for a rig.")
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="An order, lambda=0.86; may be repeated. A rig's are 1 by default."),
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter [SI], b_alpha=2e-4; again.")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A parameter in SI units, b_alpha=2e-4; may be repeated."),
     ] = None,
     initial: Annotated[
-        list[str] | None, typer.Option(metavar="STATE=VALUE", help="alpha=10deg, with a unit; again for more.")
+        list[str] | None,
+        typer.Option(metavar="STATE=VALUE", help="An initial state with its unit, alpha=10deg; may be repeated."),
     ] = None,
-    end: Annotated[str | None, typer.Option(metavar="S", help="Last time: 20 for a rig, else the recording's.")] = None,
-    step: Annotated[str | None, typer.Option(metavar="S", help="Between samples, 1e-3 or 2ms.")] = None,
-    substeps: Annotated[
-        int | None, typer.Option(metavar="N", help="Steps of the solver to a sample.", min=1, max=1000)
+    end: Annotated[
+        str | None, typer.Option(metavar="S", help="Last time in s; a rig's is 20 by default, else the recording's.")
     ] = None,
+    step: Annotated[str | None, typer.Option(metavar="S", help="Time between samples, 1e-3 or 2ms.")] = None,
+    substeps: Annotated[int | None, typer.Option(metavar="N", help="Solver steps per sample.", min=1, max=1000)] = None,
     hold: Annotated[
-        str | None, typer.Option(metavar="S", help="Held still before the release: what fracid check looks for.")
+        str | None,
+        typer.Option(metavar="S", help="Time at rest before the release; fracid check finds the release by it."),
     ] = None,
     method: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="{methods}.", autocompletion=key_of("methods")),
+        typer.Option(metavar="NAME", help="Method of the solver: {methods}.", autocompletion=key_of("methods")),
     ] = None,
     input_: Annotated[
         str | None,
         typer.Option(
             "--input",
             metavar="FILE[,FIELD=VALUE]...",
-            help="What drives it: a file with time and input, column=2 if need be.",
+            help="A recording of the input that drives the rig; its column, if ambiguous.",
         ),
     ] = None,
     noise: Annotated[
         list[str] | None,
-        typer.Option(metavar="[NAME=]VALUE", help="Standard deviation, 0.05deg, of all angles or one."),
+        typer.Option(metavar="[NAME=]VALUE", help="Standard deviation of the noise, 0.05deg, of all angles or of one."),
     ] = None,
-    counts: Annotated[int, typer.Option(metavar="N", help="Counts a turn of the encoders; 0: none.", min=0)] = 0,
+    counts: Annotated[
+        int, typer.Option(metavar="N", help="Encoder counts per turn; 0 for no quantisation.", min=0)
+    ] = 0,
     friction: Annotated[
-        bool, typer.Option("--friction", help="With the friction that was found on real recordings of the rig.")
+        bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
     ] = False,
     zero: Annotated[
         str | None,
@@ -98,17 +104,22 @@ def simulate(
     ] = None,
     recording: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Which, of a project or run.", autocompletion=from_run("recordings")),
+        typer.Option(
+            metavar="NAME",
+            help="The recording of the project or run to simulate.",
+            autocompletion=from_run("recordings"),
+        ),
     ] = None,
-    states: Annotated[bool, typer.Option("--states", help="Write all states, fractional rates too.")] = False,
+    states: Annotated[bool, typer.Option("--states", help="Write all states, also the fractional rates.")] = False,
     to: Annotated[
-        Path | None, typer.Option("--to", metavar="FILE", help="One file, .csv, .mat or .npz, and nothing else.")
+        Path | None,
+        typer.Option("--to", metavar="FILE", help="Write one file, .csv, .mat or .npz, and no figure or folder."),
     ] = None,
     truth: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the true values to this .json file and none into the recording."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
@@ -117,9 +128,9 @@ def simulate(
 ) -> None:
     """Simulate a rig, a project or a run as its encoders record it.
 
-    A run is simulated with the values that it found, a project with its starting values; what the options name is
-    changed.  Writes the recording, a figure, and a JSON file with the truth, ready for fracid check, init and fit.
-    Exit code 0 if the simulation reached its end, 3 if not.
+    A run is simulated with its fitted values, a project with its starting values; the options change single values.
+    Writes the recording, a figure, and a JSON file with the true values; fracid check, init and fit read the
+    recording.  Exit code 0 if the simulation reaches its end, 3 if not.
     """
     del jobs  # one run is not parallel; every command takes the same options
     from fracid.workflows.simulation import simulate_twin, twin_of
