@@ -53,7 +53,6 @@ INSTEAD = {
     r"\bshows? with the power\b": "its effect grows as the swing to the power",
     r"\bThe same of\b": "the same holds for",
     r"\bmake a bias\b": "cause the bias",
-    r"\bpractically not\b(?!`)": "practically non-identifiable",
 }
 """Phrase → what to write in its place."""
 PATTERN = re.compile("|".join(f"(?:{phrase})" for phrase in INSTEAD), re.IGNORECASE)
