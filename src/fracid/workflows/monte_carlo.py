@@ -103,7 +103,7 @@ def run_noise_study(
     cost, optimiser : str, optional
         In place of the run's.
     executor : str, optional
-        ``processes`` if left out; ``threads``, of a model of your own the only way; or a scheduler's address.
+        ``processes`` if left out; ``threads``, which a model of your own needs; or a scheduler's address.
     out : str or Path, optional
         The folder; ``noise`` in that of the run, ``runs/rig-noise`` of ``rig.toml`` if left out.
     seed : int
