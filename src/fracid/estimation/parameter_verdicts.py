@@ -369,7 +369,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    text = f"its interval is {rounded(view.x[i], view.half(i))}"
+    text = f"its interval is {rounded(float(view.x[i]), view.half(i))}"
     if view.half(i) > reach.upper - reach.lower:
         text = f"its interval is wider than its bounds, {reach.lower:.3g} … {reach.upper:.3g}"
     because = _because(view, i)
@@ -418,7 +418,7 @@ def _because(view: _View, i: int) -> str:
             return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
         return (
-            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {most} swings by "
+            f"; it shows with the power {view.power(i):.1f} of the swing, and {most} swings by "
             f"{view.size(most)} in all: release it from further out, or fix it"
         )
     return ""
