@@ -84,8 +84,9 @@ def profile(
     else:
         console = new_console()
         _show(finished, console)
-        if finished.folder == source:
-            say_next(console, (typed("report", source, "--open", *["--trust"] * trust), "the page, with the profiles"))
+        if source.is_dir():
+            what = "the page, with the profiles" if finished.folder == source else "the page of the run"
+            say_next(console, (typed("report", source, "--open", *["--trust"] * trust), what))
         else:
             say_next(console, (typed("fit", source, *["--trust"] * trust), "the whole result, with a page"))
 
