@@ -55,7 +55,7 @@ def test_orders_within_their_intervals_are_integer_and_what_is_not_known_is_unde
 
 def test_an_order_without_integer_value_is_not_said_to_be_untold():
     [reason] = claim_of([OrderFound("q", 0.5, 0.01, ())], None, NOISE).reasons
-    assert "The model gives q = 0.500 ± 0.01 no integer value" in reason
+    assert "The model gives q = 0.500 ± 0.010 no integer value" in reason
 
 
 def test_where_the_model_lacks_something_its_orders_are_no_evidence():

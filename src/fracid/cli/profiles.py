@@ -124,7 +124,8 @@ def _show(analysis: FinishedProfiles, console: Console) -> None:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     for name, verdict in analysis.verdicts.items():
         if verdict.sentence != "identifiable" and verdict.kind != "forgotten":
-            say(console, escape(f"{name}: {verdict.sentence}"), "[yellow]![/yellow] ", 2)
+            mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
+            say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
     console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)
     print_figures(console, analysis.figures)
 

@@ -418,7 +418,7 @@ def _because(view: _View, i: int) -> str:
             return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
         return (
-            f"; it shows with the power {view.power(i):.1f} of the swing, and {most} swings by "
+            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {most} swings by "
             f"{view.size(most)} in all: release it from further out, or fix it"
         )
     return ""

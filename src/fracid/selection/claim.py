@@ -29,7 +29,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, plain
+from fracid.units import GREEK, half_width, plain, to_second_digit
 
 __all__ = ["FLOOR", "LACKS", "NO_FIT", "NO_RUN", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
@@ -92,10 +92,10 @@ class OrderFound:
         return damping(abs(self.value - self.nearest) - self.half) if self.integers else 0.0
 
     def __str__(self) -> str:
-        """``μ = 0.957 ± 0.003``."""
-        half = f" ± {self.half:.2g}" if math.isfinite(self.half) else ""
-        digits = max(3, 1 - math.floor(math.log10(self.half))) if 0 < self.half < 1 else 4
-        return f"{GREEK.get(self.name, self.name)} = {self.value:.{digits}f}{half}"
+        """``μ = 0.9570 ± 0.0030``."""
+        name, known = GREEK.get(self.name, self.name), 0 < self.half < math.inf
+        value = f"{to_second_digit(self.value, self.half)} ± {half_width(self.half)}" if known else f"{self.value:.4f}"
+        return f"{name} = {value}"
 
 
 def damping(off: float) -> float:
@@ -127,6 +127,8 @@ def claim_of(
     contradictions: Sequence[str] = (),
     support: Sequence[str] = (),
     element: FractionalElement | None = None,
+    *,
+    compared: bool = False,
 ) -> Claim:
     """What a fit's orders are evidence of.
 
@@ -144,6 +146,8 @@ def claim_of(
         Sentences that are said beside a claim of fractional orders.
     element : FractionalElement, optional
         A springpot that explains what is left over: neither the orders nor their integers are the answer then.
+    compared : bool
+        Whether other structures were looked at already.
 
     Examples
     --------
@@ -151,7 +155,7 @@ def claim_of(
     >>> claim_of([OrderFound("mu", 0.999, 0.002)], None, white).claim
     'integer'
     >>> claim_of([OrderFound("mu", 0.95, 0.002)], None, white).reasons
-    ('No integer-order model was held against μ = 0.9500 ± 0.002.',)
+    ('No integer-order model was held against μ = 0.9500 ± 0.0020.',)
     """
     if not orders:
         return Claim("undecided", ("No order was free: they were given, not found.",))
@@ -174,12 +178,11 @@ def claim_of(
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
         return Claim("undecided", (_too_little(off),))
-    refuted = [*unexplained, *contradictions]
+    refuted, looks = [*unexplained, *contradictions], "" if compared else "; fracid compare looks for one"
     orders_off = " and ".join(map(str, clear))
     if refuted:
         return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *refuted,
-                                   "What would decide it: a model that leaves noise alone; fracid compare looks for "
-                                   "one."))  # fmt: skip
+                                   f"What would decide it: a model that leaves noise alone{looks}."))  # fmt: skip
     if alternative is None:
         return Claim("undecided", (f"No integer-order model was held against {orders_off}.",))
     return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *support))

@@ -866,17 +866,17 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     if predicted := _as_good_as_integer(comparison):
         return replace(comparison, claim="integer", claim_reasons=(predicted,))
     doubts = [*_not_helped(comparison)]
-    first = claim_of(orders, None, fractional.left_over, doubts)
+    first = claim_of(orders, None, fractional.left_over, doubts, compared=True)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
         nearest = study.alternative(comparison, fractional)
         comparison = replace(comparison, alternative=nearest)
-        first = claim_of(orders, nearest, fractional.left_over)
+        first = claim_of(orders, nearest, fractional.left_over, compared=True)
         if first.claim == "fractional":
             if fractional.name not in comparison.amplitude:
                 tests = study.amplitude(comparison, [fractional.name])
                 comparison = replace(comparison, amplitude={**comparison.amplitude, **tests})
             drifts = [d.sentence for d in comparison.amplitude[fractional.name].drifts if d.drifts]
-            first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict])
+            first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict], compared=True)
     verdict = comparison.verdict
     if first.claim != "fractional" and verdict.startswith("Orders help"):
         verdict = (
