@@ -100,13 +100,19 @@ def _fit(material: Material) -> Line:
         return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
     poor = not percents or min(percents) < POOR
-    misfit = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "misfit"]
+    misfit = [_of_recording(f["where"]) for f in material.result.get("findings", ()) if f["code"] == "misfit"]
     hardly = "no" if not percents or min(percents) <= 0 else "hardly"
     doubt = f" For one of them that is {hardly} better than a constant." if poor and percents else ""
-    doubt += f" In {joined(misfit)} it leaves more than noise." if misfit else ""
+    doubt += f" The residual of {joined(misfit)} is more than noise." if misfit else ""
     follows = f"does not follow {what}: it is off by" if _no_fit(material.result) else f"follows {what} to"
     sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
     return Line("Fit", sentence, not poor and not misfit)
+
+
+def _of_recording(where: str) -> str:
+    """``θ of release 92°`` for ``release 92°: theta``."""
+    recording, _, output = where.rpartition(": ")
+    return f"{letter(output)} of {recording}"
 
 
 def _fits(percents: list[float]) -> str:
