@@ -31,6 +31,7 @@ Ctrl-C keeps the best so far: in the search it skips the seven, in one of them w
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -704,6 +705,28 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
+    alike: dict[tuple[str, str], list[str]] = {}
     for v in verdicts.values():
         if v.kind in SAID and not any(v.name in names for names in together):
-            yield f"{GREEK.get(v.name, v.name)} {SAID[v.kind]}{f': {v.reason}' if v.reason else ''}."
+            alike.setdefault((v.kind, v.reason), []).append(GREEK.get(v.name, v.name))
+    for (kind, reason), unknowns in alike.items():
+        because = f": {reason}" if reason else ""
+        if len(unknowns) == 1:
+            yield f"{unknowns[0]} {SAID[kind]}{because}."
+        else:
+            yield f"{', '.join(unknowns[:-1])} and {unknowns[-1]} {_of_several(SAID[kind] + because)}."
+
+
+def _of_several(said: str) -> str:
+    """``lie at their bound: 0; they are zero …`` for ``lies at its bound: 0; it is zero …``.
+
+    Examples
+    --------
+    >>> _of_several("lies at its bound: 0; it is zero within the resolution of the data: remove it")
+    'lie at their bound: 0; they are zero within the resolution of the data: remove them'
+    """
+    plural = {r"^is": "are", r"^lies": "lie", r"\bit is\b": "they are", r"\bits\b": "their",
+              r"\b(fix|remove|beyond|score) it\b": r"\1 them"}  # fmt: skip
+    for one, several in plural.items():
+        said = re.sub(one, several, said)
+    return said

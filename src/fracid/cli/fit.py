@@ -266,7 +266,8 @@ def _print_estimates(console: Console, fit: Fit) -> None:
     for verdict in dict.fromkeys(() if fits else verdicts.values()):
         if verdict and verdict not in common:
             names = ", ".join(n for n, text in verdicts.items() if text == verdict)
-            say(console, escape(f"{verdict}: {names}"), "  ", 2)
+            whose = "intervals " if verdict.startswith("given that") else ""
+            say(console, escape(f"{whose}{verdict}: {names}"), "  ", 2)
     for verdict in sorted(common):
         holding, others = ([n for n, e in estimates.items() if e.free and (verdicts[n] == verdict) is so]
                            for so in (True, False))  # fmt: skip
