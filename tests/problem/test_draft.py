@@ -357,3 +357,23 @@ def test_a_clock_in_another_unit_is_refused_until_somebody_says_it(tmp_path):
     assert 'unit = "ms"' in drafted.text
     believed = draft_project(tmp_path / "log.npz", folder=tmp_path, time={"column": "time", "unit": "s"})
     assert any(note.startswith("May be wrong: alpha: a swing takes") for note in believed.notes)
+
+
+def test_single_samples_that_are_missing_are_bridged_and_not_scored(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    alpha = 0.3 * np.exp(-np.maximum(t - 1, 0) / 3) * np.cos(6 * np.maximum(t - 1, 0))
+    alpha[[50, 300, 301]] = np.nan  # of the plateau, which is not fitted, and of the swing
+    np.savez(tmp_path / "log.npz", time=t, alpha=alpha)
+    draft = draft_project(tmp_path / "log.npz", folder=tmp_path)
+    assert "alpha misses 3 samples: the last value stands there, and is not scored (mask)." in draft.notes
+    (tmp_path / "rig.toml").write_text(draft.text)
+    [swing] = fracid.load_project(tmp_path / "rig.toml").problem.experiments
+    assert swing.start == pytest.approx(1.0, abs=0.02)
+    assert swing.start + swing.time[~swing.scored] == pytest.approx([3.0, 3.01])
+
+
+def test_a_draft_says_that_it_takes_the_arm_to_be_held(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    np.savez(tmp_path / "log.npz", time=t, alpha=0.3 * np.exp(-t / 3) * np.cos(6 * t))
+    [note] = [n for n in draft_project(tmp_path / "log.npz", folder=tmp_path).notes if "arm" in n]
+    assert note.endswith("If it moves, name its column: --column theta=COLUMN.")

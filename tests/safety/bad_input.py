@@ -402,7 +402,7 @@ SAMPLES = [
     Row("columns of NaN alone", "log.csv", text(columns=(T, T * np.nan, T * np.nan)),
         "log.csv holds no signal besides its time. Blank throughout: theta, alpha.", 3),
     Row("a missing sample", "log.csv", text(columns=with_column(2, 7, np.nan)),
-        "alpha misses 1 sample at 0.07 s. Cut them off with from and to", 3),
+        "alpha misses 1 sample at 0.07 s. fracid init bridges single samples. Cut them off with from and to", 3),
     Row("an infinite sample", "log.csv", text(columns=with_column(2, 7, np.inf)),
         "alpha: 1 sample is infinite or beyond 1e+100, and taken as missing.", 3),
     Row("samples of 10³⁰⁸", "log.npz", npz({"t": T, "alpha": with_column(2, slice(7, 9), 1e308)[2]}),

@@ -17,6 +17,7 @@ AGAINST = {
     "Prediction": {"recordings": {"a": RECORDING, "b": {"use": "validate", "fit_percent": {"alpha": 12.0}}}},
     "Checks": {"outcome": "budget spent"},
     "Each recording alone": {"spread": {"sentences": ["mu differs."]}},
+    "Data": {"recordings": {"a": RECORDING | {"initial_state": {"D^mu alpha": {"interval95": [0.1, 0.3]}}}}},
     "Where the record begins": {"cut": {"warnings": ["mu moves."]}},
 }
 

@@ -50,6 +50,9 @@ LONG_GAP = 0.05
 LISTED = 1000
 """Times of each kind that are written out."""
 
+SINGLE = 20
+"""Missing samples that may be single ones."""
+
 BY_INPUT = "an input moves it"
 """How the reason of a release ends that is none: nobody let go."""
 
@@ -331,9 +334,10 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
 
 def _missing_fault(s: SignalReport) -> str:
     where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
+    single = "fracid init bridges single samples. " if len(s.missing) <= SINGLE else ""
     return (
-        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off with "
-        'from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
+        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. {single}Cut them off "
+        'with from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
     )
 
 

@@ -161,8 +161,9 @@ def claim_of(
         return Claim("undecided", ("No order was free: they were given, not found.",))
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
-        return Claim("undecided", (_no_fit(missed), "What would decide it: a model that follows the recordings. Look "
-                                   "at their zeros, signs, units and clock, or type --multi-start 16."))  # fmt: skip
+        return Claim("undecided", (_no_fit(missed), "What would decide it: a model that follows the recordings. "
+                                   "Look at their columns, zeros, signs, units and clock, or type --multi-start "
+                                   "16."))  # fmt: skip
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.explained})
     if element is not None:

@@ -79,8 +79,18 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "Checks", "the step bends the orders"
     if (result.get("spread") or {}).get("sentences"):
         yield "Each recording alone", "the recordings disagree"
-    if (result.get("cut") or {}).get("warnings"):
-        yield "Where the record begins", "the orders move with where the record begins"
+    if result.get("cut") is not None:
+        if result["cut"]["warnings"]:
+            yield "Where the record begins", "the orders move with where the record begins"
+    elif moving := _in_motion(result):
+        yield "Data", f"{' and '.join(moving)} {'begins' if len(moving) == 1 else 'begin'} in motion"
+
+
+def _in_motion(result: Mapping[str, Any]) -> list[str]:
+    """The fitted recordings whose speed at the start is surely not zero: a memory has a past that nobody recorded."""
+    return [name for name, r in result["recordings"].items() if r["use"] == "fit" and any(
+        e["interval95"] and not e["interval95"][0] <= 0 <= e["interval95"][1]
+        for n, e in r.get("initial_state", {}).items() if n.startswith("D^"))]  # fmt: skip
 
 
 def _poor(percents: list[float | None]) -> bool:

@@ -38,6 +38,7 @@ from fracid.problem.unknowns import Value
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.bic import STRONG, schwarz
 from fracid.signals.correlation import effective_samples
+from fracid.units import GREEK
 
 __all__ = [
     "Alternative",
@@ -424,7 +425,7 @@ def warning_of(rival: Rival, cost: float, gain: float) -> str:
     """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
     if gain > STRONG and rival.nested and not rival.elements:
         return ""
-    orders, other = " and ".join(f"{n} = {v:.4g}" for n, v in rival.off.items()), rival.evaluation.cost
+    orders, other = " and ".join(f"{GREEK.get(n, n)} = {v:.4g}" for n, v in rival.off.items()), rival.evaluation.cost
     head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
     if not rival.nested:
         return (
