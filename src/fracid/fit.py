@@ -18,6 +18,7 @@ from fracid.findings import Finding
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.result import EstimateBlock, FitBlock
+from fracid.selection.doubts import claimed, doubts
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
 from fracid.units import GREEK, with_unit
@@ -96,7 +97,8 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
         p = self.problem
         scores = {n: (r.use, r.rmse, r.units) for n, r in self.recordings.items()}
         search = f"{self.optimiser}, {self.evaluations} evaluations, {self.outcome}"
-        return fit_card(f"Fit of {p.model.name}: {self.claim}", (self.orders, self.parameters), search,
+        claim = claimed(self.claim, doubts(self.to_json()))
+        return fit_card(f"Fit of {p.model.name}: {claim}", (self.orders, self.parameters), search,
                         (p.cost_function.name, self.cost), self.warnings, scores)  # fmt: skip
 
     def _named(self, x: FloatArray) -> dict[str, float]:

@@ -41,6 +41,7 @@ from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
 from fracid.safety.text import ascii_short
 from fracid.schemas.result import EstimateBlock, OpenedBoundBlock, ResultBlock, StartBlock
+from fracid.selection.doubts import claimed, doubts
 from fracid.selection.opened_bounds import OpenedBound, reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.unknown_past import CutCheck
@@ -130,7 +131,8 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
         orders = self.orders
         search = f"{result['optimiser']}, {result['evaluations']} evaluations, {result['outcome']}"
         title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
-        return fit_card(f"{title}: {result.get('claim') or 'undecided'}", (orders, self.parameters), search,
+        claim = claimed(result.get("claim") or "undecided", doubts(result))
+        return fit_card(f"{title}: {claim}", (orders, self.parameters), search,
                         (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores)  # fmt: skip
 
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:

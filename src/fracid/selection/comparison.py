@@ -76,6 +76,7 @@ from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.claim import LACKS, NO_RUN, OrderFound, claim_of
+from fracid.selection.doubts import claimed
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
 from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
@@ -240,7 +241,7 @@ class Comparison(CardDisplay):
                    block.units)  # fmt: skip
 
     def _card(self) -> Card:
-        return Card(f"Comparison of {len(self.rows)} structures: {self.claim}", (
+        return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (
             ("verdict", self.verdict),
             ("fractional", _row_text(self.best(fractional=True))),
             ("integer", _row_text(self.best(fractional=False))),
