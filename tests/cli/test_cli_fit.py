@@ -266,6 +266,9 @@ def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, projec
     assert "every run failed: release 20°: " in out
     assert "det M = 0" in out or "diverged" in out
     assert json.loads((tmp_path / "result.json").read_text())["cost"]["value"] is None
+    assert out.startswith("claim: undecided. The model does not fit: no run of it reached the end of a recording.")
+    assert "nan" not in out
+    assert "The model does not fit, so nothing is known of its orders" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.broad

@@ -40,7 +40,7 @@ from fracid.workflows.drawer import drawer, importing
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.estimation.records import Estimate
+    from fracid.estimation.records import Estimate, RecordingFit
     from fracid.fit import Fit
     from fracid.workflows.fit import FinishedRun
 
@@ -289,15 +289,19 @@ def _print_recordings(console: Console, fit: Fit) -> None:
         "recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"
     )
     for r in fit.recordings.values():
-        scores = [
-            text for n in outputs for text in (with_unit(r.rmse[n], r.unit(n), ".4g"), _percent(r.fit_percent[n]))
-        ]
-        table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}")))
+        scores = [text for n in outputs for text in (_rmse(r, n), _percent(r.fit_percent[n]))]
+        table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}" if isfinite(r.cost) else "none")))
     console.print(table)
+
+
+def _rmse(r: RecordingFit, output: str) -> str:
+    return with_unit(r.rmse[output], r.unit(output), ".4g") if isfinite(r.rmse[output]) else "none"
 
 
 def _percent(fit: float) -> str:
     """Two decimals say how near to 100 % it is, and nothing of a fit that is none."""
+    if not isfinite(fit):
+        return "none"
     return f"{fit:.2f} %" if fit > -100 else f"{fit:,.0f} %"
 
 

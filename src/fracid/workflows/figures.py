@@ -72,6 +72,7 @@ def _draw(
         drawn.append(drawer.asked(_draw_recording, stem, recording, output, resolution, folder))
     rest = saved(of_search(fit), folder)
     drawn.append(lambda: rest)
+    plane = None
     if analyses is not None:
         two = len(fit.problem.order_indices) >= 2
         if two:
@@ -81,9 +82,9 @@ def _draw(
         if plane is not None:
             drawn.append(drawer.asked(_draw_plane, plane, fit.x[list(fit.problem.order_indices[:2])], folder,
                                       fit.problem.cost_function.name))  # fmt: skip
-        observer.stage("page")
-        page = write_report(folder, fit, project, plane=plane, jobs=jobs, analyses=analyses())
-        drawn.append(lambda: (page,))
+    observer.stage("page")
+    page = write_report(folder, fit, project, plane=plane, jobs=jobs, analyses=None if analyses is None else analyses())
+    drawn.append(lambda: (page,))
     observer.stage("figures of the recordings")
     written = [paths() for paths in reversed(drawn)]  # the last are those that the process beside has not begun
     return tuple(chain.from_iterable(reversed(written)))
