@@ -249,7 +249,7 @@ def _counted(
 
 
 INTERRUPTED = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
-NOT_FITTED = Failure(FailureReason.NO_FIT, "the model does not fit, and they would be those of nothing")
+NOT_FITTED = Failure(FailureReason.NO_FIT, "the model does not fit")
 
 
 RESTARTS = 3
@@ -285,7 +285,7 @@ class _Findings:
     seen: list[Finding] = field(default_factory=list)
     interrupted: bool = False
     fits: bool = True
-    """Whether the model follows the recordings: of one that does not, intervals are those of nothing."""
+    """Whether the model follows the recordings: of one that does not, intervals mean nothing."""
     restarts: int = 0
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()

@@ -11,7 +11,7 @@ A tool for fractional orders is worth as much as its "no".  So **fractional** is
 
 **Integer** is said where the intervals of the orders hold their integers, or where an integer-order model does as well
 or better; **undecided** otherwise, with what would decide it.  Of a model that does not follow half of a motion nothing
-is said: its orders are those of nothing.
+is said: its orders mean nothing.
 """
 
 from __future__ import annotations
