@@ -32,5 +32,10 @@ def test_nothing_speaks_against_a_claim_that_is_in_order():
     assert claimed("integer", doubts(RESULT)) == "integer"
 
 
+def test_a_speed_that_may_be_zero_by_chance_is_no_motion():
+    nearly = {"a": RECORDING | {"initial_state": {"D^mu alpha": {"interval95": [0.01, 0.3]}}}}
+    assert doubts(RESULT | {"recordings": nearly}) == {}
+
+
 def test_an_order_that_no_recording_tells_is_named():
     assert doubts(RESULT | AGAINST["Orders"]) == {"Orders": "μ is not identifiable"}

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from fracid.selection.claim import LACKS
 from fracid.units import GREEK
 
@@ -16,6 +18,10 @@ __all__ = ["claimed", "doubts", "unsaid"]
 
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
+
+
+SURELY = 2.0
+"""Half-widths of its interval that a speed is from zero: one of many misses it by chance."""
 
 
 def doubts(result: Mapping[str, Any]) -> dict[str, str]:
@@ -89,8 +95,8 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _in_motion(result: Mapping[str, Any]) -> list[str]:
     """The fitted recordings whose speed at the start is surely not zero: a memory has a past that nobody recorded."""
     return [name for name, r in result["recordings"].items() if r["use"] == "fit" and any(
-        e["interval95"] and not e["interval95"][0] <= 0 <= e["interval95"][1]
-        for n, e in r.get("initial_state", {}).items() if n.startswith("D^"))]  # fmt: skip
+        n.startswith("D^") and e["interval95"] and abs(sum(e["interval95"])) > SURELY * float(np.ptp(e["interval95"]))
+        for n, e in r.get("initial_state", {}).items())]  # fmt: skip
 
 
 def _poor(percents: list[float | None]) -> bool:
