@@ -61,10 +61,14 @@ def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from
         return Result(problem.evaluate(np.array([0.8, 0.9])), Outcome.CONVERGED, 1), ()
 
     monkeypatch.setattr(identification, "search", stuck)
-    fit = identify(problem(swing))
+    heard = []
+    fit = identify(problem(swing), observer=fracid.Observer(recordings=heard.append))
     assert fit.cost == pytest.approx(1e-3, rel=0.1)
     assert fit.cost < 0.1 * problem(swing).cost(np.array([0.8, 0.9]))
     assert (fit.claim, fit.alternative) == ("integer", None)  # all is said of where it ended
+    first, last = (recordings["swing"] for recordings in heard)
+    assert first.cost > 10 * fit.cost
+    assert (last.cost, last.rmse) == (fit.recordings["swing"].cost, fit.recordings["swing"].rmse)
 
 
 def test_orders_and_constants_are_found_together():
@@ -234,7 +238,11 @@ def test_a_validation_recording_gets_its_own_start_and_nothing_else():
     fitted, other = twin(noise=1e-3), twin("other", alpha=0.25, noise=1e-3, seed=2, orders=(0.8, 0.8, 0.9, 0.9))
     other = replace(other, initial={})
     p = problem(fitted)
-    alone, both = identify(p), identify(p, validation=(other,))
+    heard = []
+    alone = identify(p)
+    both = identify(p, validation=(other,), observer=fracid.Observer(recordings=heard.append))
+    assert [list(recordings) for recordings in heard] == [["swing"], ["swing", "other"]]
+    assert np.array_equal(heard[1]["other"].fitted["theta"], both.recordings["other"].fitted["theta"])
     assert np.array_equal(alone.x, both.x)
     assert both.cost == alone.cost
     seen = both.recordings["other"]

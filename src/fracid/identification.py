@@ -218,7 +218,7 @@ def identify(
             analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
             analysis.seen += failed(work, result.best.point)
         else:
-            _examine(analysis, validation, whole if cut else None, jobs, clock)
+            _examine(analysis, validation, whole if cut else None, jobs, clock, watching)
         analysis.problem.last_derivatives.clear()  # some hundred megabytes
         if analysis.interrupted:
             watching.interrupted()
@@ -344,6 +344,14 @@ class _Findings:
         self.restarts += 1
         self.seen, self.warnings, self.validated = [*self.first], [], {}
 
+    def show(self, observer: Observer) -> None:
+        """The recordings beside their simulations, to who would draw them while the rest is examined."""
+        if observer.recordings is not None:
+            problem, x = self.at_every_sample(self.problem), self.result.best.point
+            estimates = _estimates(problem, x, self.known, self.verdicts)
+            fitted = {e.name: _recording(problem, x, estimates, e, "fit") for e in problem.experiments}
+            observer.recordings(fitted | self.validated)
+
     def with_quiet_step(self, jobs: int) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
@@ -362,6 +370,7 @@ def _examine(
     whole: Mapping[str, Experiment] | None,
     jobs: int,
     clock: _Clock,
+    observer: Observer,
 ) -> None:
     """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
     unpolished = analysis.optimiser.keeps_its_own
@@ -374,6 +383,7 @@ def _examine(
         analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
         clock.begin("check of the step", "discretisation")
         analysis.with_quiet_step(jobs)
+        analysis.show(observer)
         problem, x = analysis.problem, analysis.result.best.point
         clock.begin("identifiability", "uncertainty")
         analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
@@ -383,11 +393,13 @@ def _examine(
         ]  # whose polishing says more, below
         if analysis.restarts < RESTARTS and (lower := _onward(analysis, jobs)) is not None:
             analysis.restart(lower)
-            return _examine(analysis, validation, whole, jobs, clock)
+            return _examine(analysis, validation, whole, jobs, clock, observer)
         clock.begin("validation", "validation")
         for e in validation:
             analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, jobs)
             analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+        if validation:
+            analysis.show(observer)
         if analysis.check is not None:
             analysis.warnings.append(analysis.check.warning)
             analysis.seen += coarse_step(problem, analysis.check)
@@ -405,7 +417,7 @@ def _examine(
         if (lower := _from_nested(analysis, jobs)) is not None:
             if analysis.restarts < RESTARTS:
                 analysis.restart(lower)
-                return _examine(analysis, validation, whole, jobs, clock)
+                return _examine(analysis, validation, whole, jobs, clock, observer)
             # converged is only what nothing nested in it beats
             analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
         clock.end()

@@ -1,6 +1,5 @@
 """``fracid fit`` and ``fracid demo``: tables, JSON, figures, exit codes, and never a traceback."""
 
-import concurrent.futures
 import json
 import os
 import signal
@@ -503,7 +502,7 @@ class DeadProcess:
         self.before = before
 
     def submit(self, work, *_):
-        if self.before and work is figures._draw_recordings:
+        if self.before and work is figures._draw_recording:
             raise BrokenExecutor
         ended = Future()
         ended.set_exception(BrokenExecutor())
@@ -516,7 +515,7 @@ class DeadProcess:
 @pytest.mark.broad
 @pytest.mark.parametrize("before", [False, True])
 def test_where_the_process_beside_dies_this_one_draws(capsys, project, tmp_path, monkeypatch, before):
-    monkeypatch.setattr(concurrent.futures, "ProcessPoolExecutor", lambda *_: DeadProcess(before))
+    monkeypatch.setattr("fracid.tasks.local.fresh_processes", lambda *_: DeadProcess(before))
     code, _, err = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run", "--jobs", 2)
     assert code == 0, err
     assert (tmp_path / "run" / "figures" / "figure2-release-20.svg").exists()

@@ -2,17 +2,21 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
+from concurrent.futures import Future
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import fracid
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
 from fracid.validation.residual_analyses import analysed
-from fracid.workflows.drawer import drawer
-from fracid.workflows.figures import _draw_recording
+from fracid.workflows.drawer import Drawer, drawer
+from fracid.workflows.figures import Drawing, _draw_recording
 
 
 def its_process(_, seconds=0.0):
@@ -57,3 +61,62 @@ def test_what_leads_the_process_beside_has_ended_before_the_program_may():
         manager = beside.pool._executor_manager_thread
         assert manager.is_alive()
     assert not manager.is_alive(), "an exit meanwhile would print a traceback: Bad file descriptor"
+
+
+class Pool:
+    """Does at once what it is given, or never."""
+
+    def __init__(self, idle=False):
+        self.idle, self.given = idle, []
+
+    def submit(self, work, *what):
+        self.given.append((work.__name__, what))
+        future = Future()
+        if not self.idle:
+            future.set_result(work(*what))
+        return future
+
+
+def test_what_is_asked_for_first_goes_before_what_waits():
+    pool = Pool(idle=True)
+    beside = Drawer(pool)
+    beside.asked(its_process, 0)  # is with the process
+    waiting = [beside.asked(str, n) for n in (1, 2)] + [beside.asked(str, 3, first=True)]
+    assert [piece.what for piece in beside._waiting] == [(3,), (1,), (2,)]
+    waiting[0].drop()
+    assert [piece.what for piece in beside._waiting] == [(3,), (2,)]
+    assert (waiting[1](), waiting[2]()) == ("2", "3")
+    assert [what for _, what in pool.given] == [(0,)]
+
+
+def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a_lower_one_is_found(tmp_path):
+    time = np.arange(0, 1, 0.01)
+    swing = np.cos(6 * time)
+    recording = RecordingFit("swing", "fit", time, {"alpha": swing}, {"alpha": 0.9 * swing}, 0.1, {}, {})
+    pool = Pool()
+    project = type("Loaded", (), {"resolutions": {"swing": {}}})
+    drawing = Drawing(project, tmp_path, 1, None, Drawer(pool), None)
+    names = ["analysed", "_draw_recording", "_draw_recording"]
+    drawing.begin({"swing": recording})
+    assert [name for name, _ in pool.given] == names
+    figures = {p.name for p in (tmp_path / "figures").glob("*.svg")}
+    assert figures == {"figure2-swing.svg", "figure3-swing-alpha.svg"}
+    examined = replace(recording, parameters={"b": None})
+    assert drawing._of_recordings({"swing": examined})[0].residuals()["swing"]["alpha"].analysis.samples == 100
+    assert [name for name, _ in pool.given] == names
+    drawing._of_recordings({"swing": replace(recording, fitted={"alpha": swing}, cost=0.0)})
+    assert [name for name, _ in pool.given] == 2 * names
+
+
+SCRIPT = """
+from fracid.workflows.drawer import drawer
+print("begins")
+with drawer(2) as beside:
+    print(beside.asked(len, "alpha")())
+"""
+
+
+def test_a_script_without_a_guard_begins_once(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT)
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("begins\n5\n", "")

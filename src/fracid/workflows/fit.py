@@ -45,10 +45,11 @@ from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.compilation import compiling_beside
 from fracid.workflows.drawer import Drawer, drawer
-from fracid.workflows.figures import drawing
+from fracid.workflows.figures import Drawing, drawing
 from fracid.workflows.records import command_of
 
 if TYPE_CHECKING:
+    from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
 
 __all__ = ["FinishedRun", "loaded", "run"]
@@ -202,7 +203,8 @@ def run(
         drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
         drawing(project, folder, jobs, watching, beside) if figures else nullcontext(_undrawn) as draw,
     ):
-        fit = _identified(project, opened, jobs, watching, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
+        heard = _drawn_too(watching, draw) if isinstance(draw, Drawing) else watching
+        fit = _identified(project, opened, jobs, heard, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip
         searching = False
         laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
@@ -281,6 +283,17 @@ def _nothing_left(folder: Path, nothing: Callable[[], bool]) -> Iterator[None]:
         if nothing():
             discard(folder)
         raise
+
+
+def _drawn_too(observer: Observer, drawing: Drawing) -> Observer:
+    """An observer whose recordings are drawn as they come."""
+
+    def recordings(found: Mapping[str, RecordingFit]) -> None:
+        drawing.begin(found)
+        if observer.recordings is not None:
+            observer.recordings(found)
+
+    return replace(observer, recordings=recordings)
 
 
 def _undrawn(_fit: Fit) -> tuple[Path, ...]:
