@@ -306,6 +306,12 @@ def test_runs_that_nearly_diverge_do_not_take_the_colours_from_the_valley():
 
 
 @pytest.mark.broad
+def test_a_level_that_lies_on_the_plane_only_where_runs_diverge_has_no_line():
+    costs = np.array([[1.0, 1.1, 1.2], [np.inf] * 3, [np.inf] * 3, [20.0, 21.0, 22.0]])
+    figure = cost_plane(np.linspace(0.8, 1.1, 4), np.linspace(0.8, 1.0, 3), costs)
+    assert "×10" in words(figure)
+
+
 def test_diverging_runs_are_hatched_and_named():
     costs = np.where(MU > 1.0, np.inf, VALLEY)
     costs[0, 0] = np.nan

@@ -23,6 +23,7 @@ from fracid.estimation.starts import Start
 from fracid.experiments.sheet import expected_curves
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
+from fracid.plots import writing
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
@@ -204,6 +205,27 @@ QUICK = {"fitted_over_time", "cost_plane", "ladder", "waterfall", "rig_drawing",
 )  # fmt: skip
 def test_no_text_leaves_the_sheet_or_lies_on_another(name, style):
     assert not [*faults_of_lettering(drawn(name, style))]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n == "cost_plane" else pytest.mark.broad) for n in FIGURES]
+)
+def test_what_a_png_has_drawn_stays_where_it_is_in_the_next_file(name):
+    figure = FIGURES[name](style="screen")
+    with writing._fixed_settings():
+        writing._lay_out(figure)
+        writing._rendered(figure, "png")
+        before = places(figure)
+        writing._hold_labels(figure)
+        figure.draw_without_rendering()
+        assert np.allclose(places(figure), before, atol=0.5)  # [pixels]
+        assert not [*faults_of_lettering(figure)]
+
+
+def places(figure):
+    """Corners of every text that is not a tick's."""
+    texts = [part for part in parts(figure) if isinstance(part, Text) and part.get_text() and part.get_visible()]
+    return [text.get_window_extent().extents for text in texts]
 
 
 @pytest.mark.few(1)

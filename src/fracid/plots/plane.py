@@ -191,7 +191,7 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
         lines = axes.contour(*plane, levels=list(some), colors=appearance.INK, linewidths=0.7, linestyles="solid")
         across = np.array([np.ptp(plane[0]), np.ptp(plane[1])])
         roomy = [level for level, path in zip(lines.levels, lines.get_paths(), strict=True)
-                 if (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
+                 if np.size(path.vertices) and (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
         axes.clabel(lines, roomy, fmt=some, fontsize=7, zorder=3.5)
         axes.plot([], [], color=appearance.INK, lw=0.7, label=legend)
 

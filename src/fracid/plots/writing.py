@@ -82,34 +82,40 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
         raise InputError(f"{stem!r} is no name for a file; expected one without a folder and an ending: 'figure2'.")
     with _fixed_settings():
         _lay_out(figure)
-        contents = {Path(folder) / f"{stem}.{ending}": _rendered(figure, ending) for ending in formats}
+        contents = {}
+        for ending in sorted(formats, key=lambda ending: ending != "png"):
+            contents[ending] = _rendered(figure, ending)
+            if ending == "png":
+                _hold_labels(figure)
     for axes in figure.axes:
         figure.delaxes(axes)  # clear() would make each anew first, a tenth of the whole time
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
-        for path, content in contents.items():
-            write_whole(path, content)
+        paths = tuple(Path(folder) / f"{stem}.{ending}" for ending in formats)
+        for ending, path in zip(formats, paths, strict=True):
+            write_whole(path, contents[ending])
     except OSError as error:
         raise unwritable(str(folder), error, "Give another folder.") from None
-    return tuple(contents)
+    return paths
 
 
 def _lay_out(figure: Figure) -> None:
     """Lay a figure out once for all formats; as long as it has its engine, each file takes a second, idle drawing.
 
-    It is laid out with the PNG's pixels, which then need not be made ready again.  A label that looks for its place
-    measures the ticks of all panels that it is aligned with, and a title those of its own, at each drawing: what found
-    its place stays there, for a sixth of the time.
+    It is laid out with the PNG's pixels, which then need not be made ready again.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
     figure.set_dpi(appearance.style_of(figure).dpi)
     engine = figure.get_layout_engine()
-    if engine is None:
-        return
-    engine.execute(figure)
-    figure.set_layout_engine(None)
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
+def _hold_labels(figure: Figure) -> None:
+    """Leave labels and titles where they were drawn: to look for its place again, each would measure all ticks."""
     on_figure = figure.transFigure
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
