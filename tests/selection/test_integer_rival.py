@@ -99,7 +99,7 @@ def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_
     rival = integer_alternative(problem, problem.evaluate(off), {})
     assert rival.structure == "every order 1"
     assert rival.parameters == {}
-    assert "With every order 1 the same model explains the recordings as well" in rival.warning
+    assert "With every order 1 the same model explains the recordings better" in rival.warning
 
 
 @pytest.mark.broad

@@ -275,6 +275,17 @@ def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
     assert codes(before(several(GOOD, OTHER))) == []
 
 
+def test_a_sign_is_found_from_a_start_that_lacks_most_of_the_friction_and_is_no_delay():
+    damped = RIG.with_parameters(b_theta=0.05, coulomb_theta=0.02, b_alpha=1e-3)
+    start = {"b_theta": Free(0.0024, 0.0, 0.2), "coulomb_theta": Free(0.002, 0.0, 0.2), "b_alpha": Free(3e-4, 0.0, 0.2)}
+    y = release(1.0, model=damped, step=2e-3, end=6.0)
+    turned_round = problem(turned(y, 1), step=2e-3, parameters=FREE | start)
+    assert codes(before(problem(y, step=2e-3, parameters=FREE | start))) == []
+    assert codes(before(turned_round)) == ["wrong-sign"]
+    fit = fracid.identify(turned_round)
+    assert "late" not in codes(fit.findings)
+
+
 def test_of_many_recordings_those_that_move_most_are_asked_for_their_signs():
     small = [release(0.2 + 0.03 * k, seed=k) for k in range(8)]
     assert codes(before(several(*small, turned(OTHER, 0)))) == ["wrong-sign"]

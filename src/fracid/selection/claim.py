@@ -49,6 +49,14 @@ NO_FIT = "The model does not fit"
 LACKS = "the model lacks something"
 """Said of residuals that are no noise."""
 
+COMPARE = "; fracid compare looks for one"
+
+LONGER = "What would decide it: longer recordings, or larger swings."
+"""Said where the model leaves nothing but noise, and the orders are not known."""
+
+NO_RECORDING = "No recording of this kind would decide it."
+"""Said of orders that are off their integers by less than a bearing may do, beside noise."""
+
 NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid compare --rung all looks for it."
 """Said of integer orders beside a misfit."""
 
@@ -174,12 +182,15 @@ def claim_of(
     if alternative is not None and any(t.as_well for t in alternative.trials):
         return Claim("integer", (alternative.warning, *open_question))
     if not off:
-        claim = _not_off(orders)
-        return replace(claim, reasons=(*claim.reasons, *open_question))
+        claim, decides = _not_off(orders), LONGER
+        if unexplained:
+            decides = f"What would decide it: a model that leaves noise alone{'' if compared else COMPARE}."
+        remedy = [decides] if claim.claim == "undecided" and any(order.integers for order in orders) else []
+        return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
-        return Claim("undecided", (_too_little(off),))
-    refuted, looks = [*unexplained, *contradictions], "" if compared else "; fracid compare looks for one"
+        return Claim("undecided", (_too_little(off), *(open_question or [NO_RECORDING])))
+    refuted, looks = [*unexplained, *contradictions], "" if compared else COMPARE
     orders_off = " and ".join(map(str, clear))
     if refuted:
         return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *refuted,
@@ -198,8 +209,7 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     unknown += [f"The model gives {order} no integer value (integer_orders), so nothing of integer order is held "
                 "against it." for order in without]  # fmt: skip
     if not determined:
-        longer = ["What would decide it: longer recordings, or larger swings."] * bool(others)
-        return Claim("undecided", (*unknown, *longer))
+        return Claim("undecided", tuple(unknown))
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
     beside = [order for order in determined if order not in inside]
     next_to = [f"{order} is {order.nearest:g} to {OFF:g}." for order in beside]
@@ -218,7 +228,7 @@ def _too_little(off: Sequence[OrderFound]) -> str:
     return (
         f"{' and '.join(map(str, off))}: off {most.nearest:g}, but the difference acts like a damping ratio of at most "
         f"{damping(abs(most.value - most.nearest)):.2g}, and less than {FLOOR:g} beyond the interval "
-        "may be a clock, a cable or a bearing. No recording of this kind would decide it."
+        "may be a clock, a cable or a bearing."
     )
 
 

@@ -425,25 +425,28 @@ def warning_of(rival: Rival, cost: float, gain: float) -> str:
     """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
     if gain > STRONG and rival.nested and not rival.elements:
         return ""
-    orders, other = " and ".join(f"{GREEK.get(n, n)} = {v:.4g}" for n, v in rival.off.items()), rival.evaluation.cost
+    orders = " and ".join(f"{GREEK.get(n, n)} = {v:.4g}" for n, v in rival.off.items())
     head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
+    explains = _beside(rival.evaluation.cost, cost, gain)
     if not rival.nested:
-        return (
-            f"{head} A model of integer order, {rival.integers}, explains the recordings "
-            f"{'better' if gain <= 0 else 'as well'}: it costs {other:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in "
-            "its favour)."
-        )
+        return f"{head} A model of integer order, {rival.integers}, {explains}."
     if not parameters and not rival.elements:
-        return (
-            f"{head} With {rival.integers} the same model explains the recordings "
-            f"as well: it costs {other:.6g}, this one {cost:.6g} (BIC {-gain:+.3g} in its favour)."
-        )
-    conclusion = "explains the recordings better" if gain <= 0 else "explains the recordings as well"
+        return f"{head} With {rival.integers} the same model {explains}."
     what = " and ".join(rival.elements) if rival.elements else "friction free"
     with_what = f" ({', '.join(f'{n} = {v:.3g}' for n, v in parameters.items())})" if parameters else ""
     lacking = "what the model lacks" if rival.elements else "friction that the model lacks or fixes"
     free = f"; free {', '.join(parameters)}" if parameters else ""
-    return (
-        f"{head} The integer-order model with {what}{with_what} {conclusion}: it costs {other:.6g}, "
-        f"this one {cost:.6g} (BIC {-gain:+.3g} in its favour). The orders stand in for {lacking}{free}."
-    )
+    return f"{head} The integer-order model with {what}{with_what} {explains}. The orders stand in for {lacking}{free}."
+
+
+def _beside(other: float, cost: float, gain: float) -> str:
+    """How an integer-order model explains the recordings beside one that costs `cost`.
+
+    Examples
+    --------
+    >>> _beside(0.0697, 0.0695, -4.68)
+    'explains the recordings as well: it costs 0.0697, this one 0.0695, and has a BIC that is 4.68 lower'
+    """
+    how = "better" if other < cost and gain <= 0 else "as well" if gain <= 0 else "nearly as well"
+    bic = f"{abs(gain):.3g} {'lower' if gain <= 0 else 'higher'}"
+    return f"explains the recordings {how}: it costs {other:.6g}, this one {cost:.6g}, and has a BIC that is {bic}"

@@ -201,7 +201,7 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
     seconds = (len(y) - begins) * longest.step
     for i in problem.order_indices:
         half, reach = NORMAL_95 * float(uncertainty.standard_error[i]), problem.unknowns[i].range
-        if not WANTED < half <= reach.upper - reach.lower:  # known well enough, or not seen at all
+        if not 1.2 * WANTED < half <= reach.upper - reach.lower:  # known well enough or nearly, or not seen at all
             continue
         enough = max(seconds * (half / WANTED) ** (2 / 3), min(FEW_SWINGS * period, 2 * len(y)) * longest.step)
         yield Finding("short-window", problem.names[i], swings, FEW_SWINGS, "swings",

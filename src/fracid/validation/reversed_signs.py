@@ -36,6 +36,9 @@ SIGNS = 8
 BAD = 0.35
 """Part of the motion that two fitted swings leave over, beyond which other signs are tried."""
 
+ROUNDS = 3
+"""Of a few steps each, until that is reached: a drafted start may lack ten times its friction."""
+
 BETTER = 0.5
 """A sign that leaves less than this part of what the given one does is named."""
 
@@ -147,13 +150,16 @@ def _turned(problem: Problem, output: str) -> Problem:
 
 def _left_over(problem: Problem, jobs: int) -> float:
     """The part of the motion that a short search leaves over; the start's where that is little already."""
-    x = problem.start
-    if problem.names and not _part(problem, x) < BAD:
-        result = minimise(problem.evaluate, least_squares(problem.space, None, tolerance=1e-2, budget=6), jobs=jobs)
+    x, part = problem.start, _part(problem, problem.start)
+    for _ in range(ROUNDS if problem.names else 0):
+        if part < BAD:
+            break
+        search = least_squares(replace(problem.space, start=x), None, tolerance=1e-3, budget=6)
+        result = minimise(problem.evaluate, search, jobs=jobs)
         if result.interrupted:
             raise KeyboardInterrupt
-        x = result.best.point
-    return _part(problem, x)
+        x, part = result.best.point, _part(problem, result.best.point)
+    return part
 
 
 def _part(problem: Problem, x: FloatArray) -> float:

@@ -55,6 +55,7 @@ from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
+from fracid.signals.swing import swing_period
 from fracid.units import with_unit
 
 __all__ = ["Misreading", "misread", "misreadings"]
@@ -191,6 +192,7 @@ def misreadings(
     lattice = {o: max(resolution(e.measured[:, k]) or 1e-300 for e in problem.experiments)
                for k, o in enumerate(problem.outputs)}  # fmt: skip
     orders = [k for k, i in enumerate(free) if i in problem.order_indices]
+    quarter = min(e.step * swing_period(y) for e in problem.experiments for y in e.measured.T) / 4
     faults = []
     for (code, signal), form in forms:
         z = weight[:, 0] * _stacked(form)
@@ -204,6 +206,8 @@ def misreadings(
         ends = x[free[orders]] + change[orders]
         if np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]])):
             continue  # further than an order can be: no linear step goes there
+        if code == "late" and abs(size) > quarter:
+            continue
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
         faults.append(Misreading(
             code, signal, size, abs(size) * power / _scatter(residual * own, len(problem.outputs)),
