@@ -193,7 +193,7 @@ def simulate(
     model : Model
         For example ``fracid.rotary_pendulum()``.
     orders : mapping or array_like, optional
-        By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state; the integer-order model if left out.
+        By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state.  An order that is left out is the model's integer.
     initial : mapping or array_like
         States at the start by name (those left out are 0), ``{"alpha": 0.17}``, or as in :func:`solve_fde`.
     parameters : mapping, optional
@@ -215,13 +215,16 @@ def simulate(
     >>> run = simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.17}, step=1e-3, end=2.0)
     >>> run.states.shape
     (2001, 4)
+    >>> other = simulate(rig, orders={"mu": 1.0}, initial={"alpha": 0.17}, step=1e-3, end=2.0)
+    >>> bool((other.states == run.states).all())
+    True
     """
     if not hasattr(model, "parameter_vector"):
         raise InputError(f"model = {model!r}: expected a model, for example fracid.rotary_pendulum('srv02-rotpen').")
     model = model.with_parameters(**(parameters or {}))
     values = model.parameter_vector()
-    if orders is None:
-        orders = _integer_orders(model)
+    if orders is None or isinstance(orders, Mapping):
+        orders = _with_integer_orders(model, orders or {})
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
     arguments = Arguments(
@@ -234,13 +237,14 @@ def simulate(
     return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
 
 
-def _integer_orders(model: Model) -> dict[str, float]:
-    """Every order at its integer value."""
-    orders = {n: model.solved_at(n) for n in model.order_names}
-    if without := [n for n, q in orders.items() if q is None]:
+def _with_integer_orders(model: Model, given: Mapping[str, float]) -> dict[str, float]:
+    """Those given, and every other order at its integer value."""
+    named = {name.rstrip("_") for name in given}
+    others = {n: model.solved_at(n) for n in model.order_names if n not in named}
+    if without := [n for n, q in others.items() if q is None]:
         raise InputError(f"orders are missing: the model gives {' and '.join(without)} no integer value. Type "
-                         f"orders={{{', '.join(f'{n!r}: 0.5' for n in orders)}}}.")  # fmt: skip
-    return {n: q for n, q in orders.items() if q is not None}
+                         f"orders={{{', '.join(f'{n!r}: 0.5' for n in without)}}}.")  # fmt: skip
+    return {n: q for n, q in others.items() if q is not None} | dict(given)
 
 
 def time_scale(model: Model, values: FloatArray) -> float:
