@@ -178,7 +178,7 @@ def _prepare() -> None:
 
     follow_parent()
     with suppress(AttributeError, OSError):  # the search first
-        os.nice(5)
+        os.nice(10)
     ignore_settings(Path())
     with importing():
         import matplotlib.backends.backend_agg
