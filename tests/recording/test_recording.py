@@ -583,6 +583,16 @@ def test_a_signal_of_floating_point_has_no_resolution():
     assert resolution(np.zeros(10)) is None
 
 
+def test_gaps_and_blank_cells_add_nothing_to_the_noise():
+    time = np.arange(2000) / 250
+    swing = np.cos(6 * time) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    kept = (time < 2.4) | (time > 2.64)
+    blank = np.where(np.arange(time.size) % 50 == 7, np.nan, swing)
+    whole = Recording.of("whole", time, {"alpha": swing}).report.signals[0].noise
+    for one in (Recording.of("gap", time[kept], {"alpha": swing[kept]}), Recording.of("blank", time, {"alpha": blank})):
+        assert one.report.signals[0].noise == pytest.approx(whole, rel=0.05)
+
+
 def test_the_noise_is_measured_beside_a_swing():
     t = np.arange(5000) / 500
     noisy = np.cos(6 * t) + np.random.default_rng(3).normal(scale=1e-3, size=t.size)

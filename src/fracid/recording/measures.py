@@ -171,11 +171,24 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
         missing=tuple(map(float, time[~mask])),
         resolution=q,
         counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
-        noise=white_noise(x),
+        noise=_noise(time, signal),
         rest=rest,
         at_rest=at_rest,
         rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
     )
+
+
+def _noise(time: FloatArray, signal: FloatArray) -> float:
+    """:func:`white_noise` of the stretches without gaps and blanks: over a gap a motion leaves a third difference."""
+    dt = np.diff(time)
+    if not np.any(dt > 0):
+        return white_noise(signal[np.isfinite(signal)])
+    even = dt <= GAP * np.median(dt[dt > 0])
+    rough = np.diff(signal, 3)[even[:-2] & even[1:-1] & even[2:]] if signal.size > 3 else signal[:0]
+    rough = rough[np.isfinite(rough)]
+    if 2 * rough.size < signal.size:  # uneven throughout: no stretch says more than the whole
+        return white_noise(signal[np.isfinite(signal)])
+    return float(np.sqrt(np.mean(rough**2) / 20))
 
 
 def _counts_per_turn(q: float) -> int:
