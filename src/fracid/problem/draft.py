@@ -50,6 +50,7 @@ from fracid.errors import InputError
 from fracid.models import RIGS, rotary_pendulum
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
+from fracid.recording.dropout import Dropout, dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, unit_of_time, wraps
 from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units
 from fracid.recording.measures import GAP
@@ -80,6 +81,9 @@ MANY_TIMES, MANY_SAMPLES = 4, 100_000
 HELD = ("No column is the arm's angle: the project has it held still. If it moves, name its column: "
         "--column theta=COLUMN.")  # fmt: skip
 """What a draft assumes where the file has one angle."""
+
+BROKEN = "the clock jumps, an angle drops out, or samples are missing"
+"""Why a draft leaves a part of a recording out."""
 
 IN_A_ROW, MOST_RUNS = 3, 20
 """Missing samples of an angle in a row, and such rows, that a project bridges and masks."""
@@ -332,9 +336,9 @@ def _window(recording: Recording) -> _Window | None:
     """The part with most swings between what is missing, long gaps and jumps of the clock; None where it is all."""
     t, alpha = recording.time, recording.signals["alpha"]
     whole = np.ones(t.size, dtype=bool)  # held signals have no blanks
-    sampled = np.all(
-        [whole, *(np.isfinite(x) for n, x in recording.signals.items() if n not in recording.held)], axis=0
-    )
+    gone = dropouts(t, recording.signals, recording.units)
+    sound = without_dropouts(recording.signals, gone)
+    sampled = np.all([whole, *(np.isfinite(x) for n, x in sound.items() if n not in recording.held)], axis=0)
     broken = _breaks(recording) | ~sampled[1:] | ~sampled[:-1]
     if not broken.any() or t.size < FEWEST:
         return None
@@ -353,8 +357,14 @@ def _window(recording: Recording) -> _Window | None:
     return _Window(
         None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
         None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
-        f"From {low:.4g} to {high:.4g} s no sample is missing and the clock is even: that part is fitted.",
+        f"From {low:.4g} to {high:.4g} s {_whole(gone)}: that part is fitted.",
     )
+
+
+def _whole(gone: tuple[Dropout, ...]) -> str:
+    """What a part that is fitted has, and the rest has not."""
+    names = " and ".join(dict.fromkeys(d.signal for d in gone))
+    return f"{names} does not drop out" if gone else "no sample is missing and the clock is even"
 
 
 def _breaks(recording: Recording) -> NDArray[np.bool_]:
@@ -583,9 +593,7 @@ class _Page:
             moment = f"release_time = {{ start = 0.0, lower = -{reach:.3g}, upper = {reach:.3g} }}"
             lines.append(f"{moment:<70}# [s] of the release after that sample; it lies between two")
         if self.window and self.window.stop is not None:
-            lines.append(
-                f"to = {self.window.stop:.15g}".ljust(40) + "# after it the clock jumps, or samples are missing"
-            )
+            lines.append(f"to = {self.window.stop:.15g}".ljust(40) + f"# after it {BROKEN}")
         else:
             lines.append(f"# to = {self.recording.time[-1]:.4g}")
         lines += self._mask()
@@ -644,7 +652,7 @@ class _Page:
         if top and not self.driven:
             return self._at_release()
         if self.window and self.window.start is not None:
-            return f"from = {self.window.start:.15g}".ljust(40) + "# before it the clock jumps, or samples are missing"
+            return f"from = {self.window.start:.15g}".ljust(40) + f"# before it {BROKEN}"
         return f"# from = 1.0                            # no release was found: {r.report.release_reason}"
 
     def _at_release(self) -> str:

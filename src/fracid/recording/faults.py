@@ -59,6 +59,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
 from fracid.recording.clock import SECONDS
+from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
 from fracid.recording.measures import FAMILIAR_COUNTS, GAP, is_pendulum
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import quickening, swing_count, swing_period
@@ -170,7 +171,9 @@ def signal_faults(
     >>> [f.code for f in measure(t, {"alpha": degrees}, {"alpha": "rad"}).findings]
     ['degrees-as-radians']
     """
-    findings: list[Finding] = []
+    gone = dropouts(time, signals, {s.name: s.unit for s in reports})
+    findings = [dropout_finding(d, time) for d in gone]
+    signals = without_dropouts(signals, gone)
     angles = sum(s.unit == "rad" for s in reports)
     for s in reports:
         x = signals[s.name]

@@ -37,6 +37,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
+from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.text import shortened
@@ -235,20 +236,25 @@ def measure(
     'good: 1001 samples, 10.00 s at 100 Hz, released at 4.000 s, ends in motion'
     """
     clock = measure_clock(time)
-    if clock.duplicated or clock.backward or clock.samples < 2:
+    disorder = bool(clock.duplicated or clock.backward)
+    uneven = uneven and not clock.uniform
+    sound = signals if uneven or disorder else without_dropouts(signals, dropouts(time, signals, units))
+    if disorder or clock.samples < 2:
         release, reason = None, "time does not increase"
     else:
-        release, reason = release_time(time, _swinging(signals, units))
+        release, reason = release_time(time, _swinging(sound, units))
         if release is not None and _driven(time, signals, units, release):
             reason += f", then {BY_INPUT}"
-    measured = tuple(measure_signal(n, units[n], time, x) for n, x in signals.items())
-    uneven = uneven and not clock.uniform
-    findings = (
-        () if uneven or clock.duplicated or clock.backward
-        else signal_faults(time, _samples(time, signals, bridged), measured)
-    )  # fmt: skip
-    findings += tuple(_short(time, _swinging(signals, units), release, measured))
+    measured = tuple(_measured(n, units[n], time, x, sound[n]) for n, x in signals.items())
+    findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
+    findings += tuple(_short(time, _swinging(sound, units), release, measured))
     return Report(clock, measured, release, reason, reading, resampled, findings, uneven)
+
+
+def _measured(name: str, unit: str, time: FloatArray, signal: FloatArray, sound: FloatArray) -> SignalReport:
+    """Measure the sound part of a signal; what drops out is in the file all the same, and does not miss."""
+    measured = measure_signal(name, unit, time, sound)
+    return measured if sound is signal else replace(measured, missing=tuple(map(float, time[~np.isfinite(signal)])))
 
 
 def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:
@@ -264,8 +270,8 @@ def _short(
     """A release that is hardly in the record."""
     if release is None or any(s.at_rest for s in signals):
         return
-    after = time >= release
-    count, seconds = swing_count(swing[after & np.isfinite(swing)]), float(time[-1]) - release
+    after = (time >= release) & np.isfinite(swing)
+    count, seconds = swing_count(swing[after]), float(time[after][-1]) - release
     if count < FEW_SWINGS:
         yield Finding("short-window", "", count, FEW_SWINGS, "swings",
                       f"It ends {seconds:.3g} s after the release, after {count:.2g} swings, in motion: too short to "
