@@ -365,7 +365,7 @@ def test_single_samples_that_are_missing_are_bridged_and_not_scored(tmp_path):
     alpha[[50, 300, 301]] = np.nan  # of the plateau, which is not fitted, and of the swing
     np.savez(tmp_path / "log.npz", time=t, alpha=alpha)
     draft = draft_project(tmp_path / "log.npz", folder=tmp_path)
-    assert "alpha misses 3 samples: the last value stands there, and is not scored (mask)." in draft.notes
+    assert "3 missing samples are interpolated and not scored." in draft.notes
     (tmp_path / "rig.toml").write_text(draft.text)
     [swing] = fracid.load_project(tmp_path / "rig.toml").problem.experiments
     assert swing.start == pytest.approx(1.0, abs=0.02)

@@ -27,7 +27,7 @@ def project(tmp_path):
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "text.csv").write_text("time,alpha\n0,1\n0.1,hello\n0.2,3\n")
     (tmp_path / "nan.csv").write_text(
-        "time,alpha\n" + "".join(f"{i / 100},{'nan' if i == 7 else i % 3}\n" for i in range(50))
+        "time,alpha\n" + "".join(f"{i / 100},{'nan' if 7 <= i < 17 else i % 3}\n" for i in range(50))
     )
 
     def read(text, **options):
@@ -350,7 +350,7 @@ def test_what_cannot_be_is_told_with_its_place(project, text, message):
     [
         (ONE.replace("swing", "empty"), "empty.csv is empty"),
         (ONE.replace("swing", "text"), r"text.csv, line 3, column 1 \(alpha\): 'hello' is not a number"),
-        (ONE.replace("swing", "nan"), r"nan: alpha misses 1 sample at 0\.07 s"),
+        (ONE.replace("swing", "nan"), r"nan: alpha misses 10 samples from 0\.07 to 0\.16 s"),
         (ONE + 'from = "release"', r"no release found .*Give from as a time \[s\]"),
     ],
 )

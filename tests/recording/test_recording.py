@@ -395,11 +395,40 @@ def test_rows_without_a_time_stamp_are_left_out_and_said(tmp_path):
 
 def test_missing_samples_are_a_data_error_that_says_how_many_where_and_what_to_do(tmp_path):
     alpha = ALPHA.copy()
-    alpha[[10, 50]] = np.nan
+    alpha[10:50] = np.nan
     file = _csv(tmp_path, t=TIME, alpha=alpha)
-    with pytest.raises(DataError, match=r'alpha misses 2 samples from 0.1 to 0.5 s. .*Cut them off .* fill = "hold"'):
+    with pytest.raises(DataError, match=r'alpha misses 40 samples from 0.1 to 0.49 s. .*Cut them off .* fill = "hold"'):
         load_recording(file, {"alpha": 1})
     assert load_recording(file, {"alpha": 1}, start=0.6).time[0] == pytest.approx(0.6)
+
+
+def test_scattered_blank_cells_are_bridged_and_not_scored(tmp_path):
+    alpha, theta = ALPHA.copy(), THETA.copy()
+    alpha[[0, *range(20, 400, 50), 399]] = np.nan
+    theta[21] = np.nan
+    file = _csv(tmp_path, t=TIME, alpha=alpha, theta=theta)
+    report = inspect_recording(file).report
+    assert report.level == "usable"
+    assert (
+        "alpha misses 10 samples, at most 1 in a row (2.5 %): a fit interpolates and does not score them"
+        in report.notes
+    )
+    whole = load_recording(file)
+    assert not whole.report.faults
+    assert "11 missing samples are interpolated and not scored." in whole.report.reading
+    assert (whole.time[0], whole.time[-1]) == (0.01, 3.98)
+    assert whole.bridged[0] == pytest.approx((0.195, 0.215))
+    assert len(whole.bridged) == 8
+    assert whole.signals["alpha"] == pytest.approx(ALPHA[1:-1], abs=2e-3)
+
+
+def test_blank_cells_of_a_command_or_many_in_a_row_stay_a_fault(tmp_path):
+    volts = np.where(np.arange(400) == 70, np.nan, np.sign(np.sin(TIME)))
+    file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 4 == 20, np.nan, ALPHA), u=volts)
+    report = inspect_recording(file, {"alpha": 1, "u": {"column": 2, "unit": "V"}}).report
+    assert [fault.split(" from ")[0].split(" at ")[0] for fault in report.faults] == [
+        "alpha misses 4 samples", "u misses 1 sample",
+    ]  # fmt: skip
 
 
 def test_the_name_of_a_signal_that_fills_a_page_is_cut_in_what_is_said_of_it(tmp_path):

@@ -37,7 +37,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,9 +84,6 @@ HELD = ("No column is the arm's angle: the project has it held still. If it move
 
 BROKEN = "the clock jumps, an angle drops out, or samples are missing"
 """Why a draft leaves a part of a recording out."""
-
-IN_A_ROW, MOST_RUNS = 3, 20
-"""Missing samples of an angle in a row, and such rows, that a project bridges and masks."""
 
 FEWEST = 50
 """Samples of a part that is fitted."""
@@ -207,22 +204,22 @@ def draft_project(
         if "alpha" not in column_specs:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
     reading: dict[str, Any] = {"time": time, "variable": variable}
-    _refuse_unfit(inspect_recording(file, column_specs, **reading), file, time, variable)
-    for complete in (_units, _wraps, _single_blanks):
-        notes += complete(inspect_recording(file, column_specs, **reading), column_specs)
-    window = _window(inspect_recording(file, column_specs, **reading))
+
+    def read() -> Recording:
+        return inspect_recording(file, column_specs, **reading).bridge_blanks()
+
+    _refuse_unfit(read(), file, time, variable)
+    for complete in (_units, _wraps):
+        notes += complete(read(), column_specs)
+    window = _window(read())
     notes += (window.reason,) if window else ()
     if window:
         reading |= {"start": window.start, "stop": window.stop}
-    notes += _zeros(inspect_recording(file, column_specs, **reading), column_specs)
-    recording = inspect_recording(file, column_specs, **reading)
+    notes += _zeros(read(), column_specs)
+    recording = read()
+    notes += tuple(s for s in recording.report.reading if s.endswith("interpolated and not scored."))
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
-    bare = {n: {k: v for k, v in fields.items() if k != "fill"} for n, fields in column_specs.items()}
-    raw = inspect_recording(file, bare, **reading)
-    bridged = [n for n in ("alpha", "theta") if "fill" in column_specs.get(n, {})]
-    blanks = sorted({run for n in bridged for run in _blank_runs(raw, n)})
-    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window, starts or {},
-                 [(float(raw.time[a]), float(raw.time[b - 1])) for a, b in blanks])  # fmt: skip
+    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window, starts or {})
     return Draft(page.text(), column_specs, notes)
 
 
@@ -258,26 +255,6 @@ def _wraps(recording: Recording, columns: Columns) -> tuple[str, ...]:
     for name in wrapped:
         columns[name] |= {"unwrap": True}
     return tuple(f"{name} jumps by whole turns, where its count was wrapped: unwrap undoes that." for name in wrapped)
-
-
-def _single_blanks(recording: Recording, columns: Columns) -> tuple[str, ...]:
-    """Angles of which single samples are missing hold the last value there; the page masks them."""
-    blank = {n: _blank_runs(recording, n) for n in ("alpha", "theta") if n in columns and "fill" not in columns[n]}
-    few = {n: runs for n, runs in blank.items() if runs and len(runs) <= MOST_RUNS
-           and all(a > 0 and b - a <= IN_A_ROW for a, b in runs)}  # fmt: skip
-    for name in few:
-        columns[name] |= {"fill": "hold"}
-    counts = {n: sum(b - a for a, b in runs) for n, runs in few.items()}
-    return tuple(f"{n} misses {count} sample{'s' * (count > 1)}: the last value stands there, and is not scored (mask)."
-                 for n, count in counts.items())  # fmt: skip
-
-
-def _blank_runs(recording: Recording, name: str) -> list[tuple[int, int]]:
-    """From which sample up to which, not included, a signal has none; nothing of a clock that is not even."""
-    if not recording.report.clock.uniform:
-        return []
-    edges = np.flatnonzero(np.diff(np.isnan(recording.signals[name]).astype(int), prepend=0, append=0))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _zeros(recording: Recording, columns: Columns) -> tuple[str, ...]:
@@ -440,7 +417,6 @@ class _Page:
     def __init__(
         self, recording: Recording, columns: Columns, rig: str, time: Mapping[str, Any] | None, variable: str | None,
         folder: Path, guessed: bool, window: _Window | None, starts: Mapping[str, float],
-        blanks: Sequence[tuple[float, float]],
     ) -> None:  # fmt: skip
         self.recording, self.columns, self.rig, self.guessed = recording, columns, rig, guessed
         self.time, self.variable, self.folder, self.window = time, variable, folder, window
@@ -449,7 +425,7 @@ class _Page:
         self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
         self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
-        self.model, self.starts, self.blanks = rotary_pendulum(rig), starts, blanks
+        self.model, self.starts = rotary_pendulum(rig), starts
 
     def text(self) -> str:
         """All of it."""
@@ -596,24 +572,9 @@ class _Page:
             lines.append(f"to = {self.window.stop:.15g}".ljust(40) + f"# after it {BROKEN}")
         else:
             lines.append(f"# to = {self.recording.time[-1]:.4g}")
-        lines += self._mask()
         lines += self._rate()
         lines.append(_line("use", "fit", '# or "validate": held out for validation'))
         return lines
-
-    def _mask(self) -> Iterator[str]:
-        """Samples that the file misses, and that hold their last value."""
-        begin, half = self._begin(), self.recording.report.clock.step / 2
-        parts = [[round(a - half, 9), round(b + half, 9)] for a, b in self.blanks if a > begin]
-        if parts:
-            yield f"mask = {json.dumps(parts)}".ljust(39) + " # not scored: the file misses these samples"
-
-    def _begin(self) -> float:
-        """The first time that is used [s]."""
-        said = re.match(r"from = ([\d.e+-]+|\"release\")", self._from())
-        if said is None:
-            return float(self.recording.time[0])
-        return float(self.recording.report.release or 0.0) if said[1] == '"release"' else float(said[1])
 
     def _rate(self) -> Iterator[str]:
         """A rate for a recording that has many more samples than its swings need."""

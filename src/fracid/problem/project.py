@@ -394,6 +394,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
+    notes += [
+        f"{r.name}: {s}" for r in recordings for s in r.report.reading if s.endswith("interpolated and not scored.")
+    ]
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))

@@ -77,7 +77,7 @@ def load_recording(
     InputError
         No such file, format, column or option.
     DataError
-        The file is damaged, or the recording unfit: missing samples, time that does not increase, a long gap.
+        The file is damaged, or the recording unfit: many missing samples, time that does not increase, a long gap.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def load_recording(
     recording = inspect_recording(
         path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample == "uneven"
     )
-    return resampled(recording, resample)
+    return resampled(recording.bridge_blanks(), resample)
 
 
 def resampled(recording: Recording, resample: bool | float | str | None) -> Recording:

@@ -198,6 +198,36 @@ class Recording(CardDisplay):
         )
         return replace(new, report=replace(new.report, signals=reports))
 
+    def bridge_blanks(self) -> Recording:
+        """Return the recording with its few missing samples interpolated, of which none is scored.
+
+        At its ends they are left out.  The value is rounded to the encoder's step.  A recording that misses more
+        (:func:`fracid.recording.report.bridgeable`) is returned as it is.
+
+        Examples
+        --------
+        >>> alpha = np.where(np.arange(50) == 7, np.nan, np.arange(50.0))
+        >>> bridged = Recording.of("twin", np.arange(50.0), {"alpha": alpha}).bridge_blanks()
+        >>> float(bridged.signals["alpha"][7]), bridged.bridged
+        (7.0, ((6.5, 7.5),))
+        """
+        blank = ~np.all([np.isfinite(x) for x in self.signals.values()], axis=0)
+        if self.report.faults or not blank.any() or blank.all():
+            return self
+        count, sound = int(blank.sum()), np.flatnonzero(~blank)
+        part = slice(int(sound[0]), int(sound[-1]) + 1)
+        edges = np.flatnonzero(np.diff(blank[part].astype(int), prepend=0, append=0)).reshape(-1, 2)
+        time, half = self.time[part], 0.5 * self.report.clock.step
+        runs = tuple((float(time[a]) - half, float(time[b - 1]) + half) for a, b in edges)
+        steps = {s.name: s.resolution for s in self.report.signals}
+        signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
+        new = replace(self, bridged=(*self.bridged, *runs))._with(time, signals, self.report.resampled)
+        note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
+        report = replace(new.report, reading=(*new.report.reading, note))
+        if report.release is None and self.report.release is not None and self.report.release >= time[0]:
+            report = replace(report, release=self.report.release, release_reason=self.report.release_reason)
+        return replace(new, report=report)
+
     def _at(self, name: str, grid: FloatArray) -> FloatArray:
         x = self.signals[name]
         if name in self.held:
@@ -279,6 +309,16 @@ class Recording(CardDisplay):
             name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report,
             assumed=frozenset(arrays.keys() - (units or {}).keys()),
         )  # fmt: skip
+
+
+def _filled(time: FloatArray, x: FloatArray, step: float | None) -> FloatArray:
+    """A signal with its blanks interpolated, on its encoder's lattice."""
+    blank = ~np.isfinite(x)
+    whole: FloatArray = np.interp(time, time[~blank], x[~blank])
+    if step and blank.any():
+        before = x[~blank][np.searchsorted(time[~blank], time[blank]) - 1]
+        whole[blank] = before + step * np.round((whole[blank] - before) / step)
+    return whole
 
 
 def _extent(s: SignalReport) -> str:

@@ -39,11 +39,11 @@ from fracid.arrays import FloatArray
 from fracid.findings import Finding
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
-from fracid.recording.measures import PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
+from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time, swing_count
 
-__all__ = ["Report", "measure"]
+__all__ = ["Report", "bridgeable", "longest_row", "measure"]
 
 LONG_GAP = 0.05
 """A gap of more than this part of the duration makes a recording unfit."""
@@ -51,8 +51,11 @@ LONG_GAP = 0.05
 LISTED = 1000
 """Times of each kind that are written out."""
 
-SINGLE = 20
-"""Missing samples that may be single ones."""
+IN_A_ROW, BLANK = 3, 0.05
+"""Missing samples in a row, and of all samples, that are bridged."""
+
+COMMANDS = ("V", "N m")
+"""Units of what drives a rig: nothing says what it was where it is missing."""
 
 BY_INPUT = "an input moves it"
 """How the reason of a release ends that is none: nobody let go."""
@@ -92,12 +95,14 @@ class Report:
     @property
     def faults(self) -> tuple[str, ...]:
         """Why the recording cannot be used as it is, with what to do."""
-        return tuple([*_clock_faults(self.clock, self.uneven), *(_missing_fault(s) for s in self.signals if s.missing)])
+        missing = (_missing_fault(s) for s in self.signals if s.missing and not bridgeable(s, self.clock))
+        return tuple([*_clock_faults(self.clock, self.uneven), *missing])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
-        return (*_clock_warnings(self.clock, self.uneven), *map(str, self.findings))
+        blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and bridgeable(s, self.clock))
+        return (*_clock_warnings(self.clock, self.uneven), *blanks, *map(str, self.findings))
 
     @property
     def level(self) -> str:
@@ -132,7 +137,11 @@ class Report:
         findings = dict.fromkeys(
             f"{f.where} {SHORTLY.get(f.code, f.code.replace('-', ' '))}".strip() for f in self.findings
         )
-        but = "; " + ("resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, *findings))))
+        missing = sum(len(s.missing) for s in self.signals)
+        blanks = f"{missing} missing value{'s' * (missing > 1)}" if missing else ""
+        but = "; " + (
+            "resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, blanks, *findings)))
+        )
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
         return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
@@ -261,7 +270,7 @@ def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[
     """Whether a voltage or a torque changes before it moves, or with it."""
     before = time <= release + WITH
     return any(np.nanmax(x[before]) > np.nanmin(x[before]) for n, x in signals.items()
-               if units[n] in ("V", "N m") and np.isfinite(x[before]).any())  # fmt: skip
+               if units[n] in COMMANDS and np.isfinite(x[before]).any())  # fmt: skip
 
 
 def _short(
@@ -340,11 +349,40 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
 
 def _missing_fault(s: SignalReport) -> str:
     where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
-    single = "fracid init bridges single samples. " if len(s.missing) <= SINGLE else ""
     return (
-        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. {single}Cut them off "
+        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off "
         'with from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
     )
+
+
+def _blanks(s: SignalReport, c: Clock) -> str:
+    count, row = len(s.missing), longest_row(s, c)
+    number = f"1 sample at {s.missing[0]:.6g} s" if count == 1 else f"{count} samples, at most {row} in a row"
+    return (
+        f"{shortened(s.name)} misses {number} ({100 * count / c.samples:.2g} %): a fit interpolates and does not "
+        f"score {'it' if count == 1 else 'them'}"
+    )
+
+
+def longest_row(s: SignalReport, clock: Clock) -> int:
+    """How many samples a signal misses in a row, at most.
+
+    Examples
+    --------
+    >>> t = np.arange(100.0)
+    >>> r = measure(t, {"alpha": np.where((t == 7) | (t == 8) | (t == 50), np.nan, np.cos(t))}, {"alpha": "rad"})
+    >>> longest_row(r.signals[0], r.clock), bridgeable(r.signals[0], r.clock)
+    (2, True)
+    """
+    ends = np.flatnonzero(np.diff(s.missing) > GAP * clock.step)
+    return int(np.max(np.diff([-1, *ends, len(s.missing) - 1])))
+
+
+def bridgeable(s: SignalReport, clock: Clock) -> bool:
+    """Whether the samples that a signal misses are few and scattered, so that a fit does without them."""
+    ordered = not (clock.duplicated or clock.backward) and clock.step > 0
+    few = len(s.missing) <= BLANK * clock.samples
+    return ordered and few and s.unit not in COMMANDS and longest_row(s, clock) <= IN_A_ROW
 
 
 def _signal_note(s: SignalReport) -> str | None:

@@ -19,7 +19,7 @@ from fracid.estimation.horizons import horizons
 from fracid.files import write_text
 from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
-from fracid.problem.project import Project, load_project, project_from_text
+from fracid.problem.project import Project, project_from_text
 from fracid.regression import start_values
 
 __all__ = ["write_draft"]
@@ -72,12 +72,13 @@ MANY = 200_000
 
 
 def _written(draft: Draft, target: Path) -> Project:
-    """Write it; it runs as it is, or says what stands against it."""
+    """Write it where it runs as it is; else say what stands against it, and write nothing."""
+    project = project_from_text(draft.text, target)
     try:
         write_text(target, draft.text)
     except OSError as error:
         raise unwritable(str(target), error, "Give another: --out FILE.") from None
-    return load_project(target)
+    return project
 
 
 def _regressed(problem: Problem) -> dict[str, float] | None:
