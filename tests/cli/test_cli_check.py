@@ -75,7 +75,7 @@ def test_an_unfit_recording_is_shown_and_exits_3(capsys, tmp_path):
     file.write_text("t,alpha\n0,1\n1,\n2,3\n3,5\n")
     code, out, _ = run(capsys, "check", file)
     assert code == 3
-    assert "unfit: alpha misses 1 sample at 1 s\n" in out
+    assert "unfit: alpha misses 1 sample at 1 s (and 1 more)\n" in out
     code, out, _ = run(capsys, "check", file, "--json", "--out", tmp_path)
     assert code == 3
     assert json.loads(out)["level"] == "unfit"

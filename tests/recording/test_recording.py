@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fracid.errors import DataError, InputError
-from fracid.problem.draft import guess_file
+from fracid.problem.draft import draft_project, guess_file
 from fracid.recording import Channel, Recording, inspect_recording, load_recording, read_table
 from fracid.recording.readers.text import parse_text
 from fracid.signals.resolution import resolution
@@ -422,6 +422,29 @@ def test_scattered_blank_cells_are_bridged_and_not_scored(tmp_path):
     assert whole.signals["alpha"] == pytest.approx(ALPHA[1:-1], abs=2e-3)
 
 
+def test_rows_that_are_written_twice_are_left_out_and_another_value_at_the_same_time_is_a_fault(tmp_path):
+    k = np.sort(np.r_[np.arange(400), 50, 50, 80])
+    report = inspect_recording(_csv(tmp_path, t=TIME[k], alpha=ALPHA[k])).report
+    assert report.clock.samples == 400
+    assert not report.faults
+    assert "3 rows repeat the one before and were left out: the same time and the same values." in report.notes
+    other = ALPHA[k] + np.where(np.arange(403) == 51, 0.01, 0.0)
+    assert inspect_recording(_csv(tmp_path, t=TIME[k], alpha=other)).report.clock.duplicated == (0.5, 0.5)
+
+
+def test_what_init_refuses_is_not_called_usable(tmp_path):
+    few = _csv(tmp_path, t=TIME[:5], alpha=ALPHA[:5])
+    assert (
+        inspect_recording(few).report.verdict
+        == "unfit: 5 samples are too few to identify a model from: record 50 or more"
+    )
+    with pytest.raises(InputError, match=r"5 samples are too few to identify a model from: record 50 or more\."):
+        draft_project(few, {"alpha": {"column": 1}}, folder=tmp_path)
+    still = inspect_recording(_csv(tmp_path, t=TIME, alpha=0 * TIME, theta=0 * TIME)).report
+    assert still.level == "unfit"
+    assert "no signal moves: is this the right file, and are its sensors connected?" in still.notes
+
+
 def test_blank_cells_of_a_command_or_many_in_a_row_stay_a_fault(tmp_path):
     volts = np.where(np.arange(400) == 70, np.nan, np.sign(np.sin(TIME)))
     file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 4 == 20, np.nan, ALPHA), u=volts)
@@ -687,7 +710,7 @@ def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):
 
 
 def test_few_samples_are_never_good():
-    assert Recording.of("few", np.arange(9.0), {"alpha": np.arange(9.0)}).report.level == "usable"
+    assert Recording.of("few", np.arange(30.0), {"alpha": np.arange(30.0)}).report.level == "usable"
 
 
 def test_a_report_is_plain_json(tmp_path):

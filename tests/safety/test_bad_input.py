@@ -40,7 +40,7 @@ def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
     assert code == row.code, out + err
     assert holds(out + err, row.says), out + err
     assert "Traceback" not in out + err
-    if code == 0:
+    if code == 0 or row.wrong in ("two samples", "constant signals alone"):  # these may be drawn, and tell no model
         assert load_recording(path).time.size > 1
         return
     with pytest.raises(FracidError) as told:

@@ -166,7 +166,7 @@ def test_a_good_recording_has_no_finding(what, signals):
 def test_a_pendulum_that_never_moves_is_said_to_be_still():
     report = Recording.of("swing", T, {"theta": swing(10), "alpha": np.full(T.size, 0.1)}).report
     assert str(sole(report.findings, "still")).startswith("alpha: it stays at 5.73° throughout")
-    assert report.verdict.endswith("alpha stands still")
+    assert report.verdict.startswith("unfit: alpha: it stays at 5.73° throughout")
 
 
 def test_a_release_at_the_end_of_a_recording_is_too_short():

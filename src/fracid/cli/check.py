@@ -88,7 +88,7 @@ def check(
         _print_json(recording, figure)
     else:
         print_check(recording, figure)
-    if recording.report.level != "unfit" and not json_:
+    if not recording.report.faults and not json_:
         options = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
         _say_next(recording, options)
     if recording.report.level == "unfit":
@@ -101,6 +101,7 @@ def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
     if "still" in found:
         say_next(new_console(), (typed("check", recording.path, *_again(options), "--column", "alpha=COLUMN"),
                                  "if another column is the pendulum's angle"))  # fmt: skip
+    if recording.report.level == "unfit":
         return
     if "wrong-clock" in found and options["--time"] is options["--rate"] is None:
         again["--time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"

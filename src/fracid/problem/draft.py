@@ -224,13 +224,13 @@ def draft_project(
 
 
 def _refuse_unfit(recording: Recording, file: str | Path, time: Mapping[str, Any] | None, variable: str | None) -> None:
-    """A pendulum that never moves, and a clock in another unit, whose constants would be nobody's.
+    """Too few samples, a pendulum that never moves, and a clock in another unit, whose constants would be nobody's.
 
     Whoever says the unit of time, or the rate, is believed.
     """
+    for why in recording.report.unusable:
+        raise InputError(f"{Path(file).name}: {why}")
     for f in recording.report.findings:
-        if f.code == "still":
-            raise InputError(f"{Path(file).name}: {f}")
         if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not (time or {}).keys() & {"unit", "rate"}:
             column = time_column(read_table(Path(file), variable), time)
             typed = ["fracid", "init", str(file), "--time", f"{column},unit={unit_of_time(f.number)}"]

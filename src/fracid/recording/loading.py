@@ -156,11 +156,12 @@ def inspect_recording(
     before = _state(path)
     table = read_table(path, variable)
     clock, rows, source = read_clock(table, time)
+    clock, rows, repeats = _without_repeats(table, clock, rows)
     channels, more = choose_channels(table, columns, source.column, rows)
     if columns is not None:
         refuse_shared(table, channels, source.column)
     dead = _left_out(table, rows, channels, source.column) if columns is None else ()
-    digest, reading = _digest(path), (*table.notes, *source.sentences, *more)
+    digest, reading = _digest(path), (*table.notes, *source.sentences, *repeats, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
         signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses)
@@ -180,6 +181,22 @@ def inspect_recording(
     if _state(path) != before:
         raise DataError(f"{path.name} changed while it was read. Is it still being written? Read it when it is done.")
     return whole if start is None and stop is None else whole.trim(start, stop)
+
+
+def _without_repeats(
+    table: Table, clock: FloatArray, rows: NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.bool_], tuple[str, ...]]:
+    """Leave rows out that repeat the one before, stamp and values: written twice, they say nothing new."""
+    values = table.values[rows]
+    same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    twice = np.concatenate([[False], np.all(same, axis=1) & (np.diff(clock) == 0)])[: clock.size]
+    count = int(twice.sum())
+    if not count:
+        return clock, rows, ()
+    rows = rows.copy()
+    rows[np.flatnonzero(rows)[twice]] = False
+    said = "row repeats the one before and was" if count == 1 else "rows repeat the one before and were"
+    return clock[~twice], rows, (f"{count:,} {said} left out: the same time and the same values.",)
 
 
 def _signals(

@@ -69,8 +69,8 @@ FEW_SWINGS = 3
 WITH = 0.25
 """An input that changes until so long after the pendulum begins to move has moved it [s]."""
 
-FEW = 50
-"""Fewer samples make a recording no better than usable."""
+TOO_FEW, FEW = 20, 50
+"""Fewer samples make a recording unfit, and no better than usable."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,21 @@ class Report:
         return tuple([*_clock_faults(self.clock, self.uneven), *missing])
 
     @property
+    def unusable(self) -> tuple[str, ...]:
+        """Why no model can be identified from it, though it may be read and drawn."""
+        c, moving = self.clock, any(s.range > 0 or s.missing for s in self.signals)
+        few = f"{c.samples} samples are too few to identify a model from: record {FEW} or more."
+        return (
+            *([few] if 1 < c.samples < TOO_FEW else []),
+            *(
+                []
+                if moving or c.samples < TOO_FEW
+                else ["no signal moves: is this the right file, and are its sensors connected?"]
+            ),
+            *(str(f) for f in self.findings if f.code == "still"),
+        )
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What stands against it without making it useless."""
         blanks = (_blanks(s, self.clock) for s in self.signals if s.missing and bridgeable(s, self.clock))
@@ -107,15 +122,14 @@ class Report:
     @property
     def level(self) -> str:
         """``good``, ``usable`` or ``unfit``."""
-        return "unfit" if self.faults else "usable" if self.warnings or self.resampled else "good"
+        return "unfit" if self.faults or self.unusable else "usable" if self.warnings or self.resampled else "good"
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Everything worth saying, in sentences, the gravest first."""
         resampled = (self.resampled,) if self.resampled else ()
         return (
-            *self.faults,
-            *self.warnings,
+            *dict.fromkeys((*self.faults, *self.unusable, *self.warnings)),
             *resampled,
             *map(_signal_note, filter(_signal_note, self.signals)),
             *self.reading,
@@ -125,9 +139,10 @@ class Report:
     def verdict(self) -> str:
         """The recording in one line."""
         c = self.clock
-        if self.faults:
-            more = f" (and {len(self.faults) - 1} more)" if len(self.faults) > 1 else ""
-            return f"unfit: {self.faults[0].split('. ')[0].rstrip('.')}{more}"
+        if self.level == "unfit":
+            first, *others = *self.faults, *self.unusable
+            more = f" (and {len(others)} more)" if others else ""
+            return f"unfit: {first.split('. ')[0].rstrip('.')}{more}"
         how = "set in motion by its input" if self.release_reason.endswith(BY_INPUT) else "released"
         released = f"{how} at {self.release:.3f} s" if self.release is not None else "no release found"
         end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
@@ -335,7 +350,7 @@ def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
 
 
 def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
-    if 1 < c.samples < FEW:
+    if TOO_FEW <= c.samples < FEW:
         yield f"{c.samples} samples are few to identify a model from"
     if uneven:
         return
