@@ -116,8 +116,12 @@ class Failure:
         return self.detail
 
 
+MOST_NAMES, MOST_CLOSE = 16, 3
+"""Known names that are all written out, and close ones."""
+
+
 def unknown_name(what: str, name: object, names: Collection[str]) -> InputError:
-    """Return the error for a name that is not one of the known ones, with the closest of them.
+    """Return the error for a name that is not one of the known ones, with the closest of them, or all if they are few.
 
     Examples
     --------
@@ -126,7 +130,10 @@ def unknown_name(what: str, name: object, names: Collection[str]) -> InputError:
     >>> print(unknown_name("parameter", "J_teta", ("J_theta", "C1")))
     unknown parameter 'J_teta': did you mean J_theta?  The known ones are J_theta, C1
     """
-    close = difflib.get_close_matches(str(name), names, n=2, cutoff=0.55)
+    close = difflib.get_close_matches(str(name), names, n=MOST_CLOSE, cutoff=0.55)
+    if len(names) > MOST_NAMES:
+        hint = f": did you mean {' or '.join(close)}?" if close else "."
+        return InputError(f"unknown {what} {name!r}{hint}  docs/project-file.md lists all {len(names)}.")
     everything = ", ".join(names) if names else "none"
     if not close:
         return InputError(f"unknown {what} {name!r}; the known ones are {everything}")

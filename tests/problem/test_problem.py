@@ -689,7 +689,7 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"parameters": {"C1": Tied("C3"), "C3": Free(0.1, -1.0, 1.0)}}, r"C1 is free in -1 … 1 .* bring C3's lower"),
         ({"parameters": {"alpha_rest": Tied("theta_rest"), "theta_rest": Free(0.0, -1.0, 1.0)},
           "per_recording": ("alpha_rest",)}, "per_recording names 'alpha_rest', which is tied: name 'theta_rest'"),
-        ({"parameters": {"C9": 1.0}}, "unknown rotary-pendulum parameter 'C9'; the known ones are C1, "),
+        ({"parameters": {"C9": 1.0}}, "unknown rotary-pendulum parameter 'C9'.  docs/project-file.md lists all "),
         ({"parameters": {"C1": -1.0}}, "C1 = -1.0 kg m.2 is outside its physical bounds"),
         ({"parameters": {"C4": Free(0.1, -1.0, 1.0)}}, "C4 is free in -1 … 1 N m, but means something only"),
         ({"outputs": ("beta", "theta")}, "unknown output 'beta'.*theta, alpha"),

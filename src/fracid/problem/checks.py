@@ -97,6 +97,11 @@ def _check_ties(p: Parametrisation) -> None:
     names = {"order": p.model.order_names, "parameter": p.model.parameter_names}
     for what, values in (("order", p.orders), ("parameter", p.parameters)):
         for name, value in values.items():
+            if isinstance(value, Tied) and not value.to.isidentifier():
+                raise InputError(
+                    f"{name} = {value.to!r} is not possible; expected a number in SI, without a unit and without "
+                    f"quotes, or the name of the {what} that it is tied to."
+                )
             if isinstance(value, Tied) and value.to not in names[what]:
                 raise unknown_name(f"{what} that {name} is tied to", value.to, names[what])
             root = root_of(what, name, values)

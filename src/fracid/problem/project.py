@@ -40,6 +40,7 @@ the file gives a range, and says in what the project still differs (:mod:`fracid
 from __future__ import annotations
 
 import difflib
+import re
 import stat
 import tomllib
 from collections import Counter
@@ -308,7 +309,7 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     try:
         content = _File.model_validate(_toml(text))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is not TOML: {_short(error)}.") from None
+        raise InputError(f"{path} is not TOML: {_short(_not_toml(error, text))}") from None
     except ValidationError as error:
         raise InputError(f"{path}: {_short(_explain(error))}") from None
     except InputError as error:
@@ -319,6 +320,27 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
         raise
     except InputError as error:
         raise InputError(f"{path}: {_short(error)}") from None
+
+
+def _not_toml(error: tomllib.TOMLDecodeError, text: str) -> str:
+    """The parser's sentence, the line that it is about, and what was likely meant."""
+    place = re.search(r"line (\d+)", str(error))
+    lines = text.splitlines()
+    line = lines[int(place[1]) - 1].partition("#")[0].strip() if place and int(place[1]) <= len(lines) else ""
+    return f"{error}.{f' The line is: {line}' if line else ''}{_meant(line)}"
+
+
+def _meant(line: str) -> str:
+    """What to type in place of a line that is no TOML; "" where nobody knows."""
+    key, _, value = (part.strip() for part in line.partition("="))
+    if "\\" in value:
+        path = value.strip("\"'")
+        return f". In double quotes a \\ begins a code: type / instead, or single quotes: {key} = '{path}'"
+    if number := re.fullmatch(r"([-+]?\d+),(\d+)", value):
+        return f". Type a decimal point: {key} = {number[1]}.{number[2]}"
+    if re.fullmatch(r"[^\W\d][\w .:/-]*", value):
+        return f'. Put text in quotes: {key} = "{value}"'
+    return ""
 
 
 def _toml(text: str) -> dict[str, Any]:

@@ -108,7 +108,7 @@ class Channel:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        _require(self.unit is None or self.unit in list(UNITS), "unit", self.unit, " ".join(map(repr, UNITS)))
+        _require(self.unit is None or self.unit in list(UNITS), "unit", self.unit, _units_like(self.unit))
         _require(isinstance(self.unwrap, bool), "unwrap", self.unwrap, "true or false")
         _require(self.sign in (1, -1), "sign", self.sign, "1 or -1")
         _require(_is_finite(self.scale) and self.scale != 0, "scale", self.scale, "a number other than 0")
@@ -216,6 +216,12 @@ def _rest(value: NDArray[np.float64], name: str) -> float:
             f"through {moving:.3g}. Give zero as a number."
         )
     return rest
+
+
+def _units_like(word: Any) -> str:
+    """The unit that a word means, else all of them."""
+    meant = header_unit(word) if isinstance(word, str) else None
+    return " ".join(map(repr, UNITS)) if meant is None else repr(meant)
 
 
 def _is_finite(value: Any) -> bool:
