@@ -68,7 +68,7 @@ def _example(line):
     """A command and, behind ``#``, what the help says of it in dim letters."""
     command, _, remark = line.partition("[dim]")
     remark = plain(remark.replace("[/dim]", "")).strip()
-    remark = remark[1:-1] if remark.startswith("(") and remark.endswith(")") else remark
+    remark = remark.removeprefix("# ")
     command = plain(command).rstrip()
     return f"$ {command}" + (f"  # {remark}" if remark else "")
 

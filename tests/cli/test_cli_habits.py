@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import fracid.cli
 from fracid.cli import PANELS, app, completion
 from fracid.cli.completion import from_run, one_of
 from program import run
@@ -285,3 +286,8 @@ def test_long_names_are_not_broken_on_a_narrow_terminal(monkeypatch, tmp_path):
     line = next(line for line in text.replace("\r", "").split("\n") if line.startswith(name))
     assert line.startswith(f"{name}: range -")
     assert len(line) <= 60
+
+
+@pytest.mark.parametrize("path", sorted(Path(fracid.cli.__file__).parent.glob("*.py")), ids=lambda p: p.stem)
+def test_a_remark_behind_an_example_of_the_help_is_a_comment_of_the_shell(path):
+    assert "[dim](" not in path.read_text(encoding="utf-8")

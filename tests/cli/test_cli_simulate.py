@@ -245,7 +245,7 @@ def test_a_step_that_is_too_long_above_order_one_is_refused_with_the_method_that
     stiff = ("simulate", "qube-servo2", "--order", "mu=1.05", "--set", "b_alpha=1", "--end", 10, "--step", "10ms")
     code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv")
     assert (code, out) == (3, "")
-    assert 'Type method = "bdf2", or a step of' in err
+    assert 'Type --method bdf2, or a step of' in err
     assert not any(tmp_path.iterdir())
     code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv", "--method", "bdf2")
     assert (code, err) == (0, "")
@@ -271,3 +271,10 @@ def test_the_papers_scheme_is_warned_of(capsys, tmp_path):
 )
 def test_a_quantity_is_read_with_its_unit(text, value):
     assert quantity(text, "--x") == pytest.approx(value)
+
+
+def test_a_step_that_is_too_long_is_answered_with_an_option_of_the_command_line(capsys, tmp_path):
+    words = ["simulate", "srv02-rotpen", "--friction", "--initial", "alpha=60deg", "--step", 4, "--end", 20]
+    code, _, err = run(capsys, *words, "--to", tmp_path / "twin.csv")
+    assert code == 3
+    assert "Type --method bdf2, or a step of" in err

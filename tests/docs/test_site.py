@@ -91,7 +91,7 @@ def test_the_reference_of_the_commands_has_them_all_with_every_option(part):
 
 
 def test_an_example_of_the_help_becomes_a_command_with_its_remark(part):
-    assert part("commands")._example(r"fracid fit rig.toml  [dim](writes \[runs/rig])[/dim]") == (
+    assert part("commands")._example(r"fracid fit rig.toml  [dim]# writes \[runs/rig][/dim]") == (
         "$ fracid fit rig.toml  # writes [runs/rig]"
     )
 

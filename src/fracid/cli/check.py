@@ -34,7 +34,7 @@ __all__ = [
 
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid check release.mat  [dim](guesses the columns and says so)[/dim]",
+    "fracid check release.mat  [dim]# guesses the columns and says so[/dim]",
     "fracid check release.mat --column theta=1 --column alpha=2,zero=3.14159 --out checked",
     "fracid check swing.txt --rate 1000 --column alpha=0,unit=deg,scale=0.99 --json",
     "fracid check log.csv --time stamp --column alpha=joint1/position --column u=command,unit=V,fill=hold",
@@ -47,7 +47,7 @@ def check(
     column: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=COLUMN[,FIELD=VALUE]...",
+            metavar="NAME=COLUMN[,FIELD=VALUE]",
             help="A signal and its column, by position from 0 or by name. Fields: unit (rad deg turns "
             "counts rad/s deg/s V 'N m' 1), sign, scale, zero (a number in rad, or rest), "
             "counts_per_turn, unwrap, fill (hold).",

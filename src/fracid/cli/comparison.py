@@ -45,12 +45,12 @@ MOST = 3
 
 COMPARE_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid compare rig.toml  [dim](writes runs/rig-compare)[/dim]",
-    "fracid compare rig.toml --leave-one-out --jobs 8  [dim](each recording held out once)[/dim]",
-    "fracid compare rig.toml --amplitude  [dim](do the orders drift as the swing dies?)[/dim]",
-    "fracid compare rig.toml --evidence  [dim](posterior odds beside BIC; the claim does not use them)[/dim]",
-    "fracid compare rig.toml --keep cable_stiffness  [dim](leaves it as it is in the file)[/dim]",
-    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim](these alone; all: also play and springpots)[/dim]",
+    "fracid compare rig.toml  [dim]# writes runs/rig-compare[/dim]",
+    "fracid compare rig.toml --leave-one-out --jobs 8  [dim]# each recording held out once[/dim]",
+    "fracid compare rig.toml --amplitude  [dim]# do the orders drift as the swing dies?[/dim]",
+    "fracid compare rig.toml --evidence  [dim]# posterior odds beside BIC; the claim does not use them[/dim]",
+    "fracid compare rig.toml --keep cable_stiffness  [dim]# leaves it as it is in the file[/dim]",
+    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim]# these alone; all: also play and springpots[/dim]",
     "fracid compare rig.toml --json | jq .verdict",
 )
 

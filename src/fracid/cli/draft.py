@@ -19,8 +19,8 @@ __all__ = ["init"]
 
 INIT_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid init release.mat  [dim](asks what the columns are; writes release.toml)[/dim]",
-    "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim](takes what it guesses)[/dim]",
+    "fracid init release.mat  [dim]# asks what the columns are; writes release.toml[/dim]",
+    "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim]# takes what it guesses[/dim]",
     "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
 )
 
@@ -31,7 +31,7 @@ def init(
     column: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME=COLUMN[,FIELD=VALUE]...",
+            metavar="NAME=COLUMN[,FIELD=VALUE]",
             help="As for fracid check; alpha, theta, voltage.",
             autocompletion=one_of(*COLUMNS),
         ),

@@ -19,9 +19,9 @@ __all__ = ["export"]
 
 EXPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid export runs/rig  [dim](everything, into runs/rig/export)[/dim]",
-    "fracid export runs/rig --to matlab --out ~/rig  [dim](then, in Octave: \\[t, x] = model();)[/dim]",
-    "fracid export runs/rig --to c  [dim](a function for a controller that runs for hours)[/dim]",
+    "fracid export runs/rig  [dim]# everything, into runs/rig/export[/dim]",
+    "fracid export runs/rig --to matlab --out ~/rig  [dim]# then, in Octave: \\[t, x] = model();[/dim]",
+    "fracid export runs/rig --to c  [dim]# a function for a controller that runs for hours[/dim]",
 )
 
 

@@ -15,11 +15,11 @@ __all__ = ["draw"]
 
 DRAW_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid draw runs/rig  [dim](PDF for a journal's columns, into runs/rig/figures/journal)[/dim]",
+    "fracid draw runs/rig  [dim]# PDF for a journal's columns, into runs/rig/figures/journal[/dim]",
     "fracid draw runs/rig --format pdf --format svg --out paper/figures",
     "fracid draw runs/rig --style screen --format pdf",
-    "fracid draw runs/rig-compare  [dim](the ladder of structures)[/dim]",
-    "fracid draw qube-servo2 --zero upright  [dim](the rig itself, to scale)[/dim]",
+    "fracid draw runs/rig-compare  [dim]# the ladder of structures[/dim]",
+    "fracid draw qube-servo2 --zero upright  [dim]# the rig itself, to scale[/dim]",
 )
 
 WRITTEN = ("pdf", "svg", "png")

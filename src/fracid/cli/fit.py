@@ -54,11 +54,11 @@ FOLDED = 2
 
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid fit rig.toml  [dim](writes runs/rig)[/dim]",
+    "fracid fit rig.toml  [dim]# writes runs/rig[/dim]",
     "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
-    "fracid fit rig.toml --multi-start 16  [dim](sixteen starts, and the figure of where they ended)[/dim]",
-    "fracid fit rig.toml --cut  [dim](what if the record began elsewhere, or its past were known?)[/dim]",
-    "fracid fit rig.toml --preset paper  [dim](gl-paper, ITAE on alpha, orders alone, genetic algorithm)[/dim]",
+    "fracid fit rig.toml --multi-start 16  [dim]# sixteen starts, and the figure of where they ended[/dim]",
+    "fracid fit rig.toml --cut  [dim]# what if the record began elsewhere, or its past were known?[/dim]",
+    "fracid fit rig.toml --preset paper  [dim]# gl-paper, ITAE on alpha, orders alone, genetic algorithm[/dim]",
     "fracid fit rig.toml --json | jq .orders",
 )
 

@@ -41,9 +41,9 @@ HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 NOISE_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid noise runs/rig  [dim](the model as fitted is the truth; writes runs/rig/noise)[/dim]",
-    "fracid noise rig.toml --levels 0,0.02,0.2 --counts 4096,20000 --seeds 50  [dim](fits first)[/dim]",
-    "fracid noise runs/rig --cost itae --out runs/rig-itae  [dim](what ITAE makes of the same recordings)[/dim]",
+    "fracid noise runs/rig  [dim]# the model as fitted is the truth; writes runs/rig/noise[/dim]",
+    "fracid noise rig.toml --levels 0,0.02,0.2 --counts 4096,20000 --seeds 50  [dim]# fits first[/dim]",
+    "fracid noise runs/rig --cost itae --out runs/rig-itae  [dim]# what ITAE makes of the same recordings[/dim]",
     "fracid noise runs/rig --optimiser genetic --jobs 2",
     "fracid noise runs/rig --json | jq '.cells[].unknowns.mu.coverage'",
 )

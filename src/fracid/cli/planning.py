@@ -36,11 +36,11 @@ __all__ = ["design"]
 
 DESIGN_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim](narrow these; writes runs/rig/design)"
+    "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim]# narrow these; writes runs/rig/design"
     "[/dim]",
-    "fracid design runs/rig --against integer  [dim](tell the orders from friction)[/dim]",
+    "fracid design runs/rig --against integer  [dim]# tell the orders from friction[/dim]",
     "fracid design runs/rig --release 5,150 --voltage multisine,0.2,8,6 --limit theta=2.5 --out next",
-    "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim](before any recording)[/dim]",
+    "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim]# before any recording[/dim]",
     "fracid design runs/rig --for mu --json | jq '.expected.mu.interval95'",
 )
 

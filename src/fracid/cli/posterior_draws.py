@@ -38,9 +38,9 @@ __all__ = ["posterior"]
 
 POSTERIOR_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid posterior runs/rig  [dim](seconds; writes runs/rig/posterior)[/dim]",
+    "fracid posterior runs/rig  [dim]# seconds; writes runs/rig/posterior[/dim]",
     "fracid posterior runs/rig --draws 10000 --jobs 8",
-    "fracid posterior runs/rig --method nested  [dim](minutes; needs fracid\\[posterior])[/dim]",
+    "fracid posterior runs/rig --method nested  [dim]# minutes; needs fracid\\[posterior][/dim]",
     "fracid posterior runs/rig --json | jq .unknowns.mu.interval95",
 )
 

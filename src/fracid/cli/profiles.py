@@ -38,9 +38,9 @@ __all__ = ["profile"]
 
 PROFILE_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid profile runs/rig  [dim](the orders; into the folder of that run)[/dim]",
+    "fracid profile runs/rig  [dim]# the orders; into the folder of that run[/dim]",
     "fracid profile runs/rig --parameter mu --parameter b_alpha --joint mu,b_alpha",
-    "fracid profile rig.toml --points 20 --out profiled  [dim](fits first)[/dim]",
+    "fracid profile rig.toml --points 20 --out profiled  [dim]# fits first[/dim]",
     "fracid profile runs/rig --json | jq .profiles.mu.interval95",
 )
 

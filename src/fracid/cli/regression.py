@@ -38,7 +38,7 @@ class Estimator(StrEnum):
 
 REGRESS_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid regress rig.toml  [dim](what it leaves free, and a start for its fit)[/dim]",
+    "fracid regress rig.toml  [dim]# what it leaves free, and a start for its fit[/dim]",
     "fracid regress rig.toml --from release --order mu=1 --estimator tukey",
     "fracid regress release.mat --time 0 --column theta=1 --column alpha=2,zero=3.14159 --from release "
     "--rig srv02-rotpen --known C4=0.1944",
@@ -74,7 +74,7 @@ def regress(
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]...", help="For a recording: a column, as in fracid check."),
+        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]", help="For a recording: a column, as in fracid check."),
     ] = None,
     time: Annotated[
         str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="For a recording: its time column.")

@@ -15,11 +15,11 @@ __all__ = ["report"]
 
 REPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid report runs/rig  [dim](writes runs/rig/report.html)[/dim]",
-    "fracid report runs/rig --open  [dim](and opens it in the browser)[/dim]",
-    "fracid report runs  [dim](of a folder of runs: runs/index.html, all of them side by side)[/dim]",
-    "fracid report runs/rig --out rig.html  [dim](one file: send it to whom you like)[/dim]",
-    "fracid profile runs/rig && fracid report runs/rig  [dim](with the profiles)[/dim]",
+    "fracid report runs/rig  [dim]# writes runs/rig/report.html[/dim]",
+    "fracid report runs/rig --open  [dim]# and opens it in the browser[/dim]",
+    "fracid report runs  [dim]# of a folder of runs: runs/index.html, all of them side by side[/dim]",
+    "fracid report runs/rig --out rig.html  [dim]# one file: send it to whom you like[/dim]",
+    "fracid profile runs/rig && fracid report runs/rig  [dim]# with the profiles[/dim]",
 )
 
 

@@ -31,8 +31,8 @@ SHOWN = 12
 REPRODUCE_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid reproduce runs/rig",
-    "fracid reproduce runs/rig-noise --jobs 8  [dim](a study: its command is typed again)[/dim]",
-    "fracid reproduce runs/rig --out runs/again  [dim](keeps the new result)[/dim]",
+    "fracid reproduce runs/rig-noise --jobs 8  [dim]# a study: its command is typed again[/dim]",
+    "fracid reproduce runs/rig --out runs/again  [dim]# keeps the new result[/dim]",
     "fracid reproduce runs/rig --json | jq .differences",
 )
 

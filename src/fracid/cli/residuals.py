@@ -26,7 +26,7 @@ __all__ = ["resid"]
 
 RESID_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid resid runs/rig  [dim](every recording and output; into the folder of that run)[/dim]",
+    "fracid resid runs/rig  [dim]# every recording and output; into the folder of that run[/dim]",
     'fracid resid runs/rig --recording "release 92°" --output alpha',
     "fracid resid runs/rig --json | jq '.recordings[][].whiteness.effective_samples'",
 )

@@ -26,7 +26,7 @@ __all__ = ["resume"]
 RESUME_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid resume runs/rig",
-    "fracid resume runs/rig-noise --jobs 8  [dim](threads and executor change no result)[/dim]",
+    "fracid resume runs/rig-noise --jobs 8  [dim]# threads and executor change no result[/dim]",
     "fracid resume runs/rig-noise --scheduler tcp://head:8786",
 )
 

@@ -27,15 +27,15 @@ __all__ = ["quantity", "simulate"]
 
 SIMULATE_EXAMPLE = (
     "[bold]Examples[/bold]",
-    "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim](from 10°; writes runs/srv02-rotpen-"
-    "simulated)[/dim]",
+    "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim]# from 10°; writes runs/srv02-rotpen-"
+    "simulated[/dim]",
     "fracid simulate qube-servo2 --friction --initial alpha=60deg --hold 1 --noise 0.05deg --counts 2048 --to "
-    "twin.csv  [dim](then: fracid check twin.csv)[/dim]",
-    "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim](a twin of its recording)[/dim]",
-    "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim](what if?)[/dim]",
+    "twin.csv  [dim]# then: fracid check twin.csv[/dim]",
+    "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim]# a twin of its recording[/dim]",
+    "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim]# what if?[/dim]",
     "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
-    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim](an exercise: the recording "
-    "does not contain the solution)[/dim]",
+    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim]# an exercise: the "
+    "recording does not contain the solution[/dim]",
 )
 
 UNITS = {

@@ -209,6 +209,7 @@ def simulate_twin(
         watching.notice(sentence)
     if not run.completed:
         advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
+        advice = advice.replace('method = "bdf2"', "--method bdf2")
         raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
                         f"{advice}")  # fmt: skip
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
