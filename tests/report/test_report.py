@@ -304,6 +304,10 @@ RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional
 FIT_ONLY = {"a": said().result["recordings"]["a"]}
 POOR = {"a": FIT_ONLY["a"] | {"fit_percent": {"alpha": 3.0}}}
 
+OWN = {"a": FIT_ONLY["a"], "b": said().result["recordings"]["b"] | {
+    "parameters": {"theta_rest": estimate(0.1, 0.01)},
+    "initial_state": {"D^mu alpha": estimate(0.1, 9.0, kind="practically not")}}}  # fmt: skip
+
 FORGOTTEN = {"a": FIT_ONLY["a"] | {"initial_state": {"z_alpha": estimate(0.3, 1.0, kind="forgotten")}}}
 
 LINES = {
@@ -343,6 +347,16 @@ LINES = {
     "where a joint began, which nobody misses": (
         "Values", {"recordings": FORGOTTEN}, True, "All 2 free values are identifiable.",
     ),
+    "values that a held-out recording has for itself are counted apart": (
+        "Values", {"recordings": OWN}, True, "All 2 free values are identifiable. "
+        "The held-out recording has 2 more of its own; D^μ α at the start is not identifiable.",
+    ),
+    "values that nobody misses are in the tables and in no count": (
+        "Values", {"recordings": FORGOTTEN}, True, "Not counted: 1 initial value of presliding joints.",
+    ),
+    "an integer in the interval, which the claim's reasons say": (
+        "Orders", {"claim_reasons": ["1 lies within the intervals."]}, True, "μ = 1.010 ± 0.020.",
+    ),
     "a search that ended": ("Checks", {}, True, "The search converged. Solved at half the step, no order moves"),
     "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search did not converge: interrupted"),
     "a step too coarse": (
@@ -362,6 +376,33 @@ def test_the_verdict_has_five_lines_and_each_says_what_the_result_means(case):
 
 
 CLAIMED = {"claim": "fractional", "claim_reasons": [], "orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}
+
+
+def residual(use, *, white, rms=1.0):
+    whiteness = SimpleNamespace(thinning=2, white=white, correlation_time=1.0)
+    return SimpleNamespace(use=use, output="alpha", recording="b", whiteness=whiteness,
+                           level=SimpleNamespace(rms=rms, floor=0.1))  # fmt: skip
+
+
+@pytest.mark.parametrize(("white", "rms", "good"), [(True, 1.0, True), (False, 1.0, False), (False, 0.1, True)])
+def test_a_prediction_is_in_order_only_where_its_residual_is_noise_or_rounding(white, rms, good):
+    run = said()
+    run.analyses = {"b": {"alpha": residual("validate", white=white, rms=rms)}}
+    line = next(line for line in verdict(run) if line.about == "Prediction")
+    assert line.good is good
+    assert ("The residual of α is correlated: it is not noise alone." in line.sentence) is not good
+
+
+def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_the_claim():
+    orders = {"lambda": estimate(1.2), "mu": estimate(1.18, 0.12)}
+    changes = {"claim": "integer", "claim_reasons": [], "orders": orders, "alternative": RIVAL | {"warning": "It is."}}
+    run = said(**changes, findings=[{"code": "misfit", "where": "a: alpha", "sentence": ""}])
+    run.beside = lambda _: None
+    assert verdict(run)[0].sentence.replace("\N{NO-BREAK SPACE}", " ") == (
+        "Nothing here says that the rig is fractional: a model of integer order fits as well as λ = 1.2 (no interval) "
+        "and μ = 1.18 ± 0.12, but the model lacks something (see Fit)."
+    )
+
 
 AGAINST = {
     "nothing": ({}, None, []),
@@ -410,10 +451,10 @@ def contrast(one, other):
 
 ORDERS = {
     "given": (estimate(1.0, free=False), "1 (given)"),
-    "without an interval": (estimate(0.9), "0.9, no interval"),
+    "without an interval": (estimate(0.9), "0.9 (no interval)"),
     "with one": (estimate(0.9145782, 0.00016), "0.91458 ± 0.00016"),
     "hardly seen": (estimate(1.2, 9.0), "1.2 ± 9.0"),
-    "of a run that failed": (estimate(None), "–, no interval"),
+    "of a run that failed": (estimate(None), "– (no interval)"),
     "out of all proportion": (estimate(1e300, 1e299), "±"),
 }
 

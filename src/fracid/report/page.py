@@ -22,7 +22,7 @@ from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, r
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import joined, letter, number, unit
+from fracid.report.sentences import joined, letter, number, state_letter, unit
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, verdict
@@ -43,6 +43,9 @@ REPORT = "report.html"
 
 OPEN = 6
 """Recordings, and residuals, that are shown without being asked for."""
+
+WARNINGS = 20
+"""That are shown without being asked for: all that a fit of a few recordings has."""
 
 STILL_POINTS = 900
 """Of one line of a drawing, of few recordings."""
@@ -359,6 +362,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         **_stills(material, charts),
         "profile_charts": _of(charts, "profile"),
         "open_at_most": OPEN,
+        "warnings_shown": WARNINGS,
         "headline": headline,
         "lines": lines,
         "warnings": [*material.notes, *material.left_out, *unsaid(result), *project.notes],
@@ -411,8 +415,7 @@ def _no_rival(result: Mapping[str, Any]) -> str:
         return "None was tried: the model gives its free orders no integer value (integer_orders)."
     if all(e["interval95"] and e["interval95"][0] <= v <= e["interval95"][1]
            for e, v in zip(free, integer, strict=True) if v is not None):  # fmt: skip
-        value = number(integer[0]) if len(set(integer)) == 1 else "its integer value"
-        return f"None was needed: {value} lies in the interval of every order."
+        return "None was needed: no order is off its integer value."
     return "None was tried."
 
 
@@ -468,14 +471,9 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
         for block, suffix in (("parameters", ""), ("initial_state", " at the start")):
             for name, e in r[block].items():
                 if e["free"]:
-                    shown = _state(name) if block == "initial_state" else letter(name)
-                    yield {"name": f"{shown}{suffix}", "says": recording, **e}
-
-
-def _state(name: str) -> str:
-    """``D^lambda theta`` as D^λ θ, ``z_theta`` as z_θ."""
-    return " ".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
-                    for word in name.split())  # fmt: skip
+                    shown = state_letter(name) if block == "initial_state" else letter(name)
+                    held_out = ", held out" * (r["use"] != "fit")
+                    yield {"name": f"{shown}{suffix}", "says": f"{recording}{held_out}", **e}
 
 
 def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:

@@ -21,7 +21,8 @@ from typing import Any
 
 from fracid.units import GREEK, to_second_digit
 
-__all__ = ["digits", "half_digits", "half_width", "joined", "letter", "number", "raised", "unit", "with_error"]
+__all__ = ["digits", "half_digits", "half_width", "joined", "letter", "number", "raised", "state_letter", "unit",
+           "with_error"]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -33,6 +34,18 @@ def letter(name: str) -> str:
     ('λ', 'C1')
     """
     return GREEK.get(name, name)
+
+
+def state_letter(name: str) -> str:
+    """The same of a state.
+
+    Examples
+    --------
+    >>> state_letter("D^lambda theta"), state_letter("z_theta")
+    ('D^λ θ', 'z_θ')
+    """
+    return " ".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
+                    for word in name.split())  # fmt: skip
 
 
 def number(value: float | None, form: str = ".4g") -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fracid.report.sentences import digits, half_width, joined, letter, number
+from fracid.report.sentences import digits, half_width, joined, letter, number, state_letter
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
@@ -14,6 +14,7 @@ from fracid.signals.left_over import ROUNDING
 
 if TYPE_CHECKING:
     from fracid.report.material import Material
+    from fracid.validation.residual_records import ResidualAnalysis
 
 __all__ = ["Line", "contradictions", "verdict"]
 
@@ -54,12 +55,11 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     against = contradictions(material, lines)
     values = [f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()]
     orders = joined([value.replace(" ", "\N{NO-BREAK SPACE}") for value in values])
-    doubt = ", but a model of integer order does as well" if _stand_in(material.result) else ""
-    but = "and" if doubt else "but"
-    doubt += f", {but} {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
+    reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
+    doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
     yield Line(
         "Claim",
-        f"{CLAIMS['' if _no_fit(material.result) else claim]}: {orders}{doubt}.",
+        f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}.",
         claim != "undecided" and not against,
     )
 
@@ -145,11 +145,14 @@ def _orders(material: Material) -> Line:
         return Line("Orders", f"{sentence} {says}", False)
     if rival:
         return Line("Orders", f"{sentence} {_against_integers(material, rival)}", claim in (None, "fractional"))
-    return Line("Orders", *_on_their_own(sentence, free))
+    return Line("Orders", *_on_their_own(sentence, free, said_above=bool(material.result.get("claim_reasons"))))
 
 
-def _on_their_own(sentence: str, free: Mapping[str, Any]) -> tuple[str, bool]:
-    """What intervals alone say of the orders, and whether there is nothing to look at."""
+def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -> tuple[str, bool]:
+    """What intervals alone say of the orders, and whether there is nothing to look at.
+
+    That an interval includes the integer is left to the reasons of the claim, where there are any.
+    """
     non_identifiable = [
         letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]
     ]
@@ -164,7 +167,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any]) -> tuple[str, bool]:
         doubts.append(
             f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order alternative was tried."
         )
-    elif inside:
+    elif inside and not said_above:
         doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
     if without:
         doubts.append(
@@ -219,37 +222,68 @@ def _prediction(material: Material) -> Line:
     missed = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "missed"]
     doubt = "; for one signal that is hardly better than a constant" if poor else ""
     doubt += f"; it misses {joined(missed)}" if missed else ""
-    return Line("Prediction", f"{sentence}{doubt}.", not poor and not missed)
+    structured = _structured(material, "validate")
+    names = [f"{letter(a.output)}{f' of {a.recording}' * (len(validation) > 1)}" for a in structured]
+    rest = f" The residual of {joined(names)} is correlated: it is not noise alone." if names else ""
+    return Line("Prediction", f"{sentence}{doubt}.{rest}", not poor and not missed and not structured)
 
 
 def _values(material: Material) -> Line:
-    kinds = dict(_free_kinds(material))
-    unknown = [name for name, kind in kinds.items() if kind != "identifiable"]
+    kinds = dict(_free_kinds(material, "fit"))
+    own = " ".join(filter(None, (_held_out_values(material), _forgotten(material))))
+    unknown = _not_identifiable(kinds)
     count = len(kinds) - len(unknown)
     if not unknown:
-        return Line("Values", f"All {len(kinds)} free values are identifiable.", True)
-    if all(kinds[name] == "unknown" for name in unknown) and not count:
-        return Line("Values", f"Of the {len(kinds)} free values there are no intervals.", False)
-    named = joined(unknown if len(unknown) <= NAMED else [*unknown[: NAMED - 1], f"{len(unknown) - NAMED + 1} more"])
-    sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable"
-    return Line("Values", f"{sentence}; {named} {_is(unknown)} not.", False)
+        sentence = f"All {len(kinds)} free values are identifiable."
+    elif all(kinds[name] == "unknown" for name in unknown) and not count:
+        sentence = f"Of the {len(kinds)} free values there are no intervals."
+    else:
+        sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable; "
+        sentence += f"{_few(unknown)} {_is(unknown)} not."
+    return Line("Values", f"{sentence} {own}".rstrip(), not unknown)
 
 
 NAMED = 8
 """Values that a sentence has room for."""
 
 
-def _free_kinds(material: Material) -> Iterator[tuple[str, str]]:
+def _few(names: list[str]) -> str:
+    return joined(names if len(names) <= NAMED else [*names[: NAMED - 1], f"{len(names) - NAMED + 1} more"])
+
+
+def _not_identifiable(kinds: Mapping[str, str]) -> list[str]:
+    return [name for name, kind in kinds.items() if kind != "identifiable"]
+
+
+def _held_out_values(material: Material) -> str:
+    """How many values of their own were refitted to held-out recordings: they are in the tables, not in the model."""
+    kinds = dict(_free_kinds(material, "validate"))
+    if not kinds:
+        return ""
+    unknown = _not_identifiable(kinds)
+    whose = "Held-out recordings have" if len(material.used("validate")) > 1 else "The held-out recording has"
+    sentence = f"{whose} {len(kinds)} more of {'their' if whose.endswith('have') else 'its'} own"
+    return f"{sentence}; {_few(unknown)} {_is(unknown)} not identifiable." if unknown else f"{sentence}."
+
+
+def _forgotten(material: Material) -> str:
+    """How many rows of the tables no count includes: where a presliding joint began, which its slide erases."""
+    rows = [e for r in material.result["recordings"].values() for e in r["initial_state"].values() if e["free"]]
+    count = sum(e["identifiable"] == "forgotten" for e in rows)
+    return f"Not counted: {count} initial {'value' if count == 1 else 'values'} of presliding joints." if count else ""
+
+
+def _free_kinds(material: Material, use: str) -> Iterator[tuple[str, str]]:
     """Each free value by name → its verdict; those that a recording has for itself with its name, where there are more.
 
-    What a joint has forgotten is no question.
+    Orders and constants, which recordings share, are among those of ``fit``.
     """
-    fitted = material.used("fit")
-    for block in ("orders", "parameters"):
+    recordings = material.used(use)
+    for block in ("orders", "parameters") if use == "fit" else ():
         yield from ((letter(n), e["identifiable"]) for n, e in material.result[block].items() if e["free"])
-    for recording, r in fitted.items():
-        of = f" of {recording}" if len(fitted) > 1 else ""
-        own = {**r["parameters"], **{f"{n}(0)": e for n, e in r["initial_state"].items()}}
+    for recording, r in recordings.items():
+        of = f" of {recording}" if len(recordings) > 1 else ""
+        own = {**r["parameters"], **{f"{state_letter(n)} at the start": e for n, e in r["initial_state"].items()}}
         yield from ((f"{letter(n)}{of}", e["identifiable"]) for n, e in own.items()
                     if e["free"] and e["identifiable"] != "forgotten")  # fmt: skip
 
@@ -277,16 +311,26 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
-    analyses = [a for outputs in material.analyses.values() for a in outputs.values() if a.use == "fit"]
-    tested = [a for a in analyses if a.whiteness.thinning]
+    tested = _tested(material, "fit")
     if not tested:
         return
     worst = max(tested, key=lambda a: a.whiteness.correlation_time)
     if all(a.whiteness.white for a in tested):
         yield "The residuals are white noise.", True
-    elif all(a.whiteness.white or a.level.rms < ROUNDING * a.level.floor for a in tested):
+    elif not _structured(material, "fit"):
         yield "The residuals are noise and the encoder's rounding.", True
     else:
         time = number(worst.whiteness.correlation_time, ".2g")
         what = f"The residual of {letter(worst.output)}"
         yield f"{what} is correlated over {time} s: it is not noise alone.", False
+
+
+def _tested(material: Material, use: str) -> list[ResidualAnalysis]:
+    """The residuals of the recordings of one use that were long enough to be tested."""
+    analyses = (a for outputs in material.analyses.values() for a in outputs.values())
+    return [a for a in analyses if a.use == use and a.whiteness.thinning]
+
+
+def _structured(material: Material, use: str) -> list[ResidualAnalysis]:
+    """Those that are neither white noise nor the encoder's rounding."""
+    return [a for a in _tested(material, use) if not (a.whiteness.white or a.level.rms < ROUNDING * a.level.floor)]

@@ -90,7 +90,7 @@ def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
     if half_width(e) is not None:
         return f"{digits(e)} ± {half_digits(e)}"
-    return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])}, no interval"
+    return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
 
 
 def whisker(e: Mapping[str, Any], width: int = 180) -> Markup:
