@@ -1,13 +1,19 @@
 """A run folder gives back its problem, its values and its simulations to the last bit, or says why it cannot."""
 
 import json
+import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fracid.errors import InputError
+from fracid.findings import Finding
 from fracid.runs.saved import load_run
+from fracid.safety.schema import as_json
+from fracid.schemas.result import AlternativeBlock
+from fracid.selection.integer_rival import Alternative, Trial
 from program import fit_in
 from twins import write_release
 
@@ -76,6 +82,27 @@ def test_a_run_shows_the_card_of_its_fit_without_simulating_anything(fitted):
     assert len(repr(run)) <= 1000
     assert "release 10°" in run._repr_html_()
     assert "recordings" not in vars(run)
+
+
+def test_a_run_has_the_attributes_of_its_fit(fitted):
+    folder, fit = fitted
+    run = load_run(folder / "run")
+    for name in ("claim", "claim_reasons", "warnings", "findings", "cost", "outcome", "evaluations", "optimiser",
+                 "seed", "timing", "opened_bounds", "discretisation", "alternative"):  # fmt: skip
+        assert getattr(run, name) == getattr(fit, name), name
+    assert run.claim == run.result["claim"]
+
+
+def test_a_run_reads_its_findings_and_its_alternative_back(fitted):
+    run = load_run(fitted[0] / "run")
+    finding = Finding("misfit", "a: alpha", math.nan, 3.0, "roundings", "It is large.")
+    trials = (Trial("friction", 0.2, 5.0, True), Trial("a delay", math.inf, math.inf))
+    alternative = Alternative("every order 1", ("mu",), 0.2, {"b_alpha": 1.0}, 5.0, 100.0, "It does.", trials)
+    blocks = {"findings": [finding.to_json()], "alternative": as_json(AlternativeBlock, alternative)}
+    read = replace(run, result={**run.result, **blocks})
+    assert math.isnan(read.findings[0].number)
+    assert str(read.findings[0]) == str(finding)
+    assert read.alternative == alternative
 
 
 @pytest.mark.broad

@@ -33,6 +33,7 @@ from fracid.errors import Failure, FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.starts import Start
+from fracid.findings import Finding
 from fracid.fit import fit_card
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import Project, project_from_text
@@ -40,10 +41,20 @@ from fracid.safety.json_files import json_of, text_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
 from fracid.safety.text import ascii_short
-from fracid.schemas.result import EstimateBlock, OpenedBoundBlock, ResultBlock, StartBlock
+from fracid.schemas.result import (
+    AlternativeBlock,
+    DiscretisationBlock,
+    EstimateBlock,
+    FindingBlock,
+    OpenedBoundBlock,
+    ResultBlock,
+    StartBlock,
+)
 from fracid.selection.doubts import claimed, doubts
+from fracid.selection.integer_rival import Alternative, Trial
 from fracid.selection.opened_bounds import OpenedBound, reopened
 from fracid.tasks.folder_lock import refuse_links
+from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
 __all__ = ["SavedRun", "load_run"]
@@ -60,7 +71,7 @@ MOST_WORDS = 1000
 
 @dataclass(frozen=True, repr=False)
 class SavedRun(CardDisplay, FitPictures, WithPosterior):
-    """What :func:`load_run` gives."""
+    """What :func:`load_run` gives: the attributes of a :class:`fracid.Fit` that ``result.json`` has."""
 
     folder: Path
     result: Mapping[str, Any]
@@ -72,8 +83,7 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     @cached_property
     def problem(self) -> Problem:
         """The project's, with the bounds that the fit opened and the step that it chose."""
-        blocks = [OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", [])]
-        problem = reopened(self.project.problem, tuple(OpenedBound(**dict(block)) for block in blocks))
+        problem = reopened(self.project.problem, self.opened_bounds)
         chosen = self.result.get("substeps")
         if self.project.fixed_step or chosen in (None, problem.substeps):
             return problem
@@ -93,6 +103,75 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     def parameters(self) -> dict[str, Estimate]:
         """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
         return {n: _estimate(entry) for n, entry in self.result.get("parameters", {}).items()}
+
+    @property
+    def claim(self) -> str:
+        """What is claimed of the orders, as in :attr:`fracid.Fit.claim`."""
+        return self.result.get("claim") or "undecided"
+
+    @property
+    def claim_reasons(self) -> tuple[str, ...]:
+        """Why, in sentences."""
+        return tuple(self.result.get("claim_reasons", ()))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences, those of the findings among them."""
+        return tuple(self.result["warnings"])
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Faults of data, project or model, as in :attr:`fracid.Fit.findings`."""
+        return tuple(_finding(entry) for entry in self.result.get("findings", []))
+
+    @property
+    def cost(self) -> float:
+        """The cost at the minimum; infinite where no run of the model reached the end of a recording."""
+        value = self.result["cost"]["value"]
+        return math.inf if value is None else float(value)
+
+    @property
+    def outcome(self) -> str:
+        """How the search ended, in words."""
+        return str(self.result["outcome"])
+
+    @property
+    def evaluations(self) -> int:
+        """How often the cost was evaluated."""
+        return int(self.result["evaluations"])
+
+    @property
+    def optimiser(self) -> str:
+        """The name of the search."""
+        return str(self.result["optimiser"])
+
+    @property
+    def seed(self) -> int | None:
+        """The seed of the search."""
+        return self.result.get("seed")
+
+    @property
+    def timing(self) -> dict[str, float]:
+        """Seconds spent, per stage."""
+        return dict(self.result.get("timing", {}))
+
+    @property
+    def opened_bounds(self) -> tuple[OpenedBound, ...]:
+        """The bounds of the project that stopped the search, and were opened."""
+        blocks = (OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", []))
+        return tuple(OpenedBound(**dict(block)) for block in blocks)
+
+    @property
+    def discretisation(self) -> Discretisation | None:
+        """What the step of the solver does to the result, where that was checked."""
+        entry = self.result.get("discretisation")
+        return None if entry is None else Discretisation(**dict(DiscretisationBlock.model_validate(entry)))
+
+    @property
+    def alternative(self) -> Alternative | None:
+        """The integer-order model that comes nearest, where one was tried."""
+        entry = self.result.get("alternative")
+        return None if entry is None else _alternative(AlternativeBlock.model_validate(entry))
 
     @property
     def starts(self) -> tuple[Start, ...]:
@@ -131,7 +210,7 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
         orders = self.orders
         search = f"{result['optimiser']}, {result['evaluations']} evaluations, {result['outcome']}"
         title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
-        claim = claimed(result.get("claim") or "undecided", doubts(result))
+        claim = claimed(self.claim, doubts(result))
         return fit_card(f"{title}: {claim}", (orders, self.parameters), search,
                         (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores)  # fmt: skip
 
@@ -343,6 +422,19 @@ def _estimate(entry: Mapping[str, Any]) -> Estimate:
     """What result.json says of a value; what a result of an older version does not say is as by default."""
     block = EstimateBlock.model_validate(entry)
     return Estimate(**{f.name: getattr(block, f.name) for f in fields(Estimate)})
+
+
+def _finding(entry: Mapping[str, Any]) -> Finding:
+    """What result.json says of a finding; a number that is null was not finite."""
+    block = FindingBlock.model_validate(entry)
+    return Finding(
+        **dict(block) | {n: math.nan if (v := getattr(block, n)) is None else v for n in ("number", "limit")}
+    )
+
+
+def _alternative(block: AlternativeBlock) -> Alternative:
+    """What result.json says of the integer-order model."""
+    return Alternative(**dict(block) | {"trials": tuple(Trial(**dict(trial)) for trial in block.trials)})
 
 
 def _start(entry: Mapping[str, Any], problem: Problem) -> Start:
