@@ -245,7 +245,7 @@ def test_a_step_that_is_too_long_above_order_one_is_refused_with_the_method_that
     stiff = ("simulate", "qube-servo2", "--order", "mu=1.05", "--set", "b_alpha=1", "--end", 10, "--step", "10ms")
     code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv")
     assert (code, out) == (3, "")
-    assert 'Type --method bdf2, or a step of' in err
+    assert "Type --method bdf2, or a step of" in err
     assert not any(tmp_path.iterdir())
     code, out, err = run(capsys, *stiff, "--to", tmp_path / "twin.csv", "--method", "bdf2")
     assert (code, err) == (0, "")

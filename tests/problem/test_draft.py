@@ -344,7 +344,7 @@ def test_a_pendulum_that_never_moves_is_no_other_column(tmp_path):
     np.savez(tmp_path / "log.npz", **still)
     with pytest.raises(InputError, match=r"log\.npz: alpha: it stays at 0\.1 throughout: is its encoder connected"):
         draft_project(tmp_path / "log.npz", folder=tmp_path)
-    with pytest.raises(InputError, match=r"alpha: it stays at 5\.73° throughout"):
+    with pytest.raises(InputError, match=r"no signal moves: .* are its sensors connected"):
         draft_project(tmp_path / "log.npz", {"alpha": {"column": "alpha", "unit": "rad"}}, folder=tmp_path)
 
 

@@ -88,9 +88,10 @@ def test_a_run_has_the_attributes_of_its_fit(fitted):
     folder, fit = fitted
     run = load_run(folder / "run")
     for name in ("claim", "claim_reasons", "warnings", "findings", "cost", "outcome", "evaluations", "optimiser",
-                 "seed", "timing", "opened_bounds", "discretisation", "alternative"):  # fmt: skip
+                 "seed", "opened_bounds", "discretisation", "alternative"):  # fmt: skip
         assert getattr(run, name) == getattr(fit, name), name
     assert run.claim == run.result["claim"]
+    assert run.timing.keys() >= fit.timing.keys()
 
 
 def test_a_run_reads_its_findings_and_its_alternative_back(fitted):
