@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -133,3 +134,18 @@ def test_the_index_opens_without_a_complaint_and_fits_the_screen(runs, width):
         browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
         found = browser.run("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
         assert found == []
+
+
+@pytest.mark.parametrize(("changes", "look"), [
+    ({"claim": "integer"}, False),
+    ({"claim": "integer", "warnings": ["C6 is not identifiable."]}, False),
+    ({"claim": "fractional", "findings": [{"code": "misfit", "where": "a: alpha", "sentence": ""}]}, True),
+    ({"claim": "undecided"}, True),
+])  # fmt: skip
+def test_a_claim_has_the_colour_of_the_page_in_the_index_too(runs, changes, look, monkeypatch):
+    of_folder = runs_of(runs)
+    changed = [replace(run, result=run.result | {"warnings": [], "findings": []} | changes) for run in of_folder]
+    monkeypatch.setattr("fracid.report.index.runs_of", lambda _: changed)
+    text = write_index(runs).read_text(encoding="utf-8")
+    assert text.count('<span class="point look">') == look * len(changed)
+    assert ("but the model lacks something" in text) == ("findings" in changes)

@@ -26,6 +26,7 @@ from fracid.estimation.records import in_words
 from fracid.report import report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
+from fracid.report.page import _wide
 from fracid.report.rig import rig_lengths
 from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
 from fracid.report.verdict import verdict
@@ -402,6 +403,19 @@ def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_th
         "Nothing here says that the rig is fractional: a model of integer order fits as well as λ = 1.2 (no interval) "
         "and μ = 1.18 ± 0.12, but the model lacks something (see Fit)."
     )
+
+
+def test_an_interval_as_wide_as_its_constant_is_said_beside_it():
+    wide = estimate(6e-7, 5e-7) | {"unit": "N m"}
+    assert _wide(wide) == "its interval is ± 83 % of its value"
+    assert _wide(wide | {"unit": "rad"}) == ""
+    assert _wide(estimate(0.004, 0.001) | {"unit": "kg m^2"}) == ""
+
+
+def test_the_table_of_the_step_shows_how_far_the_orders_move(page):
+    text = " ".join(Parsed(page).text)
+    assert "With the same values, half the step gives a cost of" in text
+    assert "shift" in text
 
 
 AGAINST = {

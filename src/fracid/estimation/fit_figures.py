@@ -40,9 +40,10 @@ if TYPE_CHECKING:
 
     from fracid.estimation.records import Estimate, RecordingFit
     from fracid.estimation.starts import Start
+    from fracid.models import Model
     from fracid.problem import Problem
 
-__all__ = ["FitPictures", "Fitted"]
+__all__ = ["FitPictures", "Fitted", "rig_as_found"]
 
 
 class Fitted(Protocol):
@@ -165,10 +166,7 @@ class FitPictures:
         InputError
             If the model says nothing of its shape.
         """
-        model = self.problem.model
-        names = () if model.drawing is None else model.drawing.as_found
-        constants = {n: e.value for n in names if (e := self.parameters.get(n)) and e.identifiable == "identifiable"}
-        return model.with_parameters(**constants).plot(style=style)
+        return rig_as_found(self.problem.model, self.parameters).plot(style=style)
 
     def plot_starts(self: Fitted, *, style: str | Style = "screen") -> Figure:
         """Where each start of the search ended, sorted; see :func:`fracid.plots.waterfall`.
@@ -193,3 +191,21 @@ def _one(fit: Fitted, name: str | None) -> RecordingFit:
     if name not in fit.recordings:
         raise InputError(f"There is no recording {name!r}; the fit has {', '.join(fit.recordings)}.")
     return fit.recordings[name]
+
+
+def rig_as_found(model: Model, parameters: Mapping[str, Estimate]) -> Model:
+    """The model with the constants that a drawing takes as found, where they are identifiable.
+
+    Parameters
+    ----------
+    model : Model
+    parameters : mapping
+        Those of a fit, by name.
+
+    Returns
+    -------
+    Model
+    """
+    names = () if model.drawing is None else model.drawing.as_found
+    constants = {n: e.value for n in names if (e := parameters.get(n)) and e.identifiable == "identifiable"}
+    return model.with_parameters(**constants)

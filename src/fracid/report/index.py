@@ -26,6 +26,7 @@ from fracid.safety.schema import read_as
 from fracid.safety.text import file_stems, printable
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
+from fracid.selection.doubts import doubts
 
 __all__ = ["INDEX", "RUNS_BEGIN", "RUNS_END", "Identity", "identity", "refresh_index", "runs_of", "write_index"]
 
@@ -210,10 +211,13 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
             "name": run.who.name, "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
             "href": f"{quote(run.folder.name)}/{PAGE}" if (run.folder / PAGE).exists() else "",
             "orders": orders_drawn(run.result["orders"], axis), "warnings": run.result["warnings"],
+            "against": list(against.values()),
+            "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,
             "model": run.result["model"]["name"], "outcome": run.result["outcome"],
             "picture": _picture(run), "rows": list(_rows(run.result)), "cost": run.result["cost"],
         }
         for run in runs
+        for against in [doubts(run.result)]
     ]  # fmt: skip
     template = environment_of_pages().get_template("index.html.j2")
     return template.render(

@@ -22,7 +22,7 @@ from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, r
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import joined, letter, number, state_letter, unit
+from fracid.report.sentences import described, half_width, joined, letter, number, state_letter, unit
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, verdict
@@ -49,6 +49,9 @@ WARNINGS = 20
 
 STILL_POINTS = 900
 """Of one line of a drawing, of few recordings."""
+
+WIDE = 0.5
+"""Part of a constant's value: a wider half of an interval is said beside it."""
 
 STILL_RECORDINGS = 6
 """Of more, each line gets fewer points: a page of two hundred stays light."""
@@ -450,7 +453,16 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
     orders = {n: {"integer": 1.0} | e for n, e in result["orders"].items()}
     for name, e in (*orders.items(), *result["parameters"].items()):
-        yield {"name": name, "says": says.get(name, ""), **e}
+        yield {"name": name, "says": described(says.get(name, "")), **e, "reason": e.get("reason") or _wide(e)}
+
+
+def _wide(e: Mapping[str, Any]) -> str:
+    """How wide the interval of an identifiable constant is, where that is more than half of its value."""
+    half = half_width(e)
+    if half is None or not e["value"] or e["identifiable"] != "identifiable" or "integer" in e or e["unit"] == "rad":
+        return ""
+    share = half / abs(e["value"])
+    return f"its interval is ± {number(100 * share, '.2g')} % of its value" if share > WIDE else ""
 
 
 def _off(material: Material) -> list[str]:

@@ -21,8 +21,8 @@ from typing import Any
 
 from fracid.units import GREEK, to_second_digit
 
-__all__ = ["digits", "half_digits", "half_width", "joined", "letter", "number", "raised", "state_letter", "unit",
-           "with_error"]  # fmt: skip
+__all__ = ["described", "digits", "half_digits", "half_width", "joined", "letter", "number", "raised",
+           "state_letter", "unit", "with_error"]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -148,6 +148,18 @@ def unit(text: str) -> str:
     ('kg m²', 'N m s²/rad²')
     """
     return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], text.replace("^nu", "^ν"))
+
+
+def described(text: str) -> str:
+    """A description of a constant with true minus signs, Greek letters and indices.
+
+    Examples
+    --------
+    >>> described("C2 - I2xx"), described("tau_C = -f tanh(rate / slip_speed), half-open")
+    ('C2 − I₂ₓₓ', 'τ_C = −f tanh(rate / slip_speed), half-open')
+    """
+    text = re.sub(r"(?<!\w)-(?=[\s\w])", "−", text.replace("I2xx", "I₂ₓₓ"))
+    return re.sub(r"\b([a-z]+)_(?=[A-Z]\b)", lambda found: f"{letter(found[1])}_", text)
 
 
 def joined(words: list[str], last: str = "and") -> str:

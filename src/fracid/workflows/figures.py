@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.errors import InputError
+from fracid.estimation.fit_figures import rig_as_found
 from fracid.safety.text import file_stems
 from fracid.tasks.observer import Observer
 from fracid.workflows.drawer import Asked, Drawer, ended_with_this
@@ -37,13 +38,13 @@ Figures = Iterator[tuple[str, "Figure"]]
 
 @contextmanager
 def drawing(project: Project, folder: Path, jobs: int, observer: Observer, drawer: Drawer) -> Iterator[Drawing]:
-    """Have the rig drawn while something else is done, and what that makes known; gives what draws a fit."""
+    """Have drawn what is known while something else is done; gives what draws a fit."""
     model: Model | None = project.problem.model
     # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
     if drawer.pool is not None and not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
         model = None
     with ended_with_this(drawer.pool):
-        yield Drawing(project, folder, jobs, observer, drawer, drawer.asked(_draw_rig, model, folder))
+        yield Drawing(project, folder, jobs, observer, drawer, model)
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class Drawing:
     jobs: int
     observer: Observer
     drawer: Drawer
-    rig: Asked[tuple[Path, ...]]
+    model: Model | None
+    """The rig, where it is drawn."""
     _begun: dict[str, _Drawn] = field(default_factory=dict)
     """By recording."""
 
@@ -77,7 +79,8 @@ class Drawing:
         folder = self.folder
         self.observer.stage("figures")
         recordings = self._of_recordings(fit.recordings)
-        pieces = [self.rig, *(piece for r in recordings for piece in r.figures)]
+        rig = None if self.model is None else rig_as_found(self.model, fit.parameters)
+        pieces = [self.drawer.asked(_draw_rig, rig, folder), *(piece for r in recordings for piece in r.figures)]
         of_starts = saved(of_search(fit), folder)
         plane = None
         if isfinite(fit.cost) and len(fit.problem.order_indices) >= 2:

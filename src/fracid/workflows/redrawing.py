@@ -10,6 +10,7 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane, reaches
 from fracid.estimation.cost_profile import Profiles
+from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
 from fracid.models import RIGS, rotary_pendulum
@@ -122,7 +123,8 @@ def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
         reach = reaches(run.problem, run.x, run.orders)
         plane = of_plane(run, cost_plane(run.problem, run.x, reach=reach, jobs=jobs), run.folder, style)
     return chain(
-        of_rig(run.problem.model, style), of_recordings(run.recordings, run.resolutions, style),
+        of_rig(rig_as_found(run.problem.model, run.parameters), style),
+        of_recordings(run.recordings, run.resolutions, style),
         _of_tests(run, style), plane, of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
     )  # fmt: skip
 
