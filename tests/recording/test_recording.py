@@ -89,6 +89,10 @@ def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_pa
     np.testing.assert_allclose(recording.signals["alpha"], [math.pi, math.pi / 2, 0])
     np.testing.assert_allclose(recording.time, [0, 0.01, 0.02])
     assert "as the header says" in recording.report.reading[0]
+    contrary = load_recording(file, {"alpha": Channel("alpha", unit="rad")}, time="t [ms]")
+    assert "alpha is taken as rad, as was said; its header says deg." in contrary.report.reading
+    same = load_recording(file, {"alpha": Channel("alpha", unit="deg")}, time="t [ms]")
+    assert not any("header" in sentence for sentence in same.report.reading)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])

@@ -119,9 +119,10 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
                 f'{channel.unit or "not given"}; type unit = "counts", or leave counts_per_turn out.'
             )
         return replace(channel, unit="counts"), f"{name} is in counts, as the header says."
-    if channel.unit is not None:
-        return channel, None
     unit = header_unit(header)
+    if channel.unit is not None:
+        contrary = unit is not None and unit != channel.unit
+        return channel, f"{name} is taken as {channel.unit}, as was said; its header says {unit}." if contrary else None
     if unit:
         return replace(channel, unit=unit), f"{name} is in {unit}, as the header says."
     unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"
