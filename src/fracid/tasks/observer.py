@@ -59,9 +59,8 @@ class Observer:
     result: Callable[[Any], None] = _unheard
     """Gets the finished run as soon as its result is written, before its figures and its page."""
     recordings: Callable[[Mapping[str, Any]], None] | None = None
-    """Gets each recording beside its simulation, a :class:`fracid.RecordingFit`, as soon as a minimum is known, and
-    again where a lower one is found, or more recordings are simulated; none where it does not hear: each is simulated
-    for it."""
+    """Gets each recording beside its simulation, as in :attr:`fracid.Fit.recordings`, as soon as a minimum is known,
+    and again where a lower one is found or more recordings are simulated.  Without it none is simulated for that."""
 
 
 SILENT = Observer()
