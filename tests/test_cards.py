@@ -1,7 +1,7 @@
 """Every result shows itself in eight lines, and in a notebook as a table that no text can break out of."""
 
 import re
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -117,7 +117,7 @@ def test_no_text_of_a_card_is_longer_than_its_cell_nor_hides_anything():
 def test_a_fit_shows_its_orders_its_rmse_and_its_warnings():
     text = repr(fit())
     assert "λ = 0.900 ± 0.010, μ = 1 (fixed)" in text
-    assert "C1 = 0.0043 kg m^2" in text
+    assert "C1 = 0.0043 kg m²" in text
     assert "1: <script>" in text
     assert "fit, RMSE of θ 0°, α 0°" in text
     assert "more rows" in text
@@ -157,3 +157,13 @@ def test_a_trajectory_shows_first_how_it_ended_and_what_is_wrong_with_it():
     assert ended.fault.sentence[:40] in repr(ended)
     assert repr(ended).splitlines()[1].split() == ["outcome", *ended.outcome.value.split()]
     assert repr(trajectory()).splitlines()[0] == "Trajectory: completed"
+
+
+def test_the_card_of_a_fit_has_the_sentence_of_its_claim():
+    text = repr(replace(fit(), claim_reasons=("1 lies within the intervals.",)))
+    assert re.search(r"claim +1 lies within the intervals\.", text)
+
+
+def test_the_card_of_an_estimate_calls_its_verdict_a_verdict_and_writes_one_power_of_ten():
+    text = repr(Estimate(1.3361e-4, "kg m^2", True, interval95=(1.327e-4, 1.3452e-4), identifiable="identifiable"))
+    assert text.splitlines() == ["Estimate (1.3361 ± 0.0091)e-04 kg m²", "  verdict  identifiable"]

@@ -16,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any, cast
 
 from fracid.safety.text import printable
-from fracid.units import GREEK, half_width, shown_unit, to_second_digit
+from fracid.units import GREEK, shown_unit, typeset_unit, with_half_width
 
 __all__ = ["Card", "CardDisplay", "brief", "estimate_text", "listed", "rounded"]
 
@@ -107,12 +107,15 @@ def rounded(value: float, half: float | None) -> str:
     --------
     >>> rounded(0.914578, 0.00016), rounded(-0.0012345, None), rounded(2.0, 30.0)
     ('0.91458 ± 0.00016', '−0.001234', '2 ± 30')
+    >>> rounded(-0.00013361, 9.1e-07)
+    '(−1.3361 ± 0.0091)e-04'
     """
     if not math.isfinite(value):
         return "none"
     if half is None or not 0 < half < math.inf:
         return _true_minus(f"{value:.4g}")
-    return _true_minus(f"{to_second_digit(value, half)} ± {half_width(half)}")
+    text = with_half_width(value, half)
+    return f"({_true_minus(text[1:])}" if text.startswith("(") else _true_minus(text)
 
 
 def _true_minus(number: str) -> str:
@@ -132,7 +135,7 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
     """
     display_unit, factor = shown_unit(unit)
     half = None if interval is None else factor * (interval[1] - interval[0]) / 2
-    return f"{GREEK.get(name, name)} = {rounded(factor * value, half)} {display_unit}".rstrip()
+    return f"{GREEK.get(name, name)} = {rounded(factor * value, half)} {typeset_unit(display_unit)}".rstrip()
 
 
 def brief(value: object) -> str:

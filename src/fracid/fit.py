@@ -99,7 +99,7 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
         search = f"{self.optimiser}, {self.evaluations} evaluations, {self.outcome}"
         claim = claimed(self.claim, doubts(self.to_json()))
         return fit_card(f"Fit of {p.model.name}: {claim}", (self.orders, self.parameters), search,
-                        (p.cost_function.name, self.cost), self.warnings, scores)  # fmt: skip
+                        (p.cost_function.name, self.cost), self.warnings, scores, self.claim_reasons)  # fmt: skip
 
     def _named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
@@ -113,6 +113,7 @@ def fit_card(
     cost: tuple[str, float | None],
     warnings: Sequence[str],
     scores: Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]],
+    reasons: Sequence[str] = (),
 ) -> Card:
     """The card of a fit, of this session or of a folder.
 
@@ -130,6 +131,8 @@ def fit_card(
         Of the fit.
     scores : mapping
         Recording → use, RMSE of each output [SI], and the units of outputs that are no angles.
+    reasons : sequence of str
+        Of the claim, in sentences.
 
     Examples
     --------
@@ -147,6 +150,7 @@ def fit_card(
     free = [_estimate(n, e) for n, e in parameters.items() if e.free]
     name, value = cost
     return Card(f"PARTIAL {title}" if PARTIAL in warnings else title, (
+        *([("claim", " ".join(reasons))] if reasons else []),
         ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in orders.items())),
         ("parameters", f"{listed(free)}{' free' * (not free)}, {len(parameters) - len(free)} fixed"),
         ("search", search if value is None else f"{name} = {value:.4g}; {search}"),

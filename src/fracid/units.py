@@ -10,8 +10,19 @@ otherwise a signal is an angle.
 from __future__ import annotations
 
 import math
+import re
 
-__all__ = ["GREEK", "SHOWN_UNITS", "half_width", "plain", "shown_unit", "to_second_digit", "with_unit"]
+__all__ = [
+    "GREEK",
+    "SHOWN_UNITS",
+    "half_width",
+    "plain",
+    "shown_unit",
+    "to_second_digit",
+    "typeset_unit",
+    "with_half_width",
+    "with_unit",
+]
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
@@ -90,6 +101,33 @@ def to_second_digit(value: float, half: float) -> str:
         return f"{short:.{max(0, -place)}f}"
     digits = math.floor(math.log10(abs(short) or 1.0)) - place + 1
     return f"{short:.{min(max(1, digits), MOST)}g}"
+
+
+def typeset_unit(unit: str) -> str:
+    """A unit with raised exponents.
+
+    Examples
+    --------
+    >>> typeset_unit("kg m^2"), typeset_unit("N m s^2/rad^2")
+    ('kg m²', 'N m s²/rad²')
+    """
+    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], unit.replace("^nu", "^ν"))
+
+
+def with_half_width(value: float, half: float) -> str:
+    """A value to the second digit of a half-width above 0, and that half-width: with one power of ten, if any.
+
+    Examples
+    --------
+    >>> with_half_width(0.914578, 0.00016), with_half_width(0.00013361, 9.1e-07)
+    ('0.91458 ± 0.00016', '(1.3361 ± 0.0091)e-04')
+    """
+    texts = to_second_digit(value, half), half_width(half)
+    if not any("e" in text for text in texts):
+        return " ± ".join(texts)
+    power = math.floor(math.log10(max(abs(float(text)) for text in texts)))
+    scale = 10.0**-power
+    return f"({to_second_digit(scale * value, scale * half)} ± {half_width(scale * half)})e{power:+03d}"
 
 
 def half_width(half: float) -> str:

@@ -20,7 +20,7 @@ from fracid.cards import Card, CardDisplay, brief, rounded
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
-from fracid.units import shown_unit
+from fracid.units import shown_unit, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,8 +75,8 @@ class Estimate(CardDisplay):
         shown, factor = shown_unit(self.unit)
         low, high = (None, None) if self.interval95 is None else (factor * b for b in self.interval95)
         half = None if low is None or high is None else (high - low) / 2
-        title = f"Estimate {rounded(factor * self.value, half)} {shown}".rstrip()
-        rows = (("identifiable", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
+        title = f"Estimate {rounded(factor * self.value, half)} {typeset_unit(shown)}".rstrip()
+        rows = (("verdict", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
 
     @property

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from fracid.units import GREEK, to_second_digit
+from fracid.units import GREEK, to_second_digit, typeset_unit
 
 __all__ = ["described", "digits", "half_digits", "half_width", "joined", "letter", "number", "raised",
            "state_letter", "unit", "with_error"]  # fmt: skip
@@ -147,7 +147,7 @@ def unit(text: str) -> str:
     >>> unit("kg m^2"), unit("N m s^2/rad^2")
     ('kg m²', 'N m s²/rad²')
     """
-    return re.sub(r"\^(\d)", lambda found: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[1])], text.replace("^nu", "^ν"))
+    return typeset_unit(text)
 
 
 def described(text: str) -> str:

@@ -212,7 +212,8 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
         title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
         claim = claimed(self.claim, doubts(result))
         return fit_card(f"{title}: {claim}", (orders, self.parameters), search,
-                        (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores)  # fmt: skip
+                        (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores,
+                        self.claim_reasons)  # fmt: skip
 
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         run = problem.fitted(_vector(problem, self.values), e)
