@@ -275,6 +275,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "[model.orders]\nmu = true", rf"\[model\.orders\] mu = true; {RANGE}"),
         (ONE + "[model.orders]\nmu = [1.0]", rf"\[model\.orders\] mu = \[1\.0\]; {RANGE}"),
         ("[model]\nzero = hanging # down\n" + ONE, r'is: zero = hanging\. Put text in quotes: zero = "hanging"'),
+        ("[model]\nzero = " + 400 * "h" + "\n" + ONE, r"not TOML: .*The line begins: zero = h{113}$"),
         ("[model.parameters]\nC4 = 0,194\n" + ONE, r"The line is: C4 = 0,194\. Type a decimal point: C4 = 0\.194"),
         (ONE.replace("swing.csv", "C:\\data\\x.csv"), r"or single quotes: file = 'C:\\data\\x\.csv'"),
         (ONE + '[model.parameters]\nC4 = "0.194 N m"', r"C4 = '0\.194 N m' is not possible; expected a number in SI"),

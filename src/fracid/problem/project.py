@@ -97,6 +97,9 @@ DEEPEST = 16
 LONGEST_KEY = 100
 """Points in a key."""
 
+LONGEST_LINE = 120
+"""Characters of a line that is no TOML, in a message."""
+
 LONGEST_MESSAGE = 600
 """Characters."""
 
@@ -327,6 +330,8 @@ def _not_toml(error: tomllib.TOMLDecodeError, text: str) -> str:
     place = re.search(r"line (\d+)", str(error))
     lines = text.splitlines()
     line = lines[int(place[1]) - 1].partition("#")[0].strip() if place and int(place[1]) <= len(lines) else ""
+    if len(line) > LONGEST_LINE:
+        return f"{error}. The line begins: {line[:LONGEST_LINE]}"
     return f"{error}.{f' The line is: {line}' if line else ''}{_meant(line)}"
 
 
