@@ -1,10 +1,12 @@
 """Compiled code is kept on disk, and whatever happens to it there costs time alone."""
 
 import errno
+import gc
 import os
 import re
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numba
@@ -178,3 +180,20 @@ def test_a_run_is_the_same_to_the_bit_whatever_is_kept(tmp_path):
         file.write_bytes(content[: place * 1000] + b"broken" * 1000)
     broken = ended(begun(tmp_path / "cache"))
     assert {*together, warm, broken, ended(begun(tmp_path / "cache"))} == {warm}
+
+
+def refused(x):
+    return x.nothing
+
+
+@pytest.mark.parametrize("function", [lambda x: abs(x), refused], ids=["compiles", "does not"])
+@pytest.mark.parametrize("collects", [True, False])
+def test_compiling_leaves_the_garbage_collector_as_it_was(function, collects):
+    was = gc.isenabled()
+    (gc.enable if collects else gc.disable)()
+    try:
+        with suppress(numba.TypingError):
+            kept(float64(float64), keep=False)(function)
+        assert gc.isenabled() == collects
+    finally:
+        (gc.enable if was else gc.disable)()

@@ -103,6 +103,11 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
     return Kernel(*_integral_kernel(q, sine_ratio(1 - q), lags, steps, tolerance))
 
 
+def compile_exponentials(family: str) -> None:
+    """Compile what :func:`compressed_kernel` takes a family's exponentials from."""
+    {"gl": _derivative_kernel, "bdf": _bdf_kernel}.get(family, _integral_kernel).compiled()
+
+
 def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
     pi = Kernel(*_integral_kernel(q, sine_ratio(1 - q), L - 1, steps + 1, tolerance))

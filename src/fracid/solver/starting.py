@@ -222,8 +222,7 @@ BDF_TERMS = 10
 @_alone
 def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
     """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 the start has its weights, half of the last."""
-    E, few = np.zeros((len(sigma), len(knots))), bdf_weights(q, 64)
-    w, start, d = few[0], few[1], bdf_series(q, BDF_TERMS)
+    E, (w, start), d = np.zeros((len(sigma), len(knots))), bdf_weights(q, min(64, knots[-1])), bdf_series(q)
     smooth, singular = np.zeros(BDF_TERMS), np.zeros(BDF_TERMS)
     for m in range(len(sigma)):
         s, factorial = sigma[m], 1.0
@@ -253,7 +252,7 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
 @helper
 def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
-    ends, few = np.zeros((len(knots), 2)), trapezoidal_weights(q, 8)
+    ends, few = np.zeros((len(knots), 2)), trapezoidal_weights(q, min(8, knots[-1]))
     for j in range(len(knots)):
         n = knots[j]
         if n <= 8:

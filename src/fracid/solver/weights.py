@@ -206,11 +206,11 @@ SERIES = 18
 
 
 @helper
-def bdf_series(q: float, count: int) -> FloatArray:
+def bdf_series(q: float) -> FloatArray:
     r"""d_j of :math:`(3/2 - 2e^{-s} + e^{-2s}/2)^{-q} = \sum_j d_j s^{j-q}`, by Miller's recursion for powers."""
-    p, d = np.ones(count), np.ones(count)
+    p, d = np.ones(SERIES), np.ones(SERIES)
     factorial = 1.0
-    for j in range(1, count):
+    for j in range(1, SERIES):
         factorial *= -(j + 1)
         p[j] = (2.0 - 2.0**j) / factorial  # of the base over s, whose first term is 1
         d[j] = 0.0
@@ -232,7 +232,7 @@ def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
         w[k] = -4 / 3 * ((1 - q) / k - 1) * w[k - 1]
         if k > 1:
             w[k] += (2 * (1 - q) / k - 1) * w[k - 2] / 3
-    d = bdf_series(q, SERIES)
+    d = bdf_series(q)
     falling = 1 / math.gamma(q)
     for j in range(SERIES):  # d_j / Γ(q − j)
         d[j] *= falling

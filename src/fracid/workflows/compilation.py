@@ -1,8 +1,9 @@
 """The first run on a machine: what has to be compiled is compiled by two processes at the same time.
 
 Numba compiles behind one lock, so threads would wait for each other.  A process beside this one compiles the start of
-the method (:mod:`fracid.solver.starting`) and keeps it on disk, while this one compiles the loop, and then takes it
-from there.  It is started only where that is not on disk yet, and can be put there; where it dies, this one compiles.
+the method (:mod:`fracid.solver.starting`) and keeps it on disk, while this one compiles the loop and the exponentials
+of the memory, and then takes it from there.  It is started only where that is not on disk yet, and can be put there;
+where it dies, this one compiles.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def compiling_beside(method: str, jobs: int) -> Iterator[None]:
         with ended_with_this(pool):
             with deaf_to_ctrl_c(), without_main(), suppress(BrokenExecutor):
                 future = pool.submit(_compile)
-                kernel.beside = lambda: _ended(future)
+                kernel.beside = lambda: _ended(future, METHODS[method].family)
             yield
     finally:
         kernel.beside = None
@@ -50,8 +51,12 @@ def _start() -> Kernel:
     return start_together
 
 
-def _ended(future: Future[None]) -> None:
-    """Wait for it; how it ended, the disk tells."""
+def _ended(future: Future[None], family: str) -> None:
+    """Wait for it, and compile meanwhile what a fit needs next; how it ended, the disk tells."""
+    if not future.done():
+        from fracid.solver.exponentials import compile_exponentials
+
+        compile_exponentials(family)
     with suppress(CancelledError):
         future.exception()
 
