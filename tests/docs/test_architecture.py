@@ -3,6 +3,8 @@
 import importlib.util
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -20,6 +22,7 @@ def test_every_package_and_file_has_its_line_in_the_tree():
     assert set(drawing().titles()) == folders | files
 
 
+@pytest.mark.broad
 def test_the_picture_has_the_arrows_of_the_code():
     """Sizes may lag behind; boxes and arrows may not."""
 

@@ -275,6 +275,7 @@ def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
     assert codes(before(several(GOOD, OTHER))) == []
 
 
+@pytest.mark.broad
 def test_a_sign_is_found_from_a_start_that_lacks_most_of_the_friction_and_is_no_delay():
     damped = RIG.with_parameters(b_theta=0.05, coulomb_theta=0.02, b_alpha=1e-3)
     start = {"b_theta": Free(0.0024, 0.0, 0.2), "coulomb_theta": Free(0.002, 0.0, 0.2), "b_alpha": Free(3e-4, 0.0, 0.2)}

@@ -116,6 +116,7 @@ with drawer(2) as beside:
 """
 
 
+@pytest.mark.broad
 def test_a_script_without_a_guard_begins_once(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
     done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
