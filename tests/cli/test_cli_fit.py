@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, Future
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ import pytest
 from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
 from fracid.estimation.records import Estimate
+from fracid.tasks.observer import Observer
 from fracid.workflows import figures
 from program import run
 from twins import write_release
@@ -405,6 +406,24 @@ def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_pa
     code, *_ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
     assert code == 0
     assert f"result   {tmp_path / 'run' / 'result.json'}" in shown[0]
+
+
+@pytest.mark.parametrize(("tables", "stages"), [(True, True), (True, False), (False, True)])
+def test_a_terminal_that_showed_a_fault_before_the_search_does_not_repeat_it(monkeypatch, tables, stages):
+    heard, shows = [], []
+
+    @contextmanager
+    def shown(stage, *, events, result):
+        shows.append(result)
+        yield Observer(notice=heard.append)
+
+    monkeypatch.setattr(cli_fit, "shown", shown)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: tables, raising=False)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: stages, raising=False)
+    with cli_fit.watched("recordings", json_=False) as observer:
+        observer.notice("A sign may be wrong.")
+    assert heard == ["A sign may be wrong."]
+    assert shows[0].keywords["told"] == (heard if tables and stages else [])
 
 
 def test_notes_that_differ_in_output_and_numbers_are_one():

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,9 +44,10 @@ if TYPE_CHECKING:
 
     from fracid.estimation.records import Estimate, RecordingFit
     from fracid.fit import Fit
+    from fracid.tasks.observer import Observer
     from fracid.workflows.fit import FinishedRun
 
-__all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_fit"]
+__all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_fit", "watched"]
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
@@ -109,8 +112,7 @@ def fit(
     recording.
     """
     place = one_place(executor, scheduler)
-    show = None if json_ else show_fit
-    with beginning(), shown("recordings", events=json_, result=show) as observer, drawer(jobs) as draws:
+    with beginning(), watched("recordings", json_) as observer, drawer(jobs) as draws:
         with importing():
             from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
@@ -128,6 +130,20 @@ def beginning() -> Iterator[None]:
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted before the search: nothing was written.\n")
         raise typer.Exit(Unfinished.exit_code) from None
+
+
+@contextmanager
+def watched(stage: str, json_: bool) -> Iterator[Observer]:
+    """The stages of a fit, then its tables; what this terminal has shown before the search it need not repeat."""
+    told: list[str] = []
+    show = None if json_ else partial(show_fit, told=told)
+    with shown(stage, events=json_, result=show) as observer:
+
+        def notice(sentence: str) -> None:
+            observer.notice(sentence)
+            told.append(sentence)
+
+        yield replace(observer, notice=notice) if sys.stdout.isatty() and sys.stderr.isatty() else observer
 
 
 # ------------------------------------------------------------------ from results to text
@@ -183,8 +199,8 @@ def show_figures(run: FinishedRun, console: Console) -> None:
             console.print(f"report   {escape(str(path))}", soft_wrap=True)
 
 
-def show_fit(run: FinishedRun, console: Console | None = None) -> None:
-    """Print the tables, the warnings and where the result is; the figures and the page are yet to come."""
+def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[str] = ()) -> None:
+    """Print the tables, the warnings that nobody was told, and where the result is; figures and page are to come."""
     from rich.markup import escape
 
     from fracid.fit import PARTIAL
@@ -206,7 +222,7 @@ def show_fit(run: FinishedRun, console: Console | None = None) -> None:
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
     warnings = [w for w in unsaid(run.result) if w != PARTIAL]
-    notes = _folded([*warnings, *run.project.notes], fit.problem.outputs)
+    notes = _folded([n for n in (*warnings, *run.project.notes) if n not in told], fit.problem.outputs)
     for note in notes[:SHOWN]:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     if len(notes) > SHOWN:

@@ -16,10 +16,9 @@ import typer
 
 from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
 from fracid.cli.completion import key_of
-from fracid.cli.fit import show_fit, tell_fit
+from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
-from fracid.tasks.display import shown
 
 __all__ = ["resume"]
 
@@ -64,7 +63,7 @@ def resume(
         _typed_again(run, jobs, executor, scheduler, json_, trust)
         return
     if not state.finished:
-        with shown(events=json_, result=None if json_ else show_fit) as observer:
+        with watched("", json_) as observer:
             finished = resume_run(run, executor=executor or scheduler, jobs=jobs, trust=trust, observer=observer)
         tell_fit(finished, json_=json_)
         return
