@@ -350,7 +350,7 @@ LINES = {
     ),
     "values that a held-out recording has for itself are counted apart": (
         "Values", {"recordings": OWN}, True, "All 2 free values are identifiable. "
-        "The held-out recording has 2 more of its own; D^μ α at the start is not identifiable.",
+        "The held-out recording has 2 more of its own; D^μ\N{NO-BREAK SPACE}α at the start is not identifiable.",
     ),
     "values that nobody misses are in the tables and in no count": (
         "Values", {"recordings": FORGOTTEN}, True, "Not counted: 1 initial value of presliding joints.",

@@ -37,14 +37,14 @@ def letter(name: str) -> str:
 
 
 def state_letter(name: str) -> str:
-    """The same of a state.
+    r"""The same of a state, which no line ends within.
 
     Examples
     --------
     >>> state_letter("D^lambda theta"), state_letter("z_theta")
-    ('D^λ θ', 'z_θ')
+    ('D^λ\xa0θ', 'z_θ')
     """
-    return " ".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
+    return "\xa0".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
                     for word in name.split())  # fmt: skip
 
 
