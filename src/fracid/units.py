@@ -37,6 +37,9 @@ SHOWN_UNITS = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 LAST_PLACE, FIRST_PLACE = -7, 4
 """Powers of ten at which an interval may end for it to be written without one."""
 
+BESIDE = -10
+"""The same for one beside a value without a power of ten: 0.00013361 ± 0.00000091."""
+
 MOST = 15
 """Digits that a number has."""
 
@@ -95,12 +98,17 @@ def to_second_digit(value: float, half: float) -> str:
     >>> to_second_digit(0.9800026, 5.2e-06), to_second_digit(9.05e-09, 1.2e-07)
     ('0.9800026', '1e-08')
     """
-    place = math.floor(math.log10(float(f"{half:.1e}"))) - 1
+    place = _last_place(half)
     short = round(value, -place) + 0.0  # no -0
     if LAST_PLACE <= place <= FIRST_PLACE:
         return f"{short:.{max(0, -place)}f}"
     digits = math.floor(math.log10(abs(short) or 1.0)) - place + 1
     return f"{short:.{min(max(1, digits), MOST)}g}"
+
+
+def _last_place(half: float) -> int:
+    """The power of ten of a half-width's second digit."""
+    return math.floor(math.log10(float(f"{half:.1e}"))) - 1
 
 
 def typeset_unit(unit: str) -> str:
@@ -130,12 +138,17 @@ def with_half_width(value: float, half: float) -> str:
     return f"({to_second_digit(scale * value, scale * half)} ± {half_width(scale * half)})e{power:+03d}"
 
 
-def half_width(half: float) -> str:
-    """The half-width of an interval, to two digits.
+def half_width(half: float, value: float = 0.0) -> str:
+    """The half-width of an interval, to two digits; without a power of ten where the value beside it has none.
 
     Examples
     --------
     >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(8e-5), half_width(5.2e-8)
     ('0.040', '3.0', '640', '0.000080', '5.2e-08')
+    >>> half_width(9.1e-07, 0.00013361), half_width(9.1e-07, 1.3e-05)
+    ('0.00000091', '9.1e-07')
     """
+    place = _last_place(half)
+    if BESIDE <= place < LAST_PLACE and value and "e" not in to_second_digit(value, half):
+        return f"{half:.{-place}f}"
     return to_second_digit(half, half)

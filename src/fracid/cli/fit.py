@@ -336,7 +336,7 @@ def _interval(e: Estimate) -> str:
         return "fixed"
     if e.interval95 is None:
         return "none" if e.bound is None else "at its bound"
-    return f"± {half_width((e.interval95[1] - e.interval95[0]) / 2)}"
+    return f"± {half_width((e.interval95[1] - e.interval95[0]) / 2, e.value)}"
 
 
 def _begins_in_motion(fit: Fit) -> bool:

@@ -179,7 +179,7 @@ def _print_constants(console: Console, f: Regression) -> None:
         half = 0.0 if c.interval95 is None else (c.interval95[1] - c.interval95[0]) / 2
         value, interval = f"{c.value:.4g}", ""
         if 0 < half < inf:
-            value, interval = to_second_digit(c.value, half), f"± {half_width(half)}"
+            value, interval = to_second_digit(c.value, half), f"± {half_width(half, c.value)}"
         bias = "" if c.bias is None else f"{c.bias:+.1g}"
         table.add_row(*map(escape, (name, value, interval, bias, c.unit, _short(c.verdict))))
     console.print(table)

@@ -20,6 +20,7 @@ from math import isfinite
 from typing import Any
 
 from fracid.units import GREEK, to_second_digit, typeset_unit
+from fracid.units import half_width as width_beside
 
 __all__ = ["described", "digits", "half_digits", "half_width", "joined", "letter", "number", "raised",
            "state_letter", "unit", "with_error"]  # fmt: skip
@@ -111,7 +112,7 @@ def half_digits(estimate: Mapping[str, Any]) -> str:
     ('0.020', '–')
     """
     half = half_width(estimate)
-    return number(half) if not half else _typeset(to_second_digit(half, half))
+    return number(half) if not half else _typeset(width_beside(half, estimate.get("value") or 0.0))
 
 
 def with_error(value: float | None, error: float | None) -> str:
