@@ -1,5 +1,6 @@
 """Habits of a good program: completion, colours, widths, versions, an order in the help, and a start without delay."""
 
+import itertools
 import json
 import os
 import pty
@@ -140,6 +141,16 @@ def test_the_help_of_every_command_has_an_example_that_is_of_it(capsys, command)
     assert "<bool>" not in out
     assert "Example" in out
     assert f"fracid {command}" in out.split("Example", 1)[1]
+
+
+@pytest.mark.parametrize("width", [80, 100])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_example_ends_where_it_says_so_and_can_be_pasted(capsys, monkeypatch, command, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    lines = run(capsys, command, "--help")[1].split("Example", 1)[1].splitlines()[1:]
+    for before, line in itertools.pairwise(line.rstrip() for line in lines):
+        goes_on = before.endswith("\\")
+        assert line.startswith("   " if goes_on else (" fracid ", " # ")) or not (line or goes_on)
 
 
 def test_the_help_needs_no_module_that_takes_time():

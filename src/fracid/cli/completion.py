@@ -7,6 +7,8 @@ somebody completes, or asks for the help of a command: a program that starts mus
 
 from __future__ import annotations
 
+import re
+import shutil
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -17,7 +19,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from fracid.safety.json_files import json_of, text_of
 
-__all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of"]
+__all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of", "pasteable"]
 
 TABLES = {
     "costs": ("problem.costs", "COSTS"),
@@ -107,7 +109,36 @@ class WithTables(TyperCommand):
             for table in TABLES:
                 if f"{{{table}}}" in (getattr(option, "help", None) or ""):
                     option.help = option.help.replace(f"{{{table}}}", ", ".join(keys(table)))  # type: ignore[attr-defined]
-        super().format_help(ctx, formatter)
+        examples, width = self.epilog, shutil.get_terminal_size().columns - 2
+        self.epilog = "\n\n".join(pasteable(line, width) for line in (examples or "").split("\n\n"))
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self.epilog = examples
+
+
+def pasteable(example: str, width: int) -> str:
+    """An example in lines no longer than `width`, if it can be: its comment above, its options on lines of their own.
+
+    A line that ends where the terminal is full would be pasted as two commands.
+
+    Examples
+    --------
+    >>> pasteable("fracid fit rig.toml --cut  [dim]# what if the record began elsewhere?[/dim]", 50).splitlines()
+    ['[dim]# what if the record began elsewhere?[/dim]', 'fracid fit rig.toml --cut']
+    >>> len(pasteable("fracid regress release.mat --column theta=1 --rig srv02-rotpen", 50).splitlines())
+    2
+    """
+    if len(re.sub(r"\[/?\w+\]", "", example)) <= width:
+        return example
+    command, dim, comment = example.partition("  [dim]")
+    lines: list[str] = []
+    for part in re.split(r" (?=--|\| )", command):
+        if lines and len(lines[-1]) + len(part) + 3 <= width:
+            lines[-1] += f" {part}"
+        else:
+            lines.append(f"  {part}" if lines else part)
+    return dim.strip() + comment + "\n" * bool(dim) + " \\\n".join(lines)
 
 
 def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
