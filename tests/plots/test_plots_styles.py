@@ -86,11 +86,17 @@ def integer():
 
 
 def comparison():
-    scores = [{"release": Score({"alpha": error}, {"alpha": 95.0}, {"alpha": 0.1})} for error in (0.01, 0.004)]
-    rows = [Row(friction, free, "", free, 1.0, 3, 0.0, {}, {}, (), score, {}, "")
-            for friction, score in zip(("viscous", "viscous + Coulomb"), scores, strict=True)
+    """As many rungs as a real ladder has, and a recording that is held out: two panels side by side."""
+    more = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable")
+    rows = [Row(" + ".join(more[:k]), free, "", free and k == 1, 1.0, 3, 0.0, {}, {}, (), scores("release", k),
+                scores("held out", k), "")
+            for k in range(1, len(more) + 1)
             for free in (False, True)]  # fmt: skip
     return Comparison(tuple(rows), "", (), ("alpha",), 9.0, False, "rmse", 1, 1)
+
+
+def scores(recording, rungs):
+    return {recording: Score({"alpha": 0.01 / rungs}, {"alpha": 95.0}, {"alpha": 0.1})}
 
 
 CUT = CutCheck({"lambda": 0.9, "mu": 1.0}, {"lambda": None, "mu": 0.01}, 0.1, {"alpha": 0.1},

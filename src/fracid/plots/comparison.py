@@ -106,6 +106,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
     _log(axes)
     short = [frictions[0], *(f"+ {f.split(' + ')[-1]}" for f in frictions[1:])]
     axes.set_xticks(range(len(frictions)), [appearance.plain(name) for name in short])
+    axes.tick_params(axis="x", rotation=90)  # side by side, six names are wider than a column
     axes.set_xlim(-0.4, len(frictions) - 0.6)
 
 
