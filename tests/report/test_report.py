@@ -215,7 +215,9 @@ def test_every_value_of_the_result_stands_on_the_page_in_full(page, fitted):
 def test_warnings_verdicts_reasons_and_hashes_are_said(parsed, fitted):
     result = json.loads((fitted[0] / "result.json").read_text(encoding="utf-8"))
     text = " ".join("".join(parsed.text).split())
-    said = [*result["warnings"], *(in_words(e["identifiable"]) for e in result["parameters"].values())]
+    reasons = [e["reason"] for block in ("orders", "parameters") for e in result[block].values() if e.get("reason")]
+    said = [next((r for r in reasons if r in w), w) for w in result["warnings"]]  # a row's reason stands in that row
+    said = [*said, *reasons, *(in_words(e["identifiable"]) for e in result["parameters"].values())]
     said += [*result["data_sha256"].values(), *result["versions"].values(), "fracid fit", "'<run>'", "coulomb_theta"]
     said += [s for outputs in Material.of_run(load_run(fitted[0])).analyses.values() for a in outputs.values()
              for s in a.sentences.values()]  # fmt: skip
@@ -298,7 +300,7 @@ def said(**changes):
     } | changes
     used = lambda use: {n: r for n, r in result["recordings"].items() if r["use"] == use}  # noqa: E731
     shown = lambda n, v: f"{math.degrees(v):.2g}°"  # noqa: E731
-    return SimpleNamespace(result=result, used=used, shown=shown, analyses={})
+    return SimpleNamespace(result=result, used=used, shown=shown, analyses={}, beside=lambda _: None)
 
 
 RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}
@@ -362,6 +364,17 @@ LINES = {
     "a search cut short": ("Checks", {"outcome": "interrupted"}, False, "The search did not converge: interrupted"),
     "a step too coarse": (
         "Checks", {"discretisation": {"warning": "Too coarse.", "shift": {"mu": 1.0}}}, False, "Too coarse.",
+    ),
+    "a step that moves an order further than its interval": (
+        "Values", {"discretisation": {"warning": "μ moves.", "shift": {"mu": 0.03}}}, False, "but the step moves μ by",
+    ),
+    "a step that the claim speaks of": (
+        "Checks", {"discretisation": {"warning": "μ moves.", "shift": {"mu": -0.03}}, "claim_reasons": ["μ moves."]},
+        False, "Half the step moves μ by −0.03: the claim and the check of the step say more.",
+    ),
+    "orders that a rival cannot do without, where that decides nothing": (
+        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL, "claim": "undecided"}, False,
+        "With every order 1, the cost is 4 times as large (ΔBIC = 500); why that does not decide it, the claim says.",
     ),
     "no check": ("Checks", {"discretisation": None}, False, "What the step does was not checked"),
 }  # fmt: skip

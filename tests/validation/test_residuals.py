@@ -197,6 +197,18 @@ def test_a_motion_that_does_not_swing_has_no_multiples():
         assert "5 Hz, where nothing is simulated" in found.sentences["spectrum"]
 
 
+def test_a_broad_band_around_the_swing_is_said_and_white_noise_is_not_one():
+    late = 0.2 * np.exp(-TIME / 4) * np.sin(2 * np.pi * SWING * TIME)
+    bands = [np.convolve(white(seed), np.cos(2 * np.pi * SWING * np.arange(0, 1, STEP)), "same") for seed in range(3)]
+    for band in bands:
+        found = analysed(band / band.std(), late)
+        if found.spectrum.line is None:
+            assert found.spectrum.swing_share > 0.5
+            assert "lies around the swing's" in found.sentences["spectrum"]
+    assert any(analysed(band / band.std(), late).spectrum.line is None for band in bands)
+    assert abs(analysed(white(), late).spectrum.swing_share) < 0.1
+
+
 def test_the_spectrum_adds_up_to_the_variance():
     for n in (1000, 1001):
         e = ar1(0.9, n=n)

@@ -30,6 +30,7 @@ told apart, and whether the minimum is a point or a gorge.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -370,8 +371,11 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     name = view.names[i]
     reach = view.problem.unknowns[i].range
     text = f"its interval is {rounded(float(view.x[i]), view.half(i))}"
+    if view.problem.unknowns[i].kind == "parameter" and abs(view.x[i]) < view.half(i):
+        text += ", which includes 0"
     if view.half(i) > reach.upper - reach.lower:
-        text = f"its interval is wider than its bounds, {reach.lower:.3g} … {reach.upper:.3g}"
+        bounds = re.sub(r"(?<!e)-", "−", f"{reach.lower:.3g} … {reach.upper:.3g}")
+        text = f"its interval is wider than its bounds, {bounds}"
     because = _because(view, i)
     ratio = None if because else _near_ratio(view, i)
     if ratio is None:

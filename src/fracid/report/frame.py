@@ -7,10 +7,10 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from fracid.estimation.records import in_words
-from fracid.report.sentences import digits, half_digits, joined, letter, number, unit, with_error
+from fracid.report.sentences import counted, digits, end_of, half_digits, joined, letter, number, unit, with_error
 from fracid.report.whiskers import whisker
 from fracid.safety.text import printable
 
@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 __all__ = ["environment_of_pages", "own_file", "policy", "styles"]
 
 STYLES = ("uPlot.min.css", "page.css", "explore.css")
+
+SEE = {"Fit": "fitted", "Orders": "finding-orders", "Prediction": "finding-prediction", "Checks": "checks",
+       "Each recording alone": "alone", "Where the record begins": "begins", "Data": "data",
+       "Ladder": "ladder"}  # fmt: skip
+"""Headings that a claim refers to → where they stand on the page."""
 
 DARK = "dark.css"
 """A style sheet of its own: its media say when it holds."""
@@ -33,9 +38,23 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    jinja.filters |= {"in_words": in_words, "number": number, "digits": digits, "half": half_digits, "unit": unit,
-                      "letter": letter, "joined": joined, "with_error": with_error, "whisker": whisker}  # fmt: skip
+    words = counted, digits, end_of, in_words, joined, letter, linked, number, unit, whisker, with_error
+    jinja.filters |= {word.__name__: word for word in words} | {"half": half_digits}
     return jinja
+
+
+def linked(sentence: str) -> Markup:
+    """A sentence whose ``(see Fit)`` leads there.
+
+    Examples
+    --------
+    >>> linked("It swings < 1°, but b is off (see Each recording alone).")
+    Markup('It swings &lt; 1°, but b is off (<a href="#alone">see Each recording alone</a>).')
+    """
+    text = str(escape(printable(sentence)))
+    for heading, at in SEE.items():
+        text = text.replace(f"(see {heading})", f'(<a href="#{at}">see {heading}</a>)')
+    return Markup(text)  # escaped above
 
 
 def styles() -> tuple[list[Markup], Markup]:

@@ -229,7 +229,8 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
 def _rows(result: Mapping[str, Any]) -> Any:
     """Of each recording what it was used for and how near the model comes."""
     for name, r in result["recordings"].items():
-        fits = [f"{letter(n)} {number(v, '.3g')} %" for n, v in r["fit_percent"].items() if v is not None]
+        fits = [f"{letter(n)} {number(v, '.3g')} %".replace(" ", "\N{NO-BREAK SPACE}")
+                for n, v in r["fit_percent"].items() if v is not None]  # fmt: skip
         yield {"name": name, "use": "fitted" if r["use"] == "fit" else "held out", "fit": ", ".join(fits) or "failed"}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import degrees, isfinite
@@ -22,12 +23,12 @@ from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, r
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import described, half_width, joined, letter, number, state_letter, unit
+from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
-from fracid.report.verdict import Line, verdict
+from fracid.report.verdict import Line, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
-from fracid.selection.doubts import unsaid
+from fracid.selection.doubts import in_motion, unsaid
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
@@ -368,7 +369,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "warnings_shown": WARNINGS,
         "headline": headline,
         "lines": lines,
-        "warnings": [*material.notes, *material.left_out, *unsaid(result), *project.notes],
+        "warnings": [*material.notes, *material.left_out, *_said_nowhere_else(material), *project.notes],
         "result": result,
         "outputs": project.problem.outputs,
         "recordings": [_recording(material, name) | {"charts": _of(charts, f"whole-{k}")}
@@ -389,11 +390,21 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "explore_reason": not_explored(material),
         "profiles": material.beside("profiles.json"),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
+        "memory": _memory(result["memory"]),
         "environment": material.beside("environment.json") or {},
         "project_text": project.text,
         "project_file": project.path.name,
         "command": _command(material.beside("environment.json") or {}),
     }  # fmt: skip
+
+
+def _said_nowhere_else(material: Material) -> list[str]:
+    """The warnings that no row of a table says, and no check."""
+    result = material.result
+    rows = [row["reason"] for row in (*_parameters(material), *_per_recording(material)) if row.get("reason")]
+    check, cut, alone = (result.get(block) or {} for block in ("discretisation", "cut", "spread"))
+    elsewhere = [*rows, *filter(None, [check.get("warning")]), *cut.get("warnings", ()), *alone.get("sentences", ())]
+    return [w for w in unsaid(result) if not any(said in w for said in elsewhere)]
 
 
 def _headline(lines: tuple[Line, ...]) -> tuple[Line, tuple[Line, ...]]:
@@ -434,9 +445,9 @@ def _recording(material: Material, name: str) -> dict[str, Any]:
         "name": name,
         "file": recording.path.name,
         "sha256": recording.sha256,
-        "verdict": whole.report.verdict,
+        "verdict": re.sub(r"\d{4,}(?= samples)", lambda found: counted(int(found[0])), whole.report.verdict),
         "notes": whole.report.notes,
-        "release": whole.report.release,
+        "begins": _begins(material, name),
         "scores": [
             {"output": n, "letter": letter(n), "rmse": result["rmse"][n], "fit": result["fit_percent"][n],
              "shown": "–" if result["rmse"][n] is None else material.shown(n, result["rmse"][n], ".3g")}
@@ -446,14 +457,33 @@ def _recording(material: Material, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _begins(material: Material, name: str) -> str:
+    """That a fitted recording begins in motion, and what to type."""
+    result = material.result
+    if name not in in_motion(result):
+        return ""
+    release, start = material.as_recorded[name].report.release, result["recordings"][name]["from"]
+    after = f", {number(start - release, '.2g')} s after its release" if release is not None and start > release else ""
+    more = (
+        "Where the record begins, under Checks, shows how far the orders move with that."
+        if result.get("cut") is not None
+        else f"fracid fit {material.project.path.name} --cut shows how far the orders move with that."
+    )
+    return f"It begins in motion{after}: its memory has a past that nobody recorded. {more}"
+
+
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:
     """A row for each order and each constant that the recordings share."""
     model, result = material.project.problem.model, material.result
     says = {p.name: p.description for p in model.parameters}
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
     orders = {n: {"integer": 1.0} | e for n, e in result["orders"].items()}
+    by_the_step = moved_by_the_step(result)
     for name, e in (*orders.items(), *result["parameters"].items()):
-        yield {"name": name, "says": described(says.get(name, "")), **e, "reason": e.get("reason") or _wide(e)}
+        moved = by_the_step.get(name)
+        step = "" if moved is None else f"half the step moves it by {number(moved, '.2g')}, more than its interval"
+        yield {"name": name, "says": described(says.get(name, "")), **e, "moved": bool(step),
+               "reason": step or e.get("reason") or _wide(e)}  # fmt: skip
 
 
 def _wide(e: Mapping[str, Any]) -> str:
@@ -485,7 +515,8 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
                 if e["free"]:
                     shown = state_letter(name) if block == "initial_state" else letter(name)
                     held_out = ", held out" * (r["use"] != "fit")
-                    yield {"name": f"{shown}{suffix}", "says": f"{recording}{held_out}", **e}
+                    speed = ", its speed" * name.startswith("D^")
+                    yield {"name": f"{shown}{suffix}", "says": f"{recording}{held_out}{speed}", **e}
 
 
 def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
@@ -502,6 +533,12 @@ def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
     }
     return {"recording": a.recording, "output": a.output, "letter": letter(a.output), "use": a.use,
             "sentences": a.sentences, "figures": figures, "tested": bool(a.whiteness.thinning)}  # fmt: skip
+
+
+def _memory(text: str) -> str:
+    """``compressed to 10⁻¹⁰`` for ``compressed(1e-10)``."""
+    kind, _, tolerance = text.rstrip(")").partition("(")
+    return f"{kind} to {number(float(tolerance))}" if kind == "compressed" and tolerance else text
 
 
 def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[str, Any] | None:

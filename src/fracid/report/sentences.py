@@ -22,8 +22,8 @@ from typing import Any
 from fracid.units import GREEK, to_second_digit, typeset_unit
 from fracid.units import half_width as width_beside
 
-__all__ = ["described", "digits", "half_digits", "half_width", "joined", "letter", "number", "raised",
-           "state_letter", "unit", "with_error"]  # fmt: skip
+__all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "joined", "letter", "number",
+           "raised", "state_letter", "unit", "with_error"]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -63,6 +63,19 @@ def number(value: float | None, form: str = ".4g") -> str:
     if "e" in text and 1 <= abs(float(text)) < 1e5:
         text = f"{float(text):.0f}"
     return _typeset(text)
+
+
+def counted(value: float | None) -> str:
+    """A count, or a difference of BIC: its thousands apart, below a hundred three figures of it.
+
+    Examples
+    --------
+    >>> counted(57501.3), counted(12.34), counted(-1840.2)
+    ('57,501', '12.3', '−1,840')
+    """
+    if value is None or not isfinite(value) or abs(value) < 100:
+        return number(value, ".3g")
+    return f"{value:,.0f}".replace("-", "−")
 
 
 def _typeset(text: str) -> str:
@@ -138,6 +151,20 @@ def half_width(estimate: Mapping[str, Any]) -> float | None:
     """
     ends = estimate.get("interval95")
     return None if ends is None else round((ends[1] - ends[0]) / 2, 15)
+
+
+def end_of(estimate: Mapping[str, Any], side: int) -> str:
+    """An end of an interval, to the second digit of its half-width where both ends are known.
+
+    Examples
+    --------
+    >>> end_of({"interval95": [0.955359, 1.05036]}, 0), end_of({"interval95": [None, 1.05036]}, 1)
+    ('0.955', '1.05036')
+    """
+    low, high = estimate["interval95"]
+    if None in (low, high) or not high > low:
+        return number((low, high)[side], ".6g")
+    return _typeset(to_second_digit((low, high)[side], (high - low) / 2))
 
 
 def unit(text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fracid.report.sentences import digits, half_width, joined, letter, number, state_letter
+from fracid.report.sentences import counted, digits, half_width, joined, letter, number, state_letter
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fracid.report.material import Material
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["Line", "contradictions", "verdict"]
+__all__ = ["Line", "contradictions", "moved_by_the_step", "verdict"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,11 @@ class Line:
     sentence: str
     good: bool
     """Whether there is nothing to look at."""
+
+    @property
+    def anchor(self) -> str:
+        """Where the page says more of it."""
+        return f"finding-{self.about.lower()}"
 
 
 # --- the claim ------------------------------------------------------------------------------------
@@ -197,7 +202,9 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     cost, own = rival["cost"], material.result["cost"]["value"]
     others = rival["structure"].partition(";")[0]  # all that was freed stands under Checks
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
-    gain = number(rival["bic_gain_of_the_fractional_model"], ".3g")
+    gain = counted(rival["bic_gain_of_the_fractional_model"])
+    if material.result.get("claim") == "undecided":  # the model may lack something that both of them need
+        return f"With {others}, {times} (ΔBIC = {gain}); why that does not decide it, the claim says."
     return f"The data favour fractional orders: with {others}, {times} (ΔBIC = {gain})."
 
 
@@ -234,13 +241,31 @@ def _values(material: Material) -> Line:
     unknown = _not_identifiable(kinds)
     count = len(kinds) - len(unknown)
     if not unknown:
-        sentence = f"All {len(kinds)} free values are identifiable."
+        sentence = f"All {len(kinds)} free values are identifiable{_but_moved(material.result)}."
     elif all(kinds[name] == "unknown" for name in unknown) and not count:
         sentence = f"Of the {len(kinds)} free values there are no intervals."
     else:
         sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable; "
         sentence += f"{_few(unknown)} {_is(unknown)} not."
-    return Line("Values", f"{sentence} {own}".rstrip(), not unknown)
+    return Line("Values", f"{sentence} {own}".rstrip(), not unknown and not moved_by_the_step(material.result))
+
+
+def moved_by_the_step(result: Mapping[str, Any]) -> dict[str, float]:
+    """Orders that half the step moves by more than their interval → by how much."""
+    check = result.get("discretisation") or {}
+    if not check.get("warning"):
+        return {}
+    halves = {n: half_width(result["orders"].get(n, {"interval95": None})) for n in check["shift"]}
+    return {n: shift for n, shift in check["shift"].items() if (half := halves[n]) is not None and abs(shift) > half}
+
+
+def _but_moved(result: Mapping[str, Any]) -> str:
+    moved = [letter(n) for n in moved_by_the_step(result)]
+    return f", but the step moves {joined(moved)} by more than {_its(moved)}" if moved else ""
+
+
+def _its(names: list[str]) -> str:
+    return "its interval" if len(names) == 1 else "their intervals"
 
 
 NAMED = 8
@@ -303,6 +328,10 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
     check = material.result.get("discretisation")
     if check is None:
         yield "What the step does was not checked.", False
+    elif check["warning"] and check["warning"] in " ".join(material.result.get("claim_reasons", ())):
+        moved = [f"{letter(n)} by {number(s, '.2g')}" for n, s in moved_by_the_step(material.result).items()]
+        what = f"moves {joined(moved)}" if moved else "changes the cost"
+        yield f"Half the step {what}: the claim and the check of the step say more.", False
     elif check["warning"]:
         yield " ".join(filter(None, (check.get("refinement"), check["warning"]))), False
     elif check["shift"]:

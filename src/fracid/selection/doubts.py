@@ -14,7 +14,7 @@ import numpy as np
 from fracid.selection.claim import LACKS
 from fracid.units import GREEK
 
-__all__ = ["claimed", "doubts", "unsaid"]
+__all__ = ["claimed", "doubts", "in_motion", "unsaid"]
 
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
@@ -88,12 +88,19 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if result.get("cut") is not None:
         if result["cut"]["warnings"]:
             yield "Where the record begins", "the orders move with where the record begins"
-    elif moving := _in_motion(result):
+    elif moving := in_motion(result):
         yield "Data", f"{' and '.join(moving)} {'begins' if len(moving) == 1 else 'begin'} in motion"
 
 
-def _in_motion(result: Mapping[str, Any]) -> list[str]:
-    """The fitted recordings whose speed at the start is surely not zero: a memory has a past that nobody recorded."""
+def in_motion(result: Mapping[str, Any]) -> list[str]:
+    """The fitted recordings whose speed at the start is surely not zero: a memory has a past that nobody recorded.
+
+    Examples
+    --------
+    >>> start = {"D^mu alpha": {"value": 1.0, "interval95": [0.8, 1.2]}}
+    >>> in_motion({"recordings": {"swing": {"use": "fit", "initial_state": start}}})
+    ['swing']
+    """
     return [name for name, r in result["recordings"].items() if r["use"] == "fit" and any(
         n.startswith("D^") and e["interval95"] and abs(sum(e["interval95"])) > SURELY * float(np.ptp(e["interval95"]))
         for n, e in r.get("initial_state", {}).items())]  # fmt: skip

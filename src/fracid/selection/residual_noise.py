@@ -9,6 +9,7 @@ from fracid.errors import Failure
 from fracid.estimation.records import fit_percent
 from fracid.problem import Experiment, Problem
 from fracid.signals.left_over import LeftOver, left_over
+from fracid.units import GREEK
 
 __all__ = ["leftovers"]
 
@@ -17,7 +18,7 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     """Recording and output, in words → what is left over of it; empty where a run fails."""
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     return {
-        f"{e.name}, {output}": _left_over(e, e.measured[:, k], y[:, k], k)
+        f"{e.name}, {GREEK.get(output, output)}": _left_over(e, e.measured[:, k], y[:, k], k)
         for e, y in zip(problem.experiments, fitted, strict=True) if not isinstance(y, Failure)
         for k, output in enumerate(problem.outputs)
     }  # fmt: skip

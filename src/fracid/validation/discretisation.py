@@ -26,6 +26,7 @@ from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
+from fracid.units import GREEK
 
 __all__ = ["COARSE_STEP", "Discretisation", "Refined", "coarse_step", "discretisation_check", "finer_step"]
 
@@ -124,10 +125,11 @@ def _judged(
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
     warning = " ".join(
-        f"{n} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the step: more than its "
-        f"interval of ±{width[n]:.4f}, so it is in part an artefact of the step of {problem.method}."
+        f"{GREEK.get(n, n)} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the "
+        f"step: more than its interval of ± {width[n]:.4f}, so it is in part an artefact of the step of "
+        f"{problem.method}."
         for n in at if abs(shift[n]) > width[n]
-    )  # fmt: skip
+    ).replace("by -", "by −")  # fmt: skip
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
     if _costs_differ(problem.method, check):
         warning = (

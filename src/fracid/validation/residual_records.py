@@ -97,6 +97,8 @@ class Spectrum:
     """Its share of the power."""
     line: Line | None = None
     """The strongest frequency, if it stands out."""
+    swing_share: float = NAN
+    """Of the power, in the band of the swing, beyond what white noise has there."""
 
 
 @dataclass(frozen=True)

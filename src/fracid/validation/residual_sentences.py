@@ -38,6 +38,9 @@ DENSER = 4.0
 DRIFT = 0.5
 """Share of the power slower than a third of the swing that is a drift; fading noise has less."""
 
+BROAD = 0.5
+"""Share of the power around the swing, beyond that of white noise, which says that the swing is missed."""
+
 AT_THE_FLOOR = 1.3
 """Of rounding's own rms: below it the encoder is all there is to see."""
 
@@ -122,6 +125,12 @@ def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
     if spectrum.line is None:
         if spectrum.slow_share < DRIFT:
             slow = f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz"
+            if spectrum.swing and spectrum.swing_share >= BROAD:
+                yield (
+                    f"{_percent(spectrum.swing_share)} of its power lies around the swing's {spectrum.swing:.2g} Hz, "
+                    f"with no frequency that stands out: {MISSING[1]}. There is no drift: {slow}."
+                )
+                return
             yield f"No frequency stands out, and there is no drift: {slow}."
         return
     line = spectrum.line

@@ -206,8 +206,15 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float) -> Spectrum:
     part = float(np.sum(share[near]) - np.mean(near))
     stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
     line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
-    spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak, part, line)
+    around = NAN if band is None else _around(f, share, band)
+    spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak, part, line, around)
     return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum)))
+
+
+def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) -> float:
+    """The share of the power in the swing's band, and half of its frequency to each side."""
+    near = (f >= band[0] - band[1] / 2) & (f <= band[2] + band[1] / 2)
+    return float(np.sum(share[near]) - np.mean(near))
 
 
 # --- normality -------------------------------------------------------------------------------------
