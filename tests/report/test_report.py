@@ -372,10 +372,6 @@ LINES = {
         "Checks", {"discretisation": {"warning": "μ moves.", "shift": {"mu": -0.03}}, "claim_reasons": ["μ moves."]},
         False, "Half the step moves μ by −0.03: the claim and the check of the step say more.",
     ),
-    "orders that a rival cannot do without, where that decides nothing": (
-        "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL, "claim": "undecided"}, False,
-        "With every order 1, the cost is 4 times as large (ΔBIC = 500); why that does not decide it, the claim says.",
-    ),
     "no check": ("Checks", {"discretisation": None}, False, "What the step does was not checked"),
 }  # fmt: skip
 
@@ -416,6 +412,28 @@ def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_th
         "Nothing here says that the rig is fractional: a model of integer order fits as well as λ = 1.2 (no interval) "
         "and μ = 1.18 ± 0.12, but the model lacks something (see Fit)."
     )
+
+
+def test_a_gain_over_the_integer_orders_that_decides_nothing_is_not_called_evidence():
+    run = said(orders={"mu": estimate(0.9, 0.01)}, alternative=RIVAL, claim="undecided")
+    orders = next(line for line in verdict(run) if line.about == "Orders")
+    assert not orders.good
+    assert orders.sentence == (
+        "μ = 0.900 ± 0.010. With every order 1, the cost is 4 times as large (ΔBIC = 500); why that does not decide "
+        "it, the claim says."
+    )
+
+
+def test_a_recording_that_begins_in_motion_says_so_beside_its_data_and_the_claim_leads_there(material):
+    before = material.result["recordings"]
+    name = next(n for n, r in before.items() if r["use"] == "fit")
+    start = {"D^mu alpha": estimate(1.0, 0.1) | {"unit": "rad/s", "reason": ""}}
+    moving = before | {name: before[name] | {"initial_state": start}}
+    page = report_page(replace(material, result=material.result | {"recordings": moving, "claim": "integer"}))
+    assert 'begins in motion (<a href="#data">see Data</a>)' in page
+    assert "It begins in motion" in page
+    assert "--cut shows how far the orders move with that." in page
+    assert "It begins in motion" not in report_page(material)
 
 
 def test_an_interval_as_wide_as_its_constant_is_said_beside_it():
