@@ -428,12 +428,16 @@ def test_a_recording_that_begins_in_motion_says_so_beside_its_data_and_the_claim
     before = material.result["recordings"]
     name = next(n for n, r in before.items() if r["use"] == "fit")
     start = {"D^mu alpha": estimate(1.0, 0.1) | {"unit": "rad/s", "reason": ""}}
-    moving = before | {name: before[name] | {"initial_state": start}}
-    page = report_page(replace(material, result=material.result | {"recordings": moving, "claim": "integer"}))
-    assert 'begins in motion (<a href="#data">see Data</a>)' in page
-    assert "It begins in motion" in page
-    assert "--cut shows how far the orders move with that." in page
-    assert "It begins in motion" not in report_page(material)
+
+    def page(begin):
+        recordings = before | {name: before[name] | {"initial_state": begin}}
+        return report_page(replace(material, result=material.result | {"recordings": recordings, "claim": "integer"}))
+
+    moving, still = page(start), page({})
+    assert 'begins in motion (<a href="#data">see Data</a>)' in moving
+    assert "It begins in motion" in moving
+    assert "--cut shows how far the orders move with that." in moving
+    assert "begins in motion" not in still
 
 
 def test_an_interval_as_wide_as_its_constant_is_said_beside_it():
