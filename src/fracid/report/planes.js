@@ -39,6 +39,7 @@ class Plane {
     this.axes();
     if (spec.bar) this.bar();
     if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
+    this.words();
     this.cross();
     this.star(this.x(spec.best[0]), this.y(spec.best[1]), 9);
     if (this.corner) this.search();
@@ -184,16 +185,25 @@ class Plane {
       }
       ctx.stroke();
       if (last && (to - from < 50 || this.corner && this.covered(...last))) last = null; // no room for its number
-      if (last && !labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) {
-        labels.push(last);
-        ctx.textAlign = last[0] > this.box.left + this.box.width - 30 ? "right" : "left";
-        ctx.lineWidth = 3;
-        ctx.strokeStyle = "rgba(0, 0, 0, 0.75)";
-        ctx.strokeText(label, last[0] + 2, last[1] + 12);
-        ctx.lineWidth = 1;
-        ctx.fillStyle = "#fff";
-        ctx.fillText(label, last[0] + 2, last[1] + 12);
-      }
+      if (last && !labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) labels.push([...last, label]);
+    }
+    this.labels = labels;
+  }
+
+  // The lines' numbers, within the frame, on top of the dots.
+  words() {
+    const { box, ctx } = this, right = box.left + box.width, base = box.top + box.height - 5;
+    ctx.font = "11px system-ui, sans-serif";
+    for (const [x, y, label] of this.labels) {
+      const late = x + 6 + ctx.measureText(label).width > right;
+      const place = [late ? Math.min(x, right) - 4 : x + 2, Math.min(y + 12, base)];
+      ctx.textAlign = late ? "right" : "left";
+      ctx.lineWidth = 3;
+      ctx.strokeStyle = "rgba(0, 0, 0, 0.75)";
+      ctx.strokeText(label, ...place);
+      ctx.lineWidth = 1;
+      ctx.fillStyle = "#fff";
+      ctx.fillText(label, ...place);
     }
   }
 

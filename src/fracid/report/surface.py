@@ -33,6 +33,8 @@ DECADES = 1e-4
 CIVIDIS = ("00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74", "c3b369", "e1cc55", "fee838")
 """As in ``planes.js``."""
 
+LETTER = 7.0
+"""Of a line's word, its width [px]."""
 INSET, EDGE, AIR = 0.3, 6.0, 8.0
 """The whole search: its part of the surface's width and height, its place and the room in it [px]."""
 
@@ -119,8 +121,9 @@ def surface_still(surface: Surface) -> Markup:
     x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT if surface.bar else WIDTH - 10)
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
     corner = _corner(surface, x, y)
-    parts = [*_colours(surface, x, y), *_lines(surface, x, y, corner), *_axes(surface, x, y),
-             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y),
+    lines, words = _lines(surface, x, y, corner)
+    parts = [*_colours(surface, x, y), *lines, *_axes(surface, x, y),
+             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y), *words,
              *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9),
              *(corner.drawn(surface) if corner else ())]  # fmt: skip
     name = escape(f"{surface.what} over {surface.names[0]} and {surface.names[1]}")
@@ -168,27 +171,28 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
             yield f'<path fill="{_colour((k + 0.5) / BANDS)}" fill-rule="evenodd" transform="scale(.1)" d="{d}"/>'
 
 
-def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> Iterator[str]:
-    """Each with its word at its right end, where there is room for it."""
+def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[list[str], list[str]]:
+    """The lines, and at the right end of each its word, where there is room for it, within the frame."""
     contours = _contours(surface, x, y)
     taken: list[tuple[float, float]] = []
     low, high = surface.scale.low, surface.scale.high
-    words = []
+    drawn, words = [], []
     for at, label in surface.scale.levels:
         lines = contours.lines(log(at / low) / log(high / low))
         if not lines:
             continue
         d = "".join(_d(line) for line in lines)
-        yield f'<path class="level" transform="scale(.1)" d="{d}"/>'
+        drawn.append(f'<path class="level" transform="scale(.1)" d="{d}"/>')
         points = np.concatenate(lines)
         px, py = points[points[:, 0].argmax()].tolist()
         if np.ptp(points[:, 0]) < 50 or (corner and corner.covers(px, py)):
             continue
         if all(hypot(px - a, py - b) >= 24 for a, b in taken):
             taken.append((px, py))
-            late = px > x.end - 30
-            words.append(_text(px + (-2 if late else 2), py + 12, label, "end" if late else "start", ' class="level"'))
-    yield from words
+            late = px + LETTER * len(label) > x.end
+            left, base = (min(px, x.end) - 4 if late else px + 2), min(py + 12, y.start - 5)
+            words.append(_text(left, base, label, "end" if late else "start", ' class="level"'))
+    return drawn, words
 
 
 def _text(x: float, y: float, words: str, anchor: str = "middle", how: str = "") -> str:
