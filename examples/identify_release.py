@@ -35,7 +35,7 @@ def main():
     shift = max(abs(moved) for moved in fit.discretisation.shift.values())
     print(f"at half the step the orders move by {shift:.1g}")
     rival = fit.alternative
-    print(f"the integer-order model with free friction has {rival.cost / fit.cost:.2f} times the error")
+    print(f"the integer-order model with free friction has {rival.cost / fit.cost:.1f} times the error")
 
     # Are the residuals noise?
     (result,) = fit.recordings.values()
