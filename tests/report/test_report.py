@@ -541,7 +541,7 @@ class Reader:
         words, parts = [], [p for p in parts if p.tag != "mspace"]
         while parts:
             word = self.word(parts)
-            if words and words[-1] not in "+-=(," and word[:1] not in "+-=),":
+            if words and words[-1] not in "+-*=(," and word[:1] not in "+-*=),":
                 words.append("*")
             words.append(word)
         return words
@@ -550,7 +550,7 @@ class Reader:
         part = parts.pop(0)
         text = (part.text or "").strip()
         if part.tag == "mo":
-            return text.replace("−", "-").replace("·", "")
+            return text.replace("−", "-").replace("·", "*")
         if part.tag == "mn":
             return text.replace("−", "-")
         if part.tag == "mi":

@@ -189,8 +189,8 @@ class Chart {
       ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
       const long = ctx.measureText(mark.text).width + 8 * uPlot.pxRatio, gap = 4 * uPlot.pxRatio;
       const before = mark.axis === "x" && mark.before && at - long > left, room = mark.axis === "x" && (before || at + long > left + width);
-      const place = mark.axis === "x" ? [at + (room ? -gap : gap), top + (13 + 15 * (mark.before && !before)) * uPlot.pxRatio] : [left + width - gap, at - gap];
-      ctx.textAlign = room || mark.axis === "y" ? "right" : "left";
+      const place = mark.axis === "x" ? [at + (room ? -gap : gap), top + (13 + 15 * (mark.before && !before)) * uPlot.pxRatio] : [left + 0.6 * width, at - gap];
+      ctx.textAlign = room ? "right" : "left";
       Object.assign(ctx, { strokeStyle: css("paper"), lineWidth: 3 * uPlot.pxRatio, lineJoin: "round" });
       ctx.setLineDash([]);
       ctx.strokeText(mark.text, ...place); // lines run below it

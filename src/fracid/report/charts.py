@@ -316,13 +316,13 @@ def _mark(mark: Mark, x: Axis, y: Axis) -> str:
         return ""
     at = float(axis.at(mark.at))
     left = mark.before and at > x.start + 60
-    late = axis is y or left or at > x.end - 60  # the word stands before the line's end, or after an upright line
+    late = left or at > x.end - 60  # the word stands before or after an upright line
     if axis is x:
         row = mark.before and not left
         d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * row)
     else:
-        d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.end - 4, at - 4)
-    word = _text(*place, mark.text, ' class="word"', "end" if late else "start") if mark.text else ""
+        d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.start + 0.6 * (x.end - x.start), at - 4)
+    word = _text(*place, mark.text, ' class="word"', "end" if late and axis is x else "start") if mark.text else ""
     return f'<path class="mark {mark.kind}" d="{d}"/>{word}'
 
 

@@ -267,7 +267,9 @@ class Writer:
         negation = {n: -v for n in ("value", "bound") if (v := self.constants[name].get(n)) is not None}
         e = {**self.constants[name], **negation} if negative else None
         size = _number(_factor(e)) if e else self(name)
-        return [(_o(OPPOSITE[sign] if negative else sign), _row(*([_half()] if half else []), size, *factors))]
+        written = self.numbers and value is not None
+        first = [_half(), *([_o("·")] if written else [])] if half else []  # ½ 0.005 would read as one number
+        return [(_o(OPPOSITE[sign] if negative else sign), _row(*first, size, *factors))]
 
     bracket = staticmethod(_bracket)
     D = staticmethod(_D)

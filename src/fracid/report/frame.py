@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from fracid.estimation.records import in_words
-from fracid.report.sentences import counted, digits, end_of, half_digits, joined, letter, number, unit, with_error
+from fracid.report.sentences import (
+    counted,
+    digits,
+    end_of,
+    half_digits,
+    in_letters,
+    joined,
+    letter,
+    number,
+    unit,
+    with_error,
+)
 from fracid.report.whiskers import whisker
 from fracid.safety.text import printable
 
@@ -38,7 +49,7 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    words = counted, digits, end_of, in_words, joined, letter, linked, number, unit, whisker, with_error
+    words = counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, unit, whisker, with_error
     jinja.filters |= {word.__name__: word for word in words} | {"half": half_digits}
     return jinja
 

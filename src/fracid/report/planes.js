@@ -170,7 +170,7 @@ class Plane {
     for (const { at, label } of spec.levels) {
       ctx.strokeStyle = "rgba(255, 255, 255, 0.85)";
       ctx.beginPath();
-      let last = null, from = Infinity, to = -Infinity;
+      const ends = [];
       for (let i = 0; i + 1 < first.length; i++) for (let j = 0; j + 1 < second.length; j++) {
         const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
         if (corners.some(([k, l]) => height[k][l] === null)) continue;
@@ -181,11 +181,13 @@ class Plane {
           const s = (at - h) / (g - h);
           cuts.push([this.x(first[k] + s * (first[m] - first[k])), this.y(second[l] + s * (second[o] - second[l]))]);
         });
-        for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); last = cuts[c + 1]; from = Math.min(from, last[0]); to = Math.max(to, last[0]); }
+        for (let c = 0; c + 1 < cuts.length; c += 2) { ctx.moveTo(...cuts[c]); ctx.lineTo(...cuts[c + 1]); ends.push(cuts[c], cuts[c + 1]); }
       }
       ctx.stroke();
-      if (last && (to - from < 50 || this.corner && this.covered(...last))) last = null; // no room for its number
-      if (last && !labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) labels.push([...last, label]);
+      if (!ends.length) continue;
+      const last = ends.reduce((a, b) => (b[0] > a[0] ? b : a)), from = Math.min(...ends.map(e => e[0]));
+      if (last[0] - from < 50 || this.corner && this.covered(...last)) continue; // no room for its number
+      if (!labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) labels.push([...last, label]);
     }
     this.labels = labels;
   }

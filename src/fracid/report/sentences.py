@@ -22,8 +22,8 @@ from typing import Any
 from fracid.units import GREEK, to_second_digit, typeset_unit
 from fracid.units import half_width as width_beside
 
-__all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "joined", "letter", "number",
-           "raised", "state_letter", "unit", "with_error"]  # fmt: skip
+__all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "in_letters", "joined", "letter",
+           "number", "raised", "state_letter", "unit", "with_error"]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -188,6 +188,17 @@ def described(text: str) -> str:
     """
     text = re.sub(r"(?<!\w)-(?=[\s\w])", "−", text.replace("I2xx", "I₂ₓₓ"))
     return re.sub(r"\b([a-z]+)_(?=[A-Z]\b)", lambda found: f"{letter(found[1])}_", text)
+
+
+def in_letters(text: str) -> str:
+    """A sentence with the Greek letters of angles and orders; names that are typed stay.
+
+    Examples
+    --------
+    >>> in_letters("theta 0.72°, lambda 0.94 ± 0.17; b_theta, order lambda=0.9")
+    'θ 0.72°, λ 0.94 ± 0.17; b_theta, order lambda=0.9'
+    """
+    return re.sub(r"(?<![\w.])(?:lambda|mu|theta|alpha)(?![\w=])", lambda found: letter(found[0]), text)
 
 
 def joined(words: list[str], last: str = "and") -> str:
