@@ -171,16 +171,16 @@ LATER = Treatment("cut later by 0.3 s", {"mu": 1.08}, {"mu": 0.08}, 0.1, {"alpha
 
 
 @pytest.mark.parametrize(("found", "words"), [
-    (made(0.006, 0.05), "mu moves by +0.05 with what is taken for the motion before it (1 as fitted, 1.05 with the "
-                        "past), 8.3 times its interval of ±0.006"),
-    (made(0.006, 0.05, more=[LATER]), "mu moves by +0.08 with where the record is cut"),
-    (made(0.006, -0.05), "the interval ignores model error. Take 0.95 … 1 for what is known of mu."),
+    (made(0.006, 0.05), "μ moves by +0.05 with what is taken for the motion before it (1 as fitted, 1.05 with the "
+                        "past), 8.3 times its interval of ± 0.006"),
+    (made(0.006, 0.05, more=[LATER]), "μ moves by +0.08 with where the record is cut"),
+    (made(0.006, -0.05), "the interval ignores model error. Take 0.95 … 1 for what is known of μ."),
     (made(0.006, 0.05, stopped=True), "1.05 with the past, and still moving when the refit was stopped"),
-    (made(0.1, 0.05), "No order moves by more than its interval, wherever the record is cut; at most they move: mu by"),
+    (made(0.1, 0.05), "No order moves by more than its interval, wherever the record is cut; at most they move: μ by"),
     (made(None, 0.05), "No order moves by more than its interval"),
     (made(1e-9, 5e-5), "No order moves by more than its interval"),  # too little to matter
     (made(0.006, 0.05, level=0.2), "Nothing else that is taken for the motion before the start fits as well"),
-    (made(0.1, 0.05, level=0.05), "with it the rms falls from alpha 5.73° to alpha 2.86° (mu 1 -> 1.05). Give the "
+    (made(0.1, 0.05, level=0.05), "with it the rms falls from α 5.73° to α 2.86° (μ 1 → 1.05). Give the "
                                   'fit its past: type history = "measured".'),
 ])  # fmt: skip
 def test_the_verdict_is_a_sentence_to_act_on(found, words):

@@ -559,7 +559,8 @@ def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[
     ]
     hashes = compared.get("data_sha256", {})
     others = [name for name, sha256 in hashes.items() if fitted.get(name, sha256) != sha256]
-    return {**compared, "columns": columns, "rows": rows, "others": others}
+    judged_by = "the error on held-out recordings" if first["held_out"] else "BIC"
+    return {**compared, "columns": columns, "rows": rows, "others": others, "judged_by": judged_by}
 
 
 def _command(environment: Mapping[str, Any]) -> str:

@@ -50,6 +50,7 @@ from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import as_json
 from fracid.schemas.result import CutBlock
+from fracid.units import GREEK
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -133,7 +134,7 @@ class CutCheck(CardDisplay):
             return " ".join(self.warnings)
         if not self.rivals:
             return "Nothing else that is taken for the motion before the start fits as well."
-        shifts = ", ".join(f"{n} by {self._farthest(n).shift[n]:+.2g}" for n in self.orders)
+        shifts = ", ".join(f"{GREEK.get(n, n)} by {_signed(self._farthest(n).shift[n])}" for n in self.orders)
         return f"No order moves by more than its interval, wherever the record is cut; at most they move: {shifts}."
 
     def _ratio(self, t: Treatment) -> float:
@@ -152,17 +153,21 @@ class CutCheck(CardDisplay):
         by = far.shift[name]
         cause = "where the record is cut" if far.name.startswith("cut") else "what is taken for the motion before it"
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
+        letter = GREEK.get(name, name)
         return (
-            f"{name} moves by {by:+.2g} with {cause} ({self.orders[name]:.4g} as fitted, {far.orders[name]:.4g} "
-            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ±{half:.2g}: the interval ignores "
-            f"model error. Take {low:.4g} … {high:.4g} for what is known of {name}."
+            f"{letter} moves by {_signed(by)} with {cause} ({self.orders[name]:.4g} as fitted, {far.orders[name]:.4g} "
+            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ± {half:.2g}: the interval ignores "
+            f"model error. Take {low:.4g} … {high:.4g} for what is known of {letter}."
         )
 
     def _better(self, t: Treatment) -> str:
         if self._ratio(t) > BETTER:
             return ""
-        was, now = (", ".join(f"{n} {math.degrees(v):.3g}°" for n, v in at.items()) for at in (self.levels, t.levels))
-        orders = ", ".join(f"{n} {self.orders[n]:.4g} -> {v:.4g}" for n, v in t.orders.items())
+        was, now = (
+            ", ".join(f"{GREEK.get(n, n)} {math.degrees(v):.3g}°" for n, v in at.items())
+            for at in (self.levels, t.levels)
+        )
+        orders = ", ".join(f"{GREEK.get(n, n)} {self.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
         plateau = any(other.name == "from the plateau" for other in self.treatments)
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
         return (
@@ -480,6 +485,11 @@ def _refitted(
         label, orders, {n: orders[n] - before[n] for n in orders}, result.best.cost, other.levels(result.best.point),
         result.outcome is Outcome.BUDGET_SPENT,
     )  # fmt: skip
+
+
+def _signed(shift: float) -> str:
+    """With its sign, a true minus; an exponent keeps the hyphen that it is read back with."""
+    return ("−" if shift < 0 else "+") + f"{abs(shift):.2g}"
 
 
 def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
