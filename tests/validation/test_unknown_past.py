@@ -53,7 +53,7 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
         assert by[name].cost < 0.1 * found.cost
     warning = found.warnings[-1]
     assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls from ")
-    assert f"lambda {found.orders['lambda']:.4g} -> {by['with the past'].orders['lambda']:.4g}" in warning
+    assert f"(λ {found.orders['lambda']:.4g} → {by['with the past'].orders['lambda']:.4g}, μ " in warning
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
 
