@@ -55,6 +55,15 @@ if __name__ == "__main__":
 """
 
 
+@pytest.fixture(autouse=True)
+def _not_ignored():
+    """As in a terminal, also where these tests run under nohup, whose SIG_IGN every child inherits."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in map(signal.Signals.__getitem__, ending.NAMES)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.fixture
 def heard(monkeypatch):
     """The signals that would have ended this process."""
