@@ -7,11 +7,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fracid.errors import InputError, Unfinished
+from fracid.tasks import cluster as cluster_tasks
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.local import follow_parent
@@ -313,6 +315,15 @@ def cluster(tmp_path, monkeypatch):
     for process in reversed(processes):
         process.kill()
         process.wait()
+
+
+def test_a_result_that_is_lost_with_its_worker_is_waited_for_and_the_others_go_on(monkeypatch):
+    monkeypatch.setattr(cluster_tasks, "IDLE", 0.001)
+    ends, (first, lost) = cluster_tasks._Ends(), (SimpleNamespace(status=s) for s in ("finished", "lost"))
+    for future in (lost, first):
+        ends.put(future)
+    assert ends.wait(pytest.fail) == [first]
+    assert ends.wait(lambda: setattr(lost, "status", "finished")) == [lost]  # computed anew while nothing else ends
 
 
 @pytest.mark.broad

@@ -31,6 +31,9 @@ ANSWER = 10.0
 IDLE = 2.0
 """Where nothing has come back for so long, it is time to look why [s]."""
 
+FAILED = ("error", "cancelled")
+"""States of a future that no waiting changes; one that is lost, Dask computes again."""
+
 WINDOW = 4
 """Tasks on the way, for each of a cluster's threads."""
 
@@ -52,7 +55,7 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
     from cloudpickle import dumps  # sends what a script defines, too
 
     packed = client.submit(unpacked, job.packed(dumps), pure=False)  # a task too: it comes back if its worker dies
-    ends: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    ends = _Ends()
     waiting: dict[str, tuple[Any, Task]] = {}  # Dask does a task only as long as its future is kept
     window = WINDOW * max(16, sum(client.nthreads().values()))
     alone = _Alone(client, address)
@@ -68,9 +71,10 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
             future.add_done_callback(ends.put)
         if not waiting:
             return
-        completions = _drained(ends, alone.check)
-        whole = [f for f in completions if f.status == "finished"]
-        failures = [_given_up(waiting[f.key][1], f.exception()) for f in completions if f.status != "finished"]
+        completions = ends.wait(alone.check)
+        failed = [f for f in completions if f.status in FAILED]
+        failures = [_given_up(waiting[f.key][1], f.exception()) for f in failed]
+        whole = [f for f in completions if f not in failed]
         for future, result in zip(whole, client.gather(whole), strict=True):
             task = waiting.pop(future.key)[1]
             if failure := failure_of(task, result):
@@ -81,15 +85,25 @@ def _from_cluster(client: Any, job: Job, tasks: Iterator[Task], address: str) ->
             raise failures[0]
 
 
-def _drained(ends: queue.SimpleQueue[Any], idle: Callable[[], None]) -> list[Any]:
-    """All that has ended, one at least; `idle` is asked while nothing ends."""
-    while True:
-        try:
-            completions = [ends.get(timeout=IDLE)]
-        except queue.Empty:
-            idle()
-        else:
-            return [*completions, *(ends.get() for _ in range(ends.qsize()))]
+class _Ends:
+    """Futures that have ended, as Dask's thread puts them; a result that is lost with its worker has not ended yet."""
+
+    def __init__(self) -> None:
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._heard: list[Any] = []
+        self.put = self._queue.put
+
+    def wait(self, idle: Callable[[], None]) -> list[Any]:
+        """All that has ended, one at least; `idle` is called while nothing ends."""
+        while True:
+            try:
+                self._heard.append(self._queue.get(timeout=IDLE))
+            except queue.Empty:
+                idle()
+            self._heard += [self._queue.get() for _ in range(self._queue.qsize())]
+            if ended := [f for f in self._heard if f.status in (*FAILED, "finished")]:
+                self._heard = [f for f in self._heard if f not in ended]
+                return ended
 
 
 def _given_up(task: Task, error: BaseException) -> Stopped:
