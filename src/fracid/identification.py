@@ -709,8 +709,11 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         )
     for order, output in problem.model.seen_in.items():
         if order in problem.names and output not in problem.outputs:
-            scored = " and ".join(problem.outputs)
-            yield f"Only {scored} is scored, and it carries almost no information about {order}: score {output} too."
+            scored = " and ".join(GREEK.get(n, n) for n in problem.outputs)
+            yield (
+                f"Only {scored} is scored, and it carries almost no information about {GREEK.get(order, order)}: "
+                f"score {GREEK.get(output, output)} too."
+            )
     if isinstance(precision, Failure):
         yield f"There are no intervals: {precision}."
         return

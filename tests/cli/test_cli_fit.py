@@ -136,7 +136,7 @@ def test_the_paper_preset_ends_with_an_answer_and_its_warnings(capsys, folder, t
     assert "gl-paper" in out
     assert "genetic, 520 evaluations" in out
     assert "! gl-paper sums raw x (21)-(24)" in out
-    assert "! Only alpha is scored, and it carries almost no information about lambda" in out
+    assert "! Only α is scored, and it carries almost no information about λ: score θ too." in out
     assert json.loads((tmp_path / "result.json").read_text())["preset"] == "paper"
 
 

@@ -141,7 +141,7 @@ def test_the_order_of_a_clamped_arm_cannot_be_known_and_the_reason_is_that_it_st
     profiles = profile(p, points=5).profiles if profiled else None
     found = verdicts(p, profiles=profiles)
     assert found["lambda"].kind == "practically not"
-    assert "theta hardly moves" in found["lambda"].reason
+    assert "θ hardly moves" in found["lambda"].reason
     assert "an order shows in motion alone: fix it" in found["lambda"].reason
     assert found["mu"].sentence == "identifiable"
     assert ("its profile is flat from 0.5 to 1.2" in found["lambda"].reason) is profiled
@@ -153,13 +153,13 @@ def test_a_score_on_alpha_alone_warns_about_lambda():
     assert found["mu"].sentence == "identifiable"
     unsure = verdicts(twin(outputs=("alpha",), orders=ORDERS, sd=0.3))
     assert unsure["lambda"].kind == "practically not"
-    assert "theta is not scored: score it too, or fix lambda" in unsure["lambda"].reason
+    assert "θ is not scored: score it too, or fix λ" in unsure["lambda"].reason
 
 
 def test_a_small_angle_record_names_the_inertia_term_that_it_cannot_see():
     small, large = (verdicts(twin(alpha=a, parameters=free("C6", "J_theta", "b_alpha"))) for a in (0.05, 0.8))
     assert small["C6"].kind == "practically not"
-    assert "its effect grows as the swing to the power 3.0, and alpha swings by" in small["C6"].reason
+    assert "its effect grows as the swing to the power 3.0, and α swings by" in small["C6"].reason
     assert "release it from further out" in small["C6"].reason
     assert {n for n, v in small.items() if v.kind == "identifiable"} == {"J_theta", "b_alpha"}
     assert {v.kind for v in large.values()} == {"identifiable"}

@@ -216,8 +216,8 @@ def test_the_paper_preset_takes_the_rigs_constants_fixes_what_else_is_free_and_s
     assert p.model.parameter("C1").value == own.parameter("C1").value
     assert p.model.parameter("drag_alpha").value == 0.0
     says = found.notes[-1]
-    for part in ("100 Hz (the paper: 1000 Hz)", "(the paper: 20 s)", "(the paper: 10°)", "alpha = 0 hangs",
-                 "C3 = 0 is the file's, not the rig's", "lambda in 0.6 … 1.2, mu in 0.5 … 1.2"):  # fmt: skip
+    for part in ("100 Hz (the paper: 1000 Hz)", "(the paper: 20 s)", "(the paper: 10°)", "α = 0 is hanging",
+                 "C3 = 0 is the file's, not the rig's", "λ in 0.6 … 1.2, μ in 0.5 … 1.2"):  # fmt: skip
         assert part in says
     assert "drag" not in says
 

@@ -48,7 +48,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import with_unit
+from fracid.units import GREEK, with_unit
 
 __all__ = ["Verdict", "identifiability"]
 
@@ -413,17 +413,18 @@ def _because(view: _View, i: int) -> str:
     most = max(swings, key=lambda n: swings[n])
     if u.kind == "order":
         own = view.moved_by(u.target)
+        moved = " and ".join(GREEK.get(n, n) for n in own)
         if own and max(swings[n] for n in own) < STILL * swings[most]:
             return (
-                f"; {' and '.join(own)} hardly moves ({view.size(max(own, key=swings.__getitem__))} beside "
-                f"{view.size(most)} of {most}), and an order shows in motion alone: fix it"
+                f"; {moved} hardly moves ({view.size(max(own, key=swings.__getitem__))} beside "
+                f"{view.size(most)} of {GREEK.get(most, most)}), and an order shows in motion alone: fix it"
             )
         if own and not set(own) & set(view.problem.outputs):
-            return f"; {' and '.join(own)} is not scored: score it too, or fix {u.name}"
+            return f"; {moved} is not scored: score it too, or fix {GREEK.get(u.name, u.name)}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
         return (
-            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {most} swings by "
-            f"{view.size(most)} in all: release it from further out, or fix it"
+            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {GREEK.get(most, most)} swings "
+            f"by {view.size(most)} in all: release it from further out, or fix it"
         )
     return ""
 

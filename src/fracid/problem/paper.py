@@ -23,6 +23,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free, start_of
+from fracid.units import GREEK
 
 __all__ = ["differences", "fixed"]
 
@@ -74,10 +75,10 @@ def differences(problem: Problem, rig: str | None, given: Mapping[str, float]) -
     >>> orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
     >>> problem = Problem(rotary_pendulum(), (swing,), orders, outputs=("alpha",), method="gl-paper")
     >>> differences(problem, "srv02-rotpen", {}).split("; ")[0]
-    'The paper to the letter, but for this: swing has 500 Hz (the paper: 1000 Hz)'
+    'This fit differs from the paper: swing has 500 Hz (the paper: 1000 Hz)'
     """
     parts = [*_of_recordings(problem), *_of_constants(problem.model, rig, given), *_of_the_recipe(problem)]
-    return f"The paper to the letter, but for this: {'; '.join(parts)}."
+    return f"This fit differs from the paper: {'; '.join(parts)}."
 
 
 def _of_recordings(problem: Problem) -> Iterator[str]:
@@ -120,17 +121,18 @@ def _of_constants(model: Model, rig: str | None, given: Mapping[str, float]) -> 
     if beyond:
         yield f"the model has {', '.join(beyond)} (the paper: viscous and Coulomb friction)"
     yield (
-        "the paper does not print its rig's constants; of (1) and (6) it takes what is meant: the bracket over "
-        "det(M), I2xx counted once, and Coulomb friction against the motion"
+        "the constants are the rig's, since the paper prints none; three misprints are corrected: the bracket of (1) "
+        "is divided by det(M), I2xx counts once in (6), and Coulomb friction opposes the motion"
     )
     if model.zero == "hanging":
-        yield "alpha = 0 hangs ((1) as printed: it is upright)"
+        yield "α = 0 is hanging (upright in (1) as printed)"
 
 
 def _of_the_recipe(problem: Problem) -> Iterator[str]:
-    ranges = [f"{n} in {v.lower:g} … {v.upper:g}" for n, v in problem.orders.items() if isinstance(v, Free)]
+    free = {GREEK.get(n, n): v for n, v in problem.orders.items() if isinstance(v, Free)}
+    ranges = [f"{n} in {v.lower:g} … {v.upper:g}" for n, v in free.items()]
     if ranges:
-        yield f"orders are looked for with {', '.join(ranges)} (the paper gives no bounds)"
+        yield f"the search is bounded, {', '.join(ranges)} (the paper gives no bounds)"
     if problem.memory.name.startswith("short"):
         yield f"the memory is {problem.memory.name} (the paper: full)"
     if problem.substeps != 1:

@@ -207,7 +207,7 @@ class Explore {
     const angles = this.outputs.map((o, k) => {
       const most = 1.15 * Math.max(largest(r.measured[k]), largest(r.fitted[k])), y = { measured: line(r.measured[k]) };
       const low = y.measured.reduce((least, v) => Math.min(least, v ?? least), most), high = y.measured.reduce((top, v) => Math.max(top, v ?? top), -most);
-      return { title: `${o.letter}, measured and simulated`, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
+      return { title: o.letter, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
         series: [{ label: "measured", y: y.measured, kind: "measured", unit: o.unit }, { label: "simulated", y: () => this.curves[k], kind: "fitted", unit: o.unit }] };
     });
     const reach = this.outputs.map(() => 0);

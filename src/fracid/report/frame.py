@@ -19,6 +19,7 @@ from fracid.report.sentences import (
     joined,
     letter,
     number,
+    search_sentence,
     unit,
     with_error,
 )
@@ -49,7 +50,8 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    words = counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, unit, whisker, with_error
+    words = (counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, search_sentence, unit,
+             whisker, with_error)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words} | {"half": half_digits}
     return jinja
 

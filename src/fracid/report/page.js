@@ -36,6 +36,8 @@ const traceOf = (() => {
   return k => { if (!made.has(k)) made.set(k, new Trace(DATA.recordings[k])); return made.get(k); };
 })();
 
+const timeAxis = start => (start ? `time after ${round(start, 6)} s [s]` : "time [s]");
+
 // What is drawn of a recording: each output measured and simulated, and its residual.
 function curves(trace) {
   const x = line(trace.t);
@@ -46,7 +48,7 @@ function curves(trace) {
     return [
       { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: alone ? 290 : 146, ...shared, bare: true,
         series: [{ label: "measured", y: line(o.measured), kind: "measured", ...o.read }, { label: "simulated", y: line(o.fitted), kind: "fitted", ...o.read }] },
-      { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? `time after ${round(trace.said.start, 6)} s [s]` : "",
+      { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? timeAxis(trace.said.start) : "",
         height: alone ? 250 : last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
         bands: o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [],
         series: [{ label: "residual", y: line(residual), kind: "residual", ...o.read, digits: 3, more: 1 }] },

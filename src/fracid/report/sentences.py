@@ -23,7 +23,7 @@ from fracid.units import GREEK, to_second_digit, typeset_unit
 from fracid.units import half_width as width_beside
 
 __all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "in_letters", "joined", "letter",
-           "number", "raised", "state_letter", "unit", "with_error"]  # fmt: skip
+           "number", "raised", "search_sentence", "state_letter", "unit", "with_error"]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -188,6 +188,17 @@ def described(text: str) -> str:
     """
     text = re.sub(r"(?<!\w)-(?=[\s\w])", "−", text.replace("I2xx", "I₂ₓₓ"))
     return re.sub(r"\b([a-z]+)_(?=[A-Z]\b)", lambda found: f"{letter(found[1])}_", text)
+
+
+def search_sentence(outcome: str) -> str:
+    """How a search ended.
+
+    Examples
+    --------
+    >>> search_sentence("all generations done")
+    'The search did not converge: all generations done.'
+    """
+    return "The search converged." if outcome.startswith("converged") else f"The search did not converge: {outcome}."
 
 
 def in_letters(text: str) -> str:

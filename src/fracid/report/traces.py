@@ -102,12 +102,16 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
             xname="time", height=150, room=room,
         )  # fmt: skip
         yield Chart(
-            residual_title(α, unit, step), time, f"time after {number(float(r.time[0]), '.6g')} s [s]" if last else "",
+            residual_title(α, unit, step), time, _time_axis(float(r.time[0])) if last else "",
             f"residual{_in(unit)}", (Series("measured − simulated", factor * r.residual(name), "residual"),),
             xname="time", bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
             yrange=(-limit, limit), right=encoder_ticks(limit, step) if step else (),
             rightlabel="steps" if step else "", room=room,
         )  # fmt: skip
+
+
+def _time_axis(start: float) -> str:
+    return f"time after {number(start, '.6g')} s [s]" if start else "time [s]"
 
 
 def residual_title(symbol: str, unit: str, step: float | None) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fracid.report.sentences import counted, digits, half_width, joined, letter, number, state_letter
+from fracid.report.sentences import counted, digits, half_width, joined, letter, number, search_sentence, state_letter
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
@@ -320,8 +320,7 @@ def _checks(material: Material) -> Line:
 
 def _search(material: Material) -> Iterator[tuple[str, bool]]:
     outcome = material.result["outcome"]
-    converged = outcome.startswith("converged")
-    yield ("The search converged." if converged else f"The search did not converge: {outcome}.", converged)
+    yield search_sentence(outcome), outcome.startswith("converged")
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:
