@@ -4,7 +4,7 @@
 
     FracidError              has an exit code for the command line
     ├── InputError      (2)  the caller's mistake: an argument, an option, a project file
-    │   └── NotTrusted  (2)  a project file wants to run code of its own, and nobody allowed it
+    │   └── NotTrusted  (2)  a project file refers to code of its own, without --trust
     ├── DataError       (3)  a recording that fails its checks
     └── Unfinished      (1)  long work was interrupted: a full disk, a dead worker, Ctrl-C; what was done is kept
 

@@ -517,7 +517,7 @@ def _beside(other: Problem, problem: Problem) -> Problem:
 IMITATION = "may stand in for friction that the model lacks"
 """The verdict on orders whose integer-order rival, with more friction free, is as good."""
 
-CHANCE = "no different from {:g} as far as the recordings can tell"
+CHANCE = "not distinguishable from {:g} with these recordings"
 """The verdict on orders at whose integer value the same model is as good."""
 
 

@@ -124,7 +124,7 @@ def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
         capsys, "profile", tmp_path / "arm.toml", "--parameter", "lambda", "--points", 4, "--out", tmp_path
     )
     assert code == 0
-    assert "theta hardly moves" in out
+    assert "θ hardly moves" in out
     assert "flat" in out
 
 

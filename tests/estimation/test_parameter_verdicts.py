@@ -117,7 +117,7 @@ def test_a_full_release_with_one_constant_known_identifies_all_others_and_both_o
 def test_a_free_response_knows_ratios_and_names_them():
     found = verdicts(twin(parameters=free(*LUMPED)))
     assert {v.kind for v in found.values()} == {"only in a ratio"}
-    assert "with C1: the data know C4/C1, and so with C3" in found["C4"].reason
+    assert "with C1: only C4/C1 is identifiable, and so with C3" in found["C4"].reason
     assert set(found["C4"].partners) == set(LUMPED) - {"C4"}
 
 
@@ -132,7 +132,7 @@ def test_constants_that_work_through_their_product_are_named_as_a_product():
     step = Experiment("step", 0.01, y[:, None], np.zeros((1, 0)), initial={"y": 0.0})
     both = {"gain": Free(1.0, 0.1, 10.0), "rate": Free(1.0, 0.1, 10.0)}
     found = verdicts(Problem(rig, (step,), {"q": 1.0}, both, outputs=("y",), initial_state="held"))
-    assert found["gain"].sentence == "only in a ratio: with rate: the data know gain·rate; fix one of them"
+    assert found["gain"].sentence == "only in a ratio: with rate: only gain·rate is identifiable; fix one of them"
 
 
 @pytest.mark.parametrize("profiled", [False, True])
@@ -175,15 +175,15 @@ def test_upright_angles_are_not_halved():
 JOINTS = {
     "a joint that slides tells little of what it gives": (
         1.0, 1e-2, {"coulomb_alpha": 3e-4, "presliding_alpha": 1e-4},
-        {"coulomb_alpha": "identifiable", "presliding_alpha": "alpha slides, and only 0.013 % of its motion is"},
+        {"coulomb_alpha": "identifiable", "presliding_alpha": "α slides, and only 0.013 % of its motion is"},
     ),
     "nor of its damping": (
         1.0, 1e-2, {"presliding_alpha": 1e-3, "presliding_damping_alpha": 1e-5},
-        {"presliding_damping_alpha": "alpha slides, and only 0.12 % of its motion is presliding"},
+        {"presliding_damping_alpha": "α slides, and only 0.12 % of its motion is presliding"},
     ),
     "a joint that sticks knows friction over what it gives alone": (
         0.1, 5e-2, {"coulomb_theta": 1.0, "presliding_theta": 0.4},
-        {"presliding_theta": "theta hardly breaks away, 100 % of its motion is presliding, which knows friction over"},
+        {"presliding_theta": "θ hardly breaks away, 100 % of its motion is presliding, which depends only on friction"},
     ),
     "a joint that does both tells both": (
         1.0, 1e-4, {"coulomb_alpha": 3e-4, "presliding_alpha": 1e-2},
@@ -259,7 +259,7 @@ def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
     says = verdicts(p)["coulomb_theta"].sentence
     assert says.startswith("at its bound: 0; it is zero within the resolution of the data: remove it")
     found = verdicts(p, profiles=profile(p, parameters=["coulomb_theta"]).profiles)["coulomb_theta"]
-    assert found.sentence.startswith("at its bound: 0; the data say below ")
+    assert found.sentence.startswith("at its bound: 0; its interval is all below ")
 
 
 def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():

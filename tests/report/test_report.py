@@ -409,7 +409,7 @@ def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_th
     run = said(**changes, findings=[{"code": "misfit", "where": "a: alpha", "sentence": ""}])
     run.beside = lambda _: None
     assert verdict(run)[0].sentence.replace("\N{NO-BREAK SPACE}", " ") == (
-        "Nothing here says that the rig is fractional: a model of integer order fits as well as λ = 1.2 (no interval) "
+        "There is no evidence of fractional dynamics: a model of integer order fits as well as λ = 1.2 (no interval) "
         "and μ = 1.18 ± 0.12, but the model lacks something (see Fit)."
     )
 

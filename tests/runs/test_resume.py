@@ -269,7 +269,7 @@ def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
         (lambda f: (f / RUN).write_text('{"kind": "fit"'), [], "was left before anything was done"),
         (lambda f: state(f, "oracle"), [], "another version of fracid: it knows no kind 'oracle'"),
         (lambda f: state(f, "fit"), ["--executor", "processes"], "leave --executor and --scheduler out"),
-        (lambda f: (f / JOURNAL).touch(), [], "does not say what its command was: type that again, with --out"),
+        (lambda f: (f / JOURNAL).touch(), [], "has no record of its command: type that again, with --out"),
     ],
 )
 def test_what_cannot_be_gone_on_with_is_a_sentence(tmp_path, capsys, make, words, message):

@@ -102,7 +102,7 @@ def refused(capsys, *words):
 @pytest.mark.parametrize(("project", "code"), [("rig.toml", "my_rig.py"), ("cost.toml", "my_cost.py")])
 def test_a_project_runs_no_code_of_its_own_unless_it_is_trusted(capsys, folder, command, project, code):
     message = refused(capsys, command, project, "--out", "a folder")
-    assert message.startswith(f"error: {project} wants to run code of its own: {code}. ")
+    assert message.startswith(f"error: {project} refers to Python code of its own: {code}. ")
     assert message.endswith(f"Type: fracid {command} {project} --out 'a folder' --trust")
     assert not Path("a folder").exists()
 
@@ -111,7 +111,7 @@ def test_a_project_runs_no_code_of_its_own_unless_it_is_trusted(capsys, folder, 
 def test_a_run_runs_no_code_of_its_projects_either(capsys, fitted, monkeypatch, command):
     monkeypatch.chdir(fitted)
     message = refused(capsys, command, "run")
-    assert "wants to run code of its own: " in message
+    assert "refers to Python code of its own: " in message
     assert message.endswith(f"Type: fracid {command} run --trust")
 
 
@@ -127,7 +127,7 @@ def test_trusted_it_runs_and_the_run_says_with_which_code(capsys, fitted, monkey
 
 def test_from_python_the_caller_says_so(folder):
     for project, code in (("rig.toml", "my_rig.py"), ("cost.toml", "my_cost.py")):
-        with pytest.raises(fracid.NotTrusted, match=rf"wants to run code of its own: {code}.*trust=True in Python"):
+        with pytest.raises(fracid.NotTrusted, match=rf"refers to Python code of its own: {code}.*trust=True in Python"):
             fracid.load_project(project)
         assert not Path("ran").exists()
         assert fracid.load_project(project, trust=True).own_code == (Path(code),)
@@ -175,7 +175,7 @@ def test_the_file_that_was_named_is_run_and_no_other_that_the_folder_leads_to(ca
     Path("run/environment.json").write_text(json.dumps(ENVIRONMENT | words))
     state = json.loads(Path("run/run.json").read_text())
     Path("run/run.json").write_text(json.dumps(state | {"options": {}}))
-    assert "run code of its own: first/my_rig.py" in refused(capsys, "resid", "run")
+    assert "Python code of its own: first/my_rig.py" in refused(capsys, "resid", "run")
     code, _, err = run(capsys, "resid", "run", "--trust")
     assert (code, "swing.npz" in err) == (2, True)
     assert [path.parent.name for path in Path().rglob("ran")] == ["first"]
@@ -232,12 +232,12 @@ def test_trusted_or_not_changed_code_is_not_gone_on_with(capsys, unfinished):
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("compare rig.toml --trust", "wants to run code of its own"),
+        ("compare rig.toml --trust", "refers to Python code of its own"),
         (
             "noise plain.toml --cost my_cost.py:worst",
-            "wants to run code: fracid noise plain.toml --cost",
+            "refers to Python code: fracid noise plain.toml --cost",
         ),
-        ("noise plain.toml --cost=my_cost.py:worst --trust", "wants to run code: fracid noise"),
+        ("noise plain.toml --cost=my_cost.py:worst --trust", "refers to Python code: fracid noise"),
         ("compare plain.toml --scheduler tcp://there:8786", "--scheduler tcp://there:8786"),
         ("compare plain.toml --scheduler=tcp://there:8786", "type its address yourself"),
         ("compare plain.toml --executor tcp://there:8786", "type its address yourself"),

@@ -168,8 +168,8 @@ def test_tied_orders_stay_tied():
 def test_what_a_clamped_arm_does_not_show_is_left_out_and_said():
     found = ladder(problem(swing()))
     assert not any("theta" in n for s in found.structures for n in s.problem.names)
-    assert "No recording sees cable_stiffness: there is no rung + cable." in found.notes
-    assert any("do not see b_theta" in note for note in found.notes)
+    assert "The rung + cable is skipped: no recording depends on cable_stiffness." in found.notes
+    assert any("do not depend on b_theta" in note for note in found.notes)
 
 
 def test_what_only_a_recording_that_is_not_fitted_sees_is_found_there():
@@ -472,14 +472,14 @@ def test_the_verdict_counts_recordings_and_runs_that_fail(integer, free, says):
 
 def test_orders_that_are_1_within_their_intervals_are_said_to_be():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(1.01, (0.98, 1.04))))
-    assert "There the orders are 1 within their intervals (mu 1.010 ± 0.03)." in _verdict(result(rows))
+    assert "There the orders are 1 within their intervals (μ 1.010 ± 0.03)." in _verdict(result(rows))
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3))
     assert "within their intervals" not in _verdict(result(rows))
 
 
 def test_what_is_integer_is_what_the_model_says():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(0.01, (-0.02, 0.04))))
-    assert "There the orders are 0 within their intervals (mu 0.010 ± 0.03)." in _verdict(result(rows), {"mu": 0.0})
+    assert "There the orders are 0 within their intervals (μ 0.010 ± 0.03)." in _verdict(result(rows), {"mu": 0.0})
     assert "within their intervals" not in _verdict(result(rows), {"mu": None})
 
 

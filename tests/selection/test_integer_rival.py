@@ -111,7 +111,7 @@ def test_an_order_off_1_by_chance_is_not_called_fractional():
     assert missed == ["lambda"]  # of 40 seeds one of two where the interval misses 1, by more than 0.001
     assert -20 < fit.alternative.gain < 10
     assert any("no evidence of fractional dynamics" in w for w in fit.warnings)
-    assert all(fit.orders[n].identifiable == "no different from 1 as far as the recordings can tell" for n in missed)
+    assert all(fit.orders[n].identifiable == "not distinguishable from 1 with these recordings" for n in missed)
 
 
 def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
@@ -207,7 +207,7 @@ def test_a_dashpot_is_not_called_fractional_however_its_order_is_written(seed):
     fit = identify(sought(mount(**R_IS_0), struck(mount(dashpot), seed, noise=1e-2)))
     assert fit.alternative is None or "r = 0 the same model explains" in fit.alternative.warning
     verdict = fit.orders["r"].identifiable
-    assert fit.alternative is None or verdict == "no different from 0 as far as the recordings can tell"
+    assert fit.alternative is None or verdict == "not distinguishable from 0 with these recordings"
 
 
 def test_by_chance_off_0_is_said_of_0():

@@ -73,7 +73,7 @@ def test_white_normal_noise_passes_every_question():
     assert found.whiteness.effective_samples > 0.9 * N
     assert found.spectrum.line is None
     words = found.sentences
-    assert words["whiteness"].startswith("White, as far as 20,000 samples tell")
+    assert words["whiteness"].startswith("White: no autocorrelation in 20,000 samples")
     assert words["spectrum"].startswith("No frequency stands out, and there is no drift")
     assert words["normality"].startswith("Normal enough: PPCC 1.000")
     assert words["variance"].startswith("It scatters alike early and late, near and far, slow and fast")

@@ -71,19 +71,19 @@ def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
     preset: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="paper: the paper to the letter.", autocompletion=key_of("presets")),
+        typer.Option(metavar="NAME", help="paper: the settings of the paper.", autocompletion=key_of("presets")),
     ] = None,
     optimiser: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="In place of the file's: {optimisers}.",
+            help="Optimiser: {optimisers}, instead of the file's.",
             autocompletion=key_of("optimisers"),
         ),
     ] = None,
     multi_start: Annotated[
         int | None,
-        typer.Option("--multi-start", metavar="N", help="Starts: yours, the regression's, Sobol points.", min=1),
+        typer.Option("--multi-start", metavar="N", help="Number of starts: yours, regression, Sobol points.", min=1),
     ] = None,
     executor: Annotated[
         str | None,
@@ -94,22 +94,24 @@ def fit(
         ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler in place of it, tcp://HOST:8786.")
+        str | None, typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: its scheduler, tcp://HOST:8786.")
     ] = None,
     cut: Annotated[
         bool, typer.Option("--cut", help="Check how far the orders move with where the record begins: more searches.")
     ] = False,
     trust: Trust = False,
     out: Out = None,
-    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="In place of the file's.", min=0)] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
+    ] = None,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Identify what a project leaves free, and write the run folder.
+    """Estimate the free values of a project; write the run folder.
 
     The folder holds result, log, figures and page.  Ctrl-C keeps the best so far; the same command, or fracid resume,
-    goes on.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the model reached the end of the
-    recording.
+    continues it.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the model reached the end
+    of the recording.
     """
     place = one_place(executor, scheduler)
     with beginning(), watched("recordings", json_) as observer, drawer(jobs) as draws:

@@ -72,7 +72,7 @@ NONLINEAR = 1.5
 """Sensitivities that grow with the swing to more than this power belong to a term of large swings."""
 
 TIGHT = 0.2
-"""A ratio whose interval is below this part of its parts' is what the data know."""
+"""A ratio whose interval is below this part of its parts' is identifiable."""
 
 SLIDES, STICKS = 0.05, 0.8
 """Parts of a joint's motion that presliding takes up: below the one it hardly shows, above the other nothing else."""
@@ -276,16 +276,16 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
         if narrow and view.known.at_bound[i]:  # the walk found it off the bound
             yield from _identifiable(view, i)
         elif view.known.at_bound[i]:
-            yield Verdict(name, "practically not", f"the data say {low:.4g} … {high:.4g}{_because(view, i)}")
+            yield Verdict(name, "practically not", f"its interval is {low:.4g} … {high:.4g}{_because(view, i)}")
         return
     side = f"above {low:.4g}" if low is not None else f"below {high:.4g}" if high is not None else ""
     if profile.verdict == "flat":
         text = f"its profile is flat from {profile.values[0]:.4g} to {profile.values[-1]:.4g}"
         yield Verdict(name, "practically not", f"{text}{_because(view, i)}")
     elif profile.verdict == "one-sided":
-        yield Verdict(name, "practically not", f"its profile is one-sided, the data say {side}{_because(view, i)}")
+        yield Verdict(name, "practically not", f"its profile is one-sided: it lies {side}{_because(view, i)}")
     else:
-        yield Verdict(name, "at its bound", f"{view.bound(i):.4g}; the data say {side}")
+        yield Verdict(name, "at its bound", f"{view.bound(i):.4g}; its interval is all {side}")
 
 
 def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
@@ -348,7 +348,7 @@ def _unseen(view: _View, i: int) -> Iterator[Verdict]:
         return
     combination = _combination(name, partners[0], direction[i] / direction[others[0]])
     also = f", and so with {', '.join(partners[1:])}" if len(partners) > 1 else ""
-    reason = f"with {partners[0]}: the data know {combination}{also}; fix one of them"
+    reason = f"with {partners[0]}: only {combination} is identifiable{also}; fix one of them"
     yield Verdict(name, "only in a ratio", reason, partners)
 
 
@@ -437,17 +437,18 @@ def _of_presliding(view: _View, i: int) -> str:
         return ""
     for state, delta in model.relaxing.items():
         joint, part = view.presliding(state)
+        letter = GREEK.get(joint, joint)
         own = u.target == delta or delta in model.parameter(u.target).needs
         strength = kind.dry or (kind.rung == LUGRE.rung and not own)
         if kind.joint == joint and own and part < SLIDES:
             return (
-                f"; {joint} slides, and only {100 * part:.2g} % of its motion is presliding: record more reversals and "
-                f"the end of a swing, or fix {u.name}"
+                f"; {letter} slides, and only {100 * part:.2g} % of its motion is presliding: record more reversals "
+                f"and the end of a swing, or fix {u.name}"
             )
         if kind.joint == joint and part > STICKS and (u.target == delta or strength):
             return (
-                f"; {joint} hardly breaks away, {100 * min(part, 1.0):.3g} % of its motion is presliding, which knows "
-                f"friction over {delta} alone: release it from further out, or fix {u.name}"
+                f"; {letter} hardly breaks away, {100 * min(part, 1.0):.3g} % of its motion is presliding, which "
+                f"depends only on friction divided by {delta}: release it from further out, or fix {u.name}"
             )
     return ""
 

@@ -180,8 +180,8 @@ PARAMETERS = (
     ),
     *(row for joint, letter, body in (("theta", "θ", "arm"), ("alpha", "α", "pendulum")) for row in (
         Parameter(
-            f"stiction_{joint}", "N m", 0.0, f"what rest of the {body} takes above sliding, Stribeck's s", lower=0.0,
-            symbol=("s", letter), friction=LUGRE.at(joint),
+            f"stiction_{joint}", "N m", 0.0, f"breakaway torque of the {body} above its sliding torque, Stribeck's s",
+            lower=0.0, symbol=("s", letter), friction=LUGRE.at(joint),
         ),
         Parameter(
             f"stribeck_speed_{joint}", "rad/s", 0.1, f"rate of the {body} at which that goes", lower=1e-4,

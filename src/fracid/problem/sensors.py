@@ -52,7 +52,7 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True)
 class Sensor:
-    """What one channel of a recording does to its signal; a number is fixed, :class:`Free` is to be found.
+    """Delay, gain, bias and low-pass of one channel; a number is fixed, :class:`Free` is estimated.
 
     Raises
     ------

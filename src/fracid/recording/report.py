@@ -299,7 +299,7 @@ def _short(
     if count < FEW_SWINGS:
         yield Finding("short-window", "", count, FEW_SWINGS, "swings",
                       f"It ends {seconds:.3g} s after the release, after {count:.2g} swings, in motion: too short to "
-                      f"tell a model. Record {FEW_SWINGS:g} swings or more, best until it rests.")  # fmt: skip
+                      f"identify a model. Record {FEW_SWINGS:g} swings or more, best until it rests.")  # fmt: skip
 
 
 def _samples(

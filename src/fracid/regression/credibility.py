@@ -47,8 +47,8 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
 
     Examples
     --------
-    >>> print(belief(math.radians(10), ENCODER, 1.0)[:87])
-    alpha swings by 10°. In simulated releases of this size the inertias were up to 14 % of
+    >>> print(belief(math.radians(10), ENCODER, 1.0)[:83])
+    α swings by 10°. In simulated releases of this size the inertias were up to 14 % of
     """
     expectation = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
     loud = noise / ENCODER
@@ -60,6 +60,5 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
         else ""
     )
     return (
-        f"alpha swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size "
-        f"{expectation}.{worse}{lacks}"
+        f"α swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size {expectation}.{worse}{lacks}"
     )

@@ -45,7 +45,7 @@ def verdict(material: Material) -> tuple[Line, ...]:
 
 CLAIMS = {
     "fractional": "The recordings show fractional dynamics",
-    "integer": "Nothing here says that the rig is fractional",
+    "integer": "There is no evidence of fractional dynamics",
     "undecided": "The recordings do not decide whether the rig is fractional",
     "": f"{NO_FIT}, so nothing is known of its orders",
 }
@@ -102,7 +102,7 @@ def _fit(material: Material) -> Line:
     recordings = material.used("fit")
     what = "the recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
     if any(v is None for r in recordings.values() for v in r["rmse"].values()):
-        return Line("Fit", "No run of the model reached the end of a recording: nothing below means anything.", False)
+        return Line("Fit", "No run of the model reached the end of a recording: no result is usable.", False)
     percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
     poor = not percents or min(percents) < POOR
     misfit = [_of_recording(f["where"]) for f in material.result.get("findings", ()) if f["code"] == "misfit"]

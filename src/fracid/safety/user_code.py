@@ -69,8 +69,8 @@ def refuse_untrusted(who: Path, names: Sequence[str], trust: bool) -> tuple[Path
     >>> _ = (folder / "my_rig.py").write_text("print('who knows what')")
     >>> refuse_untrusted(folder / "rig.toml", ["my_rig.py:model", "rmse"], trust=False)
     Traceback (most recent call last):
-    fracid.errors.NotTrusted: ...rig.toml wants to run code of its own: ...my_rig.py. Such code can do all that you can.
-    Read it; if you trust it say so: --trust on the command line, trust=True in Python.
+    fracid.errors.NotTrusted: ...rig.toml refers to Python code of its own: ...my_rig.py. Such code can do all that you
+    can. Review it first; to run it, add --trust on the command line, trust=True in Python.
     """
     files = {who.parent / name.rpartition(":")[0]: name for name in names if is_own(name)}
     for file, name in files.items():
@@ -78,9 +78,9 @@ def refuse_untrusted(who: Path, names: Sequence[str], trust: bool) -> tuple[Path
             raise InputError(f"{name!r}: there is no file {file}.")
     if files and not trust:
         raise NotTrusted(
-            f"{who} wants to run code of its own: {' and '.join(map(str, files))}. Such code can do all that you can. "
-            f"Read {'it' if len(files) == 1 else 'them'}; if you trust it say so: --trust on the command line, "
-            "trust=True in Python."
+            f"{who} refers to Python code of its own: {' and '.join(map(str, files))}. Such code can do all "
+            f"that you can. Review {'it' if len(files) == 1 else 'them'} first; to run it, add --trust on the command "
+            "line, trust=True in Python."
         )
     return tuple(files)
 

@@ -87,7 +87,7 @@ from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
-from fracid.units import with_unit
+from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -857,7 +857,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     fractional = comparison.best(fractional=True)
     if found := _springpots(comparison.best(fractional=False), base):
         why = f"The best structure with orders 1 has a springpot, {' and '.join(found)}, which is fractional itself."
-        how = "What would decide it: fracid fit with that structure, which tells its interval."
+        how = "What would decide it: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     orders = [OrderFound(n, value, math.inf if ends is None else (ends[1] - ends[0]) / 2, integers_of(base, n))
               for n, (value, ends) in fractional.orders.items() if n not in base.ties]  # fmt: skip
@@ -1028,7 +1028,7 @@ def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
     coverage = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, estimates, strict=True)]
     if not estimates or not all(coverage):
         return ""
-    orders = ", ".join(f"{n} {value:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, value, ends in estimates)
+    orders = ", ".join(f"{GREEK.get(n, n)} {v:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, v, ends in estimates)
     what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
     return f"There the orders are {what} within their intervals ({orders})."
 

@@ -230,12 +230,14 @@ def ladder(
     exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
     if not names:
-        raise InputError("The recordings see no friction of the model: there is no ladder to climb.")
+        raise InputError(
+            "No friction of the model is identifiable from these recordings, so there are no structures to compare."
+        )
     notes += missing
-    notes += [f"No recording sees {' or '.join(n)}: there is no rung + {rung}." for rung, n in exclusions.items()]
+    notes += [f"The rung + {r} is skipped: no recording depends on {' or '.join(n)}." for r, n in exclusions.items()]
     kinds = problem.model.friction
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
-    notes += [f"The fitted recordings do not see {n}: {_instead(top, n)}." for n in alone]
+    notes += [f"The fitted recordings do not depend on {n}: {_instead(top, n)}." for n in alone]
     return Ladder((*_structures(problem, names, blind), *beside), tuple(notes))
 
 
@@ -263,9 +265,7 @@ def _not_1(problem: Problem) -> list[str]:
             "no integer-order model to compare with."
         )
     other = [f"{n} = {v:g}" for n, v in values.items() if v not in (None, 1.0)]
-    notes = [f"The model says which orders are integer: where a structure has orders 1, {', '.join(other)}."] * bool(
-        other
-    )
+    notes = [f"The model defines its integer orders: where a structure has orders 1, {', '.join(other)}."] * bool(other)
     return notes + [f"{n} has no integer value by its model: it is free in every structure." for n in stay]
 
 

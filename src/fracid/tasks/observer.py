@@ -28,7 +28,7 @@ def _unseen(_what: str) -> AbstractContextManager[Tell | None]:
 
 @dataclass(frozen=True)
 class Observer:
-    """Who hears what a workflow has to say before it ends; nobody, where nothing is given.
+    """Callbacks for the notices, the progress and the result of a workflow; by default they do nothing.
 
     In a notebook the workflows and :func:`fracid.identify` show their stages below the cell if no observer is given.
 

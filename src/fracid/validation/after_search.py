@@ -206,7 +206,7 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
         enough = max(seconds * (half / WANTED) ** (2 / 3), min(FEW_SWINGS * period, 2 * len(y)) * longest.step)
         yield Finding("short-window", problem.names[i], swings, FEW_SWINGS, "swings",
             f"it is known to ± {half:.2g}, from {swings:.3g} swings in {seconds:.3g} s: the record may be too short "
-            f"for an order. Some {enough:.2g} s would tell it to ± {WANTED:g}, or fix it.")  # fmt: skip
+            f"for an order. Record about {enough:.2g} s for ± {WANTED:g}, or fix it.")  # fmt: skip
 
 
 def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
@@ -334,4 +334,4 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
             yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
                 f"the residual is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
                 f"{times:.2g} times the noise: this model may not be able to explain it. Look at "
-                "fracid resid, free a friction, or ask fracid compare; another start: --multi-start 16.")  # fmt: skip
+                "fracid resid, free a friction, or run fracid compare; other starts: --multi-start 16.")  # fmt: skip

@@ -91,7 +91,7 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
     """What the autocorrelation shows, and how many samples count."""
     count = n / T
     if p >= SIGNIFICANT:
-        return f"White, as far as {n:,} samples tell (Ljung-Box {_p(p)}): the model leaves nothing that repeats."
+        return f"White: no autocorrelation in {n:,} samples (Ljung-Box {_p(p)})."
     if count >= NEXT_TO_WHITE * n:
         return (
             f"Next to white: neighbours correlate by {_signed(lag_one)}, which shows because there are {n:,} "

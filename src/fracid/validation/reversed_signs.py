@@ -87,8 +87,9 @@ def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
         given, turned = 100 * clearest.given, 100 * clearest.turned
         names = ", ".join(r.recording for r in alike)
         yield Finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, "% of the motion unexplained",
-            f"two swings, fitted, leave {given:.0f} % of the motion over, and {turned:.0f} % with the sign "
-            f"of {' or '.join(angles)} reversed: it may be wrong. Type sign = -1 in its table.")  # fmt: skip
+            f"the sign may be wrong: a fit to two swings leaves {given:.0f} % of the motion unexplained, and "
+            f"{turned:.0f} % with the sign of {' or '.join(angles)} reversed. Type "
+            "sign = -1 in its table.")  # fmt: skip
 
 
 def _most_moved(problem: Problem) -> list[Experiment]:

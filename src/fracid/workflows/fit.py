@@ -114,7 +114,7 @@ def run(
     out : str or Path, optional
         The run folder; ``runs/rig`` of ``rig.toml`` if left out.
     preset : str, optional
-        ``paper``: the paper to the letter.  Of a loaded project it is said to :func:`fracid.load_project`.
+        ``paper``: the settings of the paper.  Of a loaded project it is said to :func:`fracid.load_project`.
     optimiser, seed
         In place of the project's; see :func:`fracid.identify`.
     jobs : int

@@ -157,7 +157,7 @@ def _of_project(path: Path, start: float | str | None, stop: float | None, trust
     free = {u.target for u in problem.unknowns if u.kind == "parameter"}
     ties = {n for n, root in problem.ties.items() if root in free or n in problem.orders}
     orders = {n: problem.orders[problem.ties.get(n, n)] for n in problem.orders}
-    notes = [f"{', '.join(sorted(ties))}: tied in the project, found by itself here; the regression knows no ties."]
+    notes = [f"{', '.join(sorted(ties))}: tied in the project, estimated separately here: the regression ignores ties."]
     request = _Asked(
         _recordings(project, start, stop), problem.model.with_parameters(**problem.parameter_starts),
         {n: v if isinstance(v, Free) else problem.order_starts[n] for n, v in orders.items()},

@@ -183,7 +183,7 @@ def command_of_study(folder: Path) -> tuple[list[str], Path]:
     --------
     >>> command_of_study(Path("nowhere/rig"))
     Traceback (most recent call last):
-    fracid.errors.InputError: nowhere/rig does not say what its command was: ...
+    fracid.errors.InputError: nowhere/rig has no record of its command: ...
     """
     try:
         environment = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
@@ -191,7 +191,7 @@ def command_of_study(folder: Path) -> tuple[list[str], Path]:
             raise KeyError("command")
         return environment["command"], Path(environment["directory"])
     except (OSError, InputError, KeyError):
-        raise InputError(f"{folder} does not say what its command was: type that again, with --out {folder}.") from None
+        raise InputError(f"{folder} has no record of its command: type that again, with --out {folder}.") from None
 
 
 def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:
@@ -213,7 +213,7 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
         raise InputError(f"{folder} holds no study that can be typed again; those are {' and '.join(STUDIES)}.")
     if any(".py:" in word for word in words) and not trust:
         raise NotTrusted(
-            f"{folder} wants to run code: {shlex.join(['fracid', *words])}. Read the file; if you trust it say so: "
+            f"{folder} refers to Python code: {shlex.join(['fracid', *words])}. Review the file; to run it, add "
             "--trust."
         )
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
