@@ -16,6 +16,7 @@ __all__ = [
     "GREEK",
     "SHOWN_UNITS",
     "half_width",
+    "in_letters",
     "plain",
     "shown_unit",
     "to_second_digit",
@@ -42,6 +43,17 @@ BESIDE = -10
 
 MOST = 15
 """Digits that a number has."""
+
+
+def in_letters(text: str) -> str:
+    """A sentence with the Greek letters of angles and orders; names that are typed stay.
+
+    Examples
+    --------
+    >>> in_letters("theta 0.72°, lambda 0.94 ± 0.17; b_theta, order lambda=0.9")
+    'θ 0.72°, λ 0.94 ± 0.17; b_theta, order lambda=0.9'
+    """
+    return re.sub(r"(?<![\w.])(?:lambda|mu|theta|alpha)(?![\w=])", lambda found: GREEK[found[0]], text)
 
 
 def shown_unit(unit: str) -> tuple[str, float]:

@@ -96,8 +96,8 @@ def test_a_model_without_a_zero_says_none():
 
 
 def test_only_a_validation_recording_says_that_it_was_not_fitted():
-    assert "validation: held out" in words(fitted_over_time(twin(200, use="validate")))
-    assert "validation" not in words(fitted_over_time(twin(200)))
+    assert "held out, predicted" in words(fitted_over_time(twin(200, use="validate")))
+    assert "held out" not in words(fitted_over_time(twin(200)))
 
 
 def test_a_long_recording_is_shown_close_up_where_it_is_fast():
@@ -126,7 +126,7 @@ def test_what_the_whole_shows_as_well_has_no_close_up(signal):
 
 def test_a_failed_simulation_is_shown_as_missing_and_said_to_be():
     said = words(fitted_over_time(failing_from(0, twin(500))))
-    assert "the simulation failed: no fitted values" in said
+    assert "the simulation failed: no values" in said
     assert "no fit; the simulation has no value at 500 of 500 samples" in said
     assert "nan" not in said
 

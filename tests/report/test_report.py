@@ -342,16 +342,16 @@ LINES = {
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
-    "all values known": ("Values", {}, True, "All 2 free values are identifiable"),
+    "all values known": ("Values", {}, True, "Both free values are identifiable"),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of 2 free values is identifiable; C1 is not",
     ),
     "where a joint began, which nobody misses": (
-        "Values", {"recordings": FORGOTTEN}, True, "All 2 free values are identifiable.",
+        "Values", {"recordings": FORGOTTEN}, True, "Both free values are identifiable.",
     ),
     "values that a held-out recording has for itself are counted apart": (
-        "Values", {"recordings": OWN}, True, "All 2 free values are identifiable. "
+        "Values", {"recordings": OWN}, True, "Both free values are identifiable. "
         "The held-out recording has 2 more of its own; D^μ\N{NO-BREAK SPACE}α at the start is not identifiable.",
     ),
     "values that nobody misses are in the tables and in no count": (
@@ -419,8 +419,8 @@ def test_a_gain_over_the_integer_orders_that_decides_nothing_is_not_called_evide
     orders = next(line for line in verdict(run) if line.about == "Orders")
     assert not orders.good
     assert orders.sentence == (
-        "μ = 0.900 ± 0.010. With every order 1, the cost is 4 times as large (ΔBIC = 500); why that does not decide "
-        "it, the claim says."
+        "μ = 0.900 ± 0.010. With every order 1, the cost is 4 times as large (ΔBIC = 500); the claim gives the "
+        "reason why that is not decisive."
     )
 
 
@@ -524,7 +524,7 @@ def test_the_equations_leave_out_what_is_zero_and_keep_what_is_free(fitted):
     assert all(f"<mi>{index}</mi>" in symbols for index in ("Cθ", "θ", "α"))  # dry friction of the arm
     assert not any(f"<mi>{index}</mi>" in symbols for index in ("Cα", "u"))
     assert "<mi>d</mi>" not in symbols  # drag
-    numbers = equations(project.problem.model, result, driven=False)["With the numbers found"]
+    numbers = equations(project.problem.model, result, driven=False)["With the fitted values"]
     assert f"{fit.orders['mu'].value:.3f}" in numbers
 
 
@@ -607,7 +607,7 @@ def test_the_equations_as_printed_are_those_that_are_solved(zero, sign, elements
     constants["drag_alpha"] |= {"value": 1.001 * values["drag_alpha"], "bound": values["drag_alpha"]}  # what it means
     result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
     printed = []
-    for line in Reader(equations(model, result, driven=True)["With the numbers found"]).lines:
+    for line in Reader(equations(model, result, driven=True)["With the fitted values"]).lines:
         if line[0] in "=+-":  # goes on
             printed[-1] += line
         else:

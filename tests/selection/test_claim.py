@@ -26,7 +26,7 @@ def test_orders_that_nothing_of_integer_order_does_without_are_called_fractional
     claim = claim_of(CLEAR, nearest(untried=["play"]), NOISE)
     assert claim.claim == "fractional"
     assert "damping ratio of 0.079" in claim.reasons[0]
-    assert "Tried: friction, a delay of alpha" in claim.reasons[1]
+    assert "Tried: friction, a delay of α" in claim.reasons[1]
     assert claim.reasons[-1] == "Not excluded: play."
 
 
@@ -66,7 +66,10 @@ def test_where_the_model_lacks_something_its_orders_are_no_evidence():
 
 
 def test_a_finding_that_contradicts_forbids_the_word_fractional():
-    assert claim_of(CLEAR, nearest(), NOISE, ["alpha may be 5 ms late."]).claim == "undecided"
+    claim = claim_of(CLEAR, nearest(), NOISE, ["alpha may be 5 ms late."])
+    assert claim.claim == "undecided"
+    assert "lacks" not in " ".join(claim.reasons)  # it leaves noise: another model would not decide it
+    assert claim.reasons[-1] == "What would decide it: a fit without it."
 
 
 def test_the_floor_is_taken_from_the_near_end_of_the_interval():

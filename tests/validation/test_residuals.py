@@ -76,7 +76,7 @@ def test_white_normal_noise_passes_every_question():
     assert words["whiteness"].startswith("White: no autocorrelation in 20,000 samples")
     assert words["spectrum"].startswith("No frequency stands out, and there is no drift")
     assert words["normality"].startswith("Normal enough: PPCC 1.000")
-    assert words["variance"].startswith("It scatters alike early and late, near and far, slow and fast")
+    assert words["variance"].startswith("The residual has the same rms early and late, near and far, slow and fast")
 
 
 @pytest.mark.parametrize(("correlation", "words"), [
@@ -303,7 +303,7 @@ def test_a_spread_that_changes_is_told_with_where_and_by_how_much(scale, fitted,
     assert contrast.ratio == pytest.approx(ratio, rel=0.1)
     assert contrast.p_value < 1e-3
     assert [c.sure for c in found.variance.contrasts] == [i == which for i in range(3)]
-    assert f"It is {contrast.ratio:.2g} times as large" in found.sentences["variance"]
+    assert f"The residual's rms is {contrast.ratio:.2g} times as large" in found.sentences["variance"]
     assert words in found.sentences["variance"]
     assert "intervals allow for it" in found.sentences["variance"]
 

@@ -95,23 +95,27 @@ def fitted_over_time(
             appearance.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    appearance.finish(figure, f"{appearance.plain(recording.name)}, {_role(recording)}", caption="; ".join(headings))
+    appearance.finish(figure, f"{appearance.plain(recording.name)}: {_role(recording)}", caption="; ".join(headings))
     return figure
 
 
 def _role(recording: RecordingFit) -> str:
     if recording.use == "validate":
-        return "validation: held out; at most its initial state and its own parameters were refitted"
+        return "held out, predicted; at most its initial state and its own parameters were refitted"
     return "measured and fitted"
+
+
+def _simulated(recording: RecordingFit) -> str:
+    return "predicted" if recording.use == "validate" else "fitted"
 
 
 def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
     time, (_, factor) = recording.time[span], appearance.unit_of(recording, name)
     measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
     appearance.line(axes, time, measured, label="measured", **appearance.MEASURED)
-    appearance.line(axes, time, fitted, label="fitted", **appearance.FITTED)
+    appearance.line(axes, time, fitted, label=_simulated(recording), **appearance.FITTED)
     if not np.isfinite(fitted).any():
-        appearance.note(axes, "the simulation failed: no fitted values", 0.85)
+        appearance.note(axes, "the simulation failed: no values", 0.85)
         return
     # A simulation that runs away would press the measurement into a straight line.
     low, high = appearance.extent(measured)
@@ -120,7 +124,7 @@ def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: s
     if reach > 0 and (least < low - 2 * reach or greatest > high + 2 * reach):
         axes.set_ylim(low - reach, high + reach)
         ends = " to ".join(with_unit(x / factor, recording.unit(name)) for x in (least, greatest))
-        appearance.note(axes, f"fitted leaves the picture: {ends}".replace("-", "−"), 0.93)
+        appearance.note(axes, f"{_simulated(recording)} leaves the picture: {ends}".replace("-", "−"), 0.93)
 
 
 def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
@@ -131,7 +135,13 @@ def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice,
         return
     axes.axhline(0, color="0.6", lw=0.8)
     appearance.encoder_band(axes, step, recording.unit(name))
-    appearance.line(axes, recording.time[span], residual, label="residual (measured − fitted)", **appearance.RESIDUAL)
+    appearance.line(
+        axes,
+        recording.time[span],
+        residual,
+        label=f"residual (measured − {_simulated(recording)})",
+        **appearance.RESIDUAL,
+    )
 
 
 def _fast_part(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[slice, ...]:

@@ -45,7 +45,7 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str
     Returns
     -------
     dict
-        ``With symbols`` and ``With the numbers found``; of a model that is not ours ``Its states``.
+        ``With symbols`` and ``With the fitted values``; of a model that is not ours ``Its states``.
 
     Examples
     --------
@@ -55,14 +55,14 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool) -> dict[str
     ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters},
     ...           "recordings": {}}
     >>> found = equations(rig, result, driven=False)
-    >>> list(found), "0.0002" in found["With the numbers found"]
-    (['With symbols', 'With the numbers found'], True)
+    >>> list(found), "0.0002" in found["With the fitted values"]
+    (['With symbols', 'With the fitted values'], True)
     """
     if model.written is None:
         return {"Its states": _block(_states(model, result["orders"]))}
     symbols_and_numbers = (_writer(model, result, numbers=numbers) for numbers in (False, True))
     lines = (model.written.equations(write, model, result["orders"], driven) for write in symbols_and_numbers)
-    return dict(zip(("With symbols", "With the numbers found"), map(_block, lines), strict=True))
+    return dict(zip(("With symbols", "With the fitted values"), map(_block, lines), strict=True))
 
 
 def named(model: Model, result: Mapping[str, Any], driven: bool) -> frozenset[str]:

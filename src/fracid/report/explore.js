@@ -50,14 +50,14 @@ class Explore {
     const make = (name, more, parent = host) => Object.assign(parent.appendChild(document.createElement(name)), more);
     host.className = "slide";
     const label = make("label", { htmlFor: id, textContent: slider.letter });
-    make("small", { textContent: slider.free ? slider.says : `${slider.says}; given` }, label);
+    const said = make("small", { textContent: slider.free ? slider.says : `${slider.says}; given` }, label);
     const output = make("output", {}), track = make("div", { className: "track" });
     output.htmlFor.add(id);
     const parts = slider.interval ? [make("span", { className: "interval" }, track)] : [];
     const input = make("input", { type: "range", id }, track);
     const ticks = [make("span", { className: "tick" }, track)];
     if (slider.integer !== null) ticks.push(make("span", { className: "one", textContent: String(slider.integer) }, track));
-    const row = { slider, input, output, parts, ticks };
+    const row = { slider, input, output, said, parts, ticks };
     this.scale(row);
     input.addEventListener("input", () => {
       this.searching++;
@@ -314,8 +314,9 @@ class Explore {
       else this.overlay(k);
     });
     this.zooming = false;
-    for (const { slider, input, output } of this.rows) {
+    for (const { slider, input, output, said } of this.rows) {
       input.value = slider.now;
+      if (!slider.free) said.textContent = `${slider.says}; given${slider.now === slider.value ? "" : ` as ${round(slider.value, 3)}`}`;
       output.textContent = `${round(slider.now, slider.kind === "orders" ? 5 : 3)} ${slider.unit}`.trim();
       input.setAttribute("aria-valuetext", `${output.textContent}, estimate ${round(slider.value, 5)}`);
     }
@@ -341,7 +342,9 @@ class Explore {
     }));
     const whole = run.samples >= r.samples, seconds = round(r.t[Math.min(run.samples, r.samples) - 1], 3);
     const part = r.samples < r.whole ? ` The first ${round(r.t.at(-1), 4)} s of the recording.` : "";
-    const how = !run.completed ? `The run leaves its limits after ${seconds} s.`
+    const away = this.outputs.findIndex((o, k) => this.rmse[k] > 3 * largest(r.measured[k]));
+    const how = run.completed && away >= 0 ? `With these values the simulation leaves the recording: ${this.outputs[away].letter} reaches ${round(largest(this.curves[away]), 2)}${this.outputs[away].unit}.`
+      : !run.completed ? `The run leaves its limits after ${seconds} s.`
       : whole ? `${r.steps.toLocaleString("en")} steps of ${round(1000 * r.step, 3)} ms, simulated in ${Math.ceil(run.took)} ms. At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`
         : `While you drag: the first ${seconds} s; all of it when you let go.`;
     element("explore-said").textContent = (this.note ? `${this.note} ` : "") + how + part;
@@ -362,7 +365,7 @@ class Explore {
     } catch { // a browser that does not let a page of a file do so
       element("explore-text").open = true;
       getSelection().selectAllChildren(text);
-      button.textContent = "Selected: copy it";
+      button.textContent = "Press Ctrl+C to copy";
     }
     setTimeout(() => { button.textContent = "Copy as TOML"; }, 2000);
   }
@@ -388,11 +391,11 @@ class Explore {
   async integer() {
     const mine = ++this.searching, frictions = this.byKind("parameters"), shown = new Set(frictions.map(s => s.name));
     const unknowns = [
-      ...frictions.map(s => ({ of: s, lower: s.below, upper: Infinity, width: s.high - s.low })),
+      ...frictions.map(s => ({ of: s, lower: s.lower ?? s.below, upper: s.upper ?? Infinity, width: s.high - s.low })),
       ...this.recording.unknowns.filter(u => u.state !== null || !shown.has(u.name)).map(u => ({ of: u, lower: u.lower ?? -Infinity, upper: u.upper ?? Infinity, width: u.width })),
     ];
     for (const s of this.sliders) if (s.integer !== null) s.now = s.integer;
-    this.note = "Integer order: refitting all other values …";
+    this.note = "Integer order: refitting …";
     this.touch();
     const picture = () => new Promise(done => requestAnimationFrame(done));
     const put = x => unknowns.forEach((u, k) => { u.of.now = Math.min(Math.max(x[k], u.lower), u.upper); });
@@ -424,7 +427,9 @@ class Explore {
       this.touch();
       if (!lower || cost - found < 1e-4 * cost) break;
     }
-    this.note = "Integer order, all other values refitted to this recording.";
+    const ended = unknowns.filter(u => u.of.letter && u.of.upper !== undefined && (u.of.now === u.lower || u.of.now === u.upper)).map(u => u.of.letter);
+    this.note = `Integer order: the free values and the frictions shown, refitted to this recording by least squares${this.cost ? `; the run minimised ${this.cost}` : ""}.`
+      + (this.recording.use === "validate" ? " The run held this recording out." : "") + (ended.length ? ` At a bound of the project: ${ended.join(", ")}.` : "");
     this.touch();
   }
 

@@ -18,6 +18,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.export.javascript import no_javascript, program, right_hand_side, solver
 from fracid.problem import Free
+from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter, unit
@@ -31,6 +32,9 @@ __all__ = ["explore", "explore_scripts", "not_explored"]
 
 MOST = 6
 """Recordings to choose from."""
+
+SQUARES = ("rmse", "ise")
+"""Costs whose least is that of the squares, which the page's refit sums."""
 
 WIDE = 0.15
 """How far an order's slider goes beyond the estimate and its integer value at least."""
@@ -95,9 +99,15 @@ def explore(material: Material) -> dict[str, Any] | None:
         "orders": orders,
         "outputs": [_output(material, n) for n in problem.outputs],
         "levels": problem.weights != "equal",
+        "cost": "" if problem.cost_function.name in SQUARES else _shown_cost(problem),
         "sliders": [*_orders(material), *_frictions(material)],
         "recordings": recordings,
     }
+
+
+def _shown_cost(problem: Problem) -> str:
+    name = problem.cost_function.name
+    return name.upper() if name in COSTS else name
 
 
 # --- sliders -----------------------------------------------------------------------------------------
@@ -125,13 +135,21 @@ def _frictions(material: Material) -> Iterator[dict[str, Any]]:
         if e is None or name in own or e["value"] is None:
             continue
         high = max(3 * abs(e["value"]), 1.3 * max(map(abs, e["interval95"] or (0.0,))))
-        if e.get("at_bound") and isinstance(start := problem.parameters.get(name), Free):
+        start = problem.parameters.get(name)
+        if e.get("at_bound") and isinstance(start, Free):
             high = max(high, 3 * abs(start.start))
         if high == 0.0 and kind.dry and kind.joint:
             high = _might_be(material, kind.joint)
         if high > 0.0 and (e["value"] != kind.off or kind.dry or e["free"]):
             low = -high if e["value"] < 0.0 or kind.signed else 0.0
-            yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None}
+            yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None} | _bounds(start, e)
+
+
+def _bounds(start: object, e: Mapping[str, Any]) -> dict[str, float]:
+    """Between what a free friction is found again; one that was given has no bounds above."""
+    if not isinstance(start, Free):
+        return {}
+    return {"lower": min(start.lower, e["value"]), "upper": max(start.upper, e["value"])}
 
 
 def _might_be(material: Material, joint: str) -> float:

@@ -83,7 +83,7 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     how = ", ".join((result["optimiser"], result["method"], cost.upper() if cost in COSTS else cost))
     preset = result.get("preset")
     recipe = f"{PRESETS.get(preset, preset)} ({how})" if preset else how
-    lengths = [f"{number(r['to'] - r['from'], '.4g')} s" for r in result["recordings"].values()]
+    lengths = [f"{number(r['to'] - r['from'], '.3g')} s" for r in result["recordings"].values()]
     duration = joined(lengths) if len(lengths) <= 3 else f"{len(lengths)} recordings"
     facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
     outcome = result["outcome"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import degrees, isfinite
@@ -382,6 +383,8 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
         "off": [row for row in _parameters(material) if row["name"] in off],
         "per_recording": list(_per_recording(material)),
+        "unidentified": any(row["identifiable"] == "practically not"
+                            for row in (*_parameters(material), *_per_recording(material))),
         "residuals": [_residual(material, a) | {"charts": _of(charts, f"residual-{k}-{n}")}
                       for k, outputs in enumerate(material.analyses.values()) for n, a in outputs.items()],
         "shown": material.shown,
@@ -395,6 +398,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "project_text": project.text,
         "project_file": project.path.name,
         "command": _command(material.beside("environment.json") or {}),
+        "folder": _typed(material.folder, material.beside("environment.json") or {}),
     }  # fmt: skip
 
 
@@ -469,7 +473,7 @@ def _begins(material: Material, name: str) -> str:
         if result.get("cut") is not None
         else f"fracid fit {material.project.path.name} --cut shows how far the orders move with that."
     )
-    return f"It begins in motion{after}: its memory has a past that nobody recorded. {more}"
+    return f"It begins in motion{after}: the motion before the record, part of its memory, is unknown. {more}"
 
 
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:
@@ -563,8 +567,12 @@ def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[
     return {**compared, "columns": columns, "rows": rows, "others": others, "judged_by": judged_by}
 
 
-def _command(environment: Mapping[str, Any]) -> str:
-    import shlex
+def _typed(folder: Path, environment: Mapping[str, Any]) -> str:
+    """The run folder as the commands of this run would name it."""
+    here, there = folder.resolve(), Path(environment.get("directory", ""))
+    return shlex.quote(str(here.relative_to(there)) if here.is_relative_to(there) else here.name)
 
+
+def _command(environment: Mapping[str, Any]) -> str:
     words = environment.get("command")
     return shlex.join(["fracid", *map(str, words)]) if isinstance(words, list) and words else ""

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from fracid.units import GREEK, to_second_digit, typeset_unit
+from fracid.units import GREEK, in_letters, to_second_digit, typeset_unit
 from fracid.units import half_width as width_beside
 
 __all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "in_letters", "joined", "letter",
@@ -199,17 +199,6 @@ def search_sentence(outcome: str) -> str:
     'The search did not converge: all generations done.'
     """
     return "The search converged." if outcome.startswith("converged") else f"The search did not converge: {outcome}."
-
-
-def in_letters(text: str) -> str:
-    """A sentence with the Greek letters of angles and orders; names that are typed stay.
-
-    Examples
-    --------
-    >>> in_letters("theta 0.72°, lambda 0.94 ± 0.17; b_theta, order lambda=0.9")
-    'θ 0.72°, λ 0.94 ± 0.17; b_theta, order lambda=0.9'
-    """
-    return re.sub(r"(?<![\w.])(?:lambda|mu|theta|alpha)(?![\w=])", lambda found: letter(found[0]), text)
 
 
 def joined(words: list[str], last: str = "and") -> str:

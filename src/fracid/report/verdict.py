@@ -204,7 +204,7 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
     gain = counted(rival["bic_gain_of_the_fractional_model"])
     if material.result.get("claim") == "undecided":  # the model may lack something that both of them need
-        return f"With {others}, {times} (ΔBIC = {gain}); why that does not decide it, the claim says."
+        return f"With {others}, {times} (ΔBIC = {gain}); the claim gives the reason why that is not decisive."
     return f"The data favour fractional orders: with {others}, {times} (ΔBIC = {gain})."
 
 
@@ -241,7 +241,8 @@ def _values(material: Material) -> Line:
     unknown = _not_identifiable(kinds)
     count = len(kinds) - len(unknown)
     if not unknown:
-        sentence = f"All {len(kinds)} free values are identifiable{_but_moved(material.result)}."
+        every = {1: "The free value is", 2: "Both free values are"}.get(len(kinds), f"All {len(kinds)} free values are")
+        sentence = f"{every} identifiable{_but_moved(material.result)}."
     elif all(kinds[name] == "unknown" for name in unknown) and not count:
         sentence = f"Of the {len(kinds)} free values there are no intervals."
     else:

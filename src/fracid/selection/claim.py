@@ -29,7 +29,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, half_width, plain, to_second_digit
+from fracid.units import GREEK, half_width, in_letters, plain, to_second_digit
 
 __all__ = ["FLOOR", "LACKS", "NO_FIT", "NO_RUN", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
 
@@ -190,11 +190,16 @@ def claim_of(
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
         return Claim("undecided", (_too_little(off), *(open_question or [NO_RECORDING])))
-    refuted, looks = [*unexplained, *contradictions], "" if compared else COMPARE
     orders_off = " and ".join(map(str, clear))
-    if refuted:
-        return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *refuted,
+    if unexplained or (contradictions and compared):
+        looks = "" if compared else COMPARE
+        return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *unexplained,
+                                   *contradictions,
                                    f"What would decide it: a model that leaves noise alone{looks}."))  # fmt: skip
+    if contradictions:
+        speaks, without = ("a finding speaks", "it") if len(contradictions) == 1 else ("findings speak", "them")
+        return Claim("undecided", (f"{orders_off}, but {speaks} against that.", *contradictions,
+                                   f"What would decide it: a fit without {without}."))  # fmt: skip
     if alternative is None:
         return Claim("undecided", (f"No integer-order model was held against {orders_off}.",))
     return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *support))
@@ -276,4 +281,4 @@ def _beaten(alternative: Alternative) -> tuple[str, ...]:
     worse = f"{alternative.gain:,.0f}" if alternative.gain >= MANY else f"{alternative.gain:.3g}"
     reasons = [f"No integer-order model fits as well. Tried: {', '.join(tried)}. The nearest "
                f"({_in_short(alternative.structure)}) has a BIC that is {worse} higher."]  # fmt: skip
-    return (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))
+    return tuple(map(in_letters, (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))))

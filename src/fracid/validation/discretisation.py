@@ -26,7 +26,8 @@ from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
-from fracid.units import GREEK
+from fracid.units import GREEK, to_second_digit
+from fracid.units import half_width as shown_half_width
 
 __all__ = ["COARSE_STEP", "Discretisation", "Refined", "coarse_step", "discretisation_check", "finer_step"]
 
@@ -124,12 +125,16 @@ def _judged(
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
+    moved = [n for n in at if abs(shift[n]) > width[n]]
     warning = " ".join(
-        f"{GREEK.get(n, n)} moves by {shift[n]:+.4f} when the equations are solved with pi2 at half the "
-        f"step: more than its interval of ± {width[n]:.4f}, so it is in part an artefact of the step of "
+        f"{GREEK.get(n, n)} moves by {_signed(shift[n], width[n])} when the equations are solved with pi2 at half the "
+        f"step: more than its interval of ± {shown_half_width(width[n])}, so it is in part an artefact of the step of "
         f"{problem.method}."
-        for n in at if abs(shift[n]) > width[n]
-    ).replace("by -", "by −")  # fmt: skip
+        for n in moved
+    )
+    if moved:
+        remedy = f"substeps = {_substeps(problem)}" if problem.method == "pi2" else 'method = "pi2"'
+        warning += f" Type {remedy} in [fit]."
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
     if _costs_differ(problem.method, check):
         warning = (
@@ -137,6 +142,11 @@ def _judged(
             f"Steep dry friction does this; type substeps = {_substeps(problem)} in [fit]. {warning}"
         ).strip()
     return replace(check, warning=warning)
+
+
+def _signed(shift: float, width: float) -> str:
+    """With its sign, to the second digit of the interval that it is held against."""
+    return ("−" if shift < 0 else "+") + to_second_digit(abs(shift), width)
 
 
 def _substeps(problem: Problem) -> int:

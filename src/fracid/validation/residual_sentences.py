@@ -153,7 +153,7 @@ def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, i
         return f"Normal enough: PPCC {ppcc:.3f} ({tested}){note}."
     shape, cure = shape_and_cure
     if not p < SIGNIFICANT:
-        return f"Of a shape that is not normal, PPCC {ppcc:.3f}, {shape}; it may be chance ({tested})."
+        return f"Perhaps not normal: PPCC {ppcc:.3f}, {shape}; it may be chance ({tested})."
     return f"Not normal: PPCC {ppcc:.3f}, {shape} ({tested}). {cure}"
 
 
@@ -209,13 +209,16 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float)
     uneven = [(c, texts) for c, texts in pairs if c.uneven]
     if not uneven:
         worst = max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0)
-        return f"It scatters alike early and late, near and far, slow and fast: within a factor of {worst:.2f}."
+        same = "The residual has the same rms early and late, near and far, slow and fast"
+        return f"{same}, within a factor of {worst:.2f}."
     sure = [(c, texts) for c, texts in uneven if c.sure]
     text = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
     if not sure:
-        return f"It is {text}; that may be chance: the residual is worth {effective_samples:,.0f} independent samples."
+        worth = f"{effective_samples:,.0f} independent samples"
+        return f"The residual's rms is {text}; that may be chance: the residual is worth {worth}."
     most, (_, larger, smaller) = _telling(sure)
-    return f"It is {text}. It suggests {larger if most.ratio > 1 else smaller}. The intervals allow for it."
+    cause = larger if most.ratio > 1 else smaller
+    return f"The residual's rms is {text}. That suggests {cause}. The intervals allow for it."
 
 
 def _telling(sure: list[tuple[Contrast, tuple[str, str, str]]]) -> tuple[Contrast, tuple[str, str, str]]:
