@@ -149,3 +149,23 @@ def test_a_claim_has_the_colour_of_the_page_in_the_index_too(runs, changes, look
     text = write_index(runs).read_text(encoding="utf-8")
     assert text.count('<span class="point look">') == look * len(changed)
     assert ("but the model lacks something" in text) == ("findings" in changes)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
+def test_the_menu_of_a_page_with_neighbours_is_seen_whole_or_has_a_row_and_marks_what_is_read(runs):
+    for name in NAMES:
+        write_report(runs / name)
+    write_index(runs)
+    page = runs / runs_of(runs)[1].folder.name / "report.html"
+    with Browser() as browser:
+        for width in (1920, 1440, 1024, 768, 400):
+            browser.open(page, width=width)
+            seen, wants = browser.run("[element('contents').clientWidth, element('contents').scrollWidth]")
+            assert seen >= min(wants, 0.9 * width), width
+            assert browser.run("document.documentElement.scrollWidth") <= width
+        browser.run("document.documentElement.style.scrollBehavior = 'auto'; location.hash = '#reproduce'; 0")
+        browser.until("document.querySelector('[aria-current]').hash === '#reproduce'")
+        menu, link = browser.run(
+            "['#contents', '[aria-current]'].map(q => document.querySelector(q).getBoundingClientRect().toJSON())"
+        )
+        assert menu["left"] <= link["left"] <= link["right"] <= menu["right"] + 1

@@ -49,6 +49,7 @@ class Explore {
     const id = `explore-${slider.name}`, host = element("explore-sliders").appendChild(document.createElement("div"));
     const make = (name, more, parent = host) => Object.assign(parent.appendChild(document.createElement(name)), more);
     host.className = "slide";
+    host.dataset.place = `${this.sliders.indexOf(slider) + 1} of ${this.sliders.length}`;
     const label = make("label", { htmlFor: id, textContent: slider.letter });
     const said = make("small", { textContent: slider.free ? slider.says : `${slider.says}; given` }, label);
     const output = make("output", {}), track = make("div", { className: "track" });

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,10 +51,21 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    words = (counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, search_sentence, unit,
-             whisker, with_error)  # fmt: skip
+    words = (counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, search_sentence, unbroken,
+             unit, whisker, with_error)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words} | {"half": half_digits}
     return jinja
+
+
+def unbroken(sentence: str) -> str:
+    """A sentence that breaks at no space before a unit.
+
+    Examples
+    --------
+    >>> unbroken("a fit of 95.7 %, 55.79 s at 500 Hz, and 3 sentences").split(" ")
+    ['a', 'fit', 'of', '95.7\xa0%,', '55.79\xa0s', 'at', '500\xa0Hz,', 'and', '3', 'sentences']
+    """
+    return re.sub(r"(?<=\d) (?=(?:%|s|ms|Hz|V|mV|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", sentence)
 
 
 def linked(sentence: str) -> Markup:
@@ -64,7 +76,7 @@ def linked(sentence: str) -> Markup:
     >>> linked("It swings < 1°, but b is off (see Each recording alone).")
     Markup('It swings &lt; 1°, but b is off (<a href="#alone">see Each recording alone</a>).')
     """
-    text = str(escape(printable(sentence)))
+    text = str(escape(unbroken(printable(sentence))))
     for heading, at in SEE.items():
         text = text.replace(f"(see {heading})", f'(<a href="#{at}">see {heading}</a>)')
     return Markup(text)  # escaped above

@@ -259,13 +259,21 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 // The section that is read is marked in the menu.
 const links = new Map([...document.querySelectorAll("#contents a")].map(a => [a.hash.slice(1), a]));
+const read = a => {
+  const menu = element("contents");
+  for (const other of links.values()) other.removeAttribute("aria-current");
+  a.setAttribute("aria-current", "true");
+  menu.scrollLeft = a.offsetLeft - menu.offsetLeft - (menu.clientWidth - a.offsetWidth) / 2;
+};
 const reading = new IntersectionObserver(entries => {
-  for (const { target, isIntersecting } of entries) {
-    if (!isIntersecting) continue;
-    for (const [id, a] of links) if (id === target.id) a.setAttribute("aria-current", "true"); else a.removeAttribute("aria-current");
-  }
+  for (const { target, isIntersecting } of entries) if (isIntersecting) read(links.get(target.id));
 }, { rootMargin: "-20% 0px -75% 0px" });
 for (const id of links.keys()) reading.observe(element(id));
+// The last sections are short: at the page's end, the one that was asked for.
+addEventListener("scrollend", () => {
+  const asked = links.get(location.hash.slice(1)), end = scrollY + innerHeight >= document.documentElement.scrollHeight - 2;
+  if (end) read(asked && element(asked.hash.slice(1)).getBoundingClientRect().top > 0 ? asked : [...links.values()].at(-1));
+});
 
 // Paper has the charts as SVG, in light colours, and all notes open.
 addEventListener("beforeprint", () => {

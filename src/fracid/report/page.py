@@ -230,6 +230,7 @@ def _plane_data(material: Material) -> dict[str, Any] | None:
         "scale": surface.scale.to_json(),
         "best": surface.best,
         "intervals": surface.intervals,
+        "integers": surface.integers,
         "tried": np.round(tried, 5),
         "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if surface.left else None,
         "name": material.result["cost"]["name"],
@@ -248,7 +249,7 @@ def _cost_surface(material: Material) -> tuple[Surface, float] | None:
     surface = Surface(
         (f"order {letter(plane.names[0])}", f"order {letter(plane.names[1])}"), fine.first, fine.second, height,
         cost_scale(height, least > 0), (first["value"], second["value"]), (first["interval95"], second["interval95"]),
-        tried if len(tried) else None,
+        (first.get("integer"), second.get("integer")), tried if len(tried) else None,
     )  # fmt: skip
     return surface, least
 

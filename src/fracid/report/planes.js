@@ -36,6 +36,7 @@ class Plane {
     this.corner = this.cornerOf(spec);
     this.surface();
     this.contours();
+    this.integers();
     this.axes();
     if (spec.bar) this.bar();
     if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
@@ -48,24 +49,39 @@ class Plane {
     if (this.now) this.follow(...this.now);
   }
 
-  // A dot where the reader is, over the picture as it stands.
+  // A ring where the reader is, over the picture as it stands.
   follow(a, b) {
     this.now = [a, b];
     if (!this.picture) return;
     const { ctx, canvas } = this;
     ctx.clearRect(0, 0, canvas.width, canvas.height);
     ctx.drawImage(this.picture, 0, 0, canvas.clientWidth, canvas.clientHeight);
-    Object.assign(ctx, { fillStyle: "#fff", strokeStyle: "#000", lineWidth: 2 });
     if (this.spec.best.every((v, k) => Math.abs(this.now[k] - v) < 1e-9)) return; // the star is there
-    if (this.inside(a, b)) this.spot(this.x(a), this.y(b), 5);
-    if (this.corner) this.spot(...this.place(a, b), 4);
+    if (this.inside(a, b)) this.ring(this.x(a), this.y(b), 7);
+    if (this.corner) this.ring(...this.place(a, b), 5);
   }
 
-  spot(x, y, radius) {
-    this.ctx.beginPath();
-    this.ctx.arc(x, y, radius, 0, 7);
-    this.ctx.fill();
-    this.ctx.stroke();
+  // Black around white: it is seen on every colour, and is no dot of the search.
+  ring(x, y, radius) {
+    for (const [strokeStyle, lineWidth] of [["#000", 5], ["#fff", 2.5]]) {
+      Object.assign(this.ctx, { strokeStyle, lineWidth });
+      this.ctx.beginPath();
+      this.ctx.arc(x, y, radius, 0, 7);
+      this.ctx.stroke();
+    }
+  }
+
+  // Where an order is an integer.
+  integers() {
+    const { box, ctx, spec } = this, within = (v, axis) => v !== null && v > axis[0] && v < axis.at(-1);
+    const [a, b] = spec.integers || [null, null];
+    Object.assign(ctx, { strokeStyle: "#fff", lineWidth: 1.5 });
+    ctx.setLineDash([6, 5]);
+    ctx.beginPath();
+    if (within(a, spec.first)) { ctx.moveTo(this.x(a), box.top); ctx.lineTo(this.x(a), box.top + box.height); }
+    if (within(b, spec.second)) { ctx.moveTo(box.left, this.y(b)); ctx.lineTo(box.left + box.width, this.y(b)); }
+    ctx.stroke();
+    ctx.setLineDash([]);
   }
 
   // --- the whole search, in the corner where the surface is highest

@@ -93,6 +93,8 @@ class Surface:
     best: tuple[float, float]
     intervals: tuple[Any, Any] = (None, None)
     """Two ends each, where there are any."""
+    integers: tuple[float | None, float | None] = (None, None)
+    """Of the two orders, where they have any."""
     tried: FloatArray | None = None
     """Where the search has been, shape (k, 2)."""
     what: str = "Cost"
@@ -114,7 +116,7 @@ def surface_still(surface: Surface) -> Markup:
     >>> axis = np.linspace(0.8, 1.0, 9)
     >>> bowl = (axis[:, None] - 0.9) ** 2 + (axis - 0.9) ** 2
     >>> drawn = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, cost_scale(bowl, True), (0.9, 0.9),
-    ...                               ([0.88, 0.92], None), np.array([[0.85, 0.9], [0.9, 0.9]])))
+    ...                               ([0.88, 0.92], None), tried=np.array([[0.85, 0.9], [0.9, 0.9]])))
     >>> drawn.count('class="interval"'), 'class="tried"' in drawn, "order λ" in drawn
     (1, True, True)
     """
@@ -122,7 +124,7 @@ def surface_still(surface: Surface) -> Markup:
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
     corner = _corner(surface, x, y)
     lines, words = _lines(surface, x, y, corner)
-    parts = [*_colours(surface, x, y), *lines, *_axes(surface, x, y),
+    parts = [*_colours(surface, x, y), *lines, *_integers(surface, x, y), *_axes(surface, x, y),
              *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y), *words,
              *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9),
              *(corner.drawn(surface) if corner else ())]  # fmt: skip
@@ -230,6 +232,15 @@ def _dots(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
     inside = [_at(p, x, y) for p in surface.tried if x.inside(p[0]) and y.inside(p[1])]
     if inside:
         yield f'<path class="tried" d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in inside)}"/>'
+
+
+def _integers(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
+    """Where an order is an integer."""
+    for value, axis in zip(surface.integers, (x, y), strict=True):
+        if value is not None and axis.low < value < axis.high:
+            at = float(axis.at(value))
+            d = f"M{at:.1f} {y.start:g}V{y.end:g}" if axis is x else f"M{x.start:g} {at:.1f}H{x.end:g}"
+            yield f'<path class="integer" d="{d}"/>'
 
 
 def _intervals(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
