@@ -146,7 +146,7 @@ def identify(
     options : mapping
         Passed on to the optimiser.
     alternatives : mapping, optional
-        Models of integer order on the same recordings that the orders are held against, by name; a project has its
+        Models of integer order on the same recordings with which the orders are compared, by name; a project has its
         own, ``[[alternative]]``.
     fixed_step : bool, optional
         Whether the step stays as it is; else it is halved until the discretisation check is quiet.  A problem's

@@ -6,6 +6,7 @@ docstrings.  Names in code (`` `rival=True` ``) and the changelog, which quotes 
 
 import ast
 import inspect
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -49,6 +50,13 @@ INSTEAD = {
     r"\btakes it that\b": "assumes",
     r"\bwould do\.": "acts like",
     r"\bbe told of\b": "fracid reports them",
+    r"\bas far as .{1,20} tell\b": "no autocorrelation in; not distinguishable with these recordings",
+    r"\bnot told\b": "not identifiable",
+    r"(?<!to )\bknows? (?:nothing )?of\b": "accounts for, allows for, ignores",
+    r"\btells? (?:nothing|nearly|ten|more|little)\b": "determines; carries (no) information",
+    r"\bheld against\b": "compared with",
+    r"\b(?:data|it|page|fit|interval)s? knows?\b": "identifiable; accounts for",
+    r"\bnobody (?:recorded|was asked)\b": "unrecorded, unknown",
     r"\bthan all that\b": "than its bounds",
     r"\bshows? with the power\b": "its effect grows as the swing to the power",
     r"\bThe same of\b": "the same holds for",
@@ -94,6 +102,13 @@ def public_docstrings():
 def test_a_page_has_no_phrase_of_the_list(page):
     prose = re.sub(r"`[^`\n]+`", "`code`", (ROOT / page).read_text(encoding="utf-8"))
     assert [*phrases(prose)] == []
+
+
+@pytest.mark.parametrize("notebook", sorted(ROOT.glob("examples/*.ipynb")), ids=lambda path: path.name)
+def test_a_notebook_has_no_phrase_of_the_list(notebook):
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    prose = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    assert [p for text in prose for p in phrases(re.sub(r"`[^`\n]+`", "`code`", text))] == []
 
 
 @pytest.mark.broad

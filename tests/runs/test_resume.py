@@ -267,7 +267,7 @@ def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
     [
         (lambda f: None, [], "has no run.json that can be read: it is no run folder"),
         (lambda f: (f / RUN).write_text('{"kind": "fit"'), [], "was left before anything was done"),
-        (lambda f: state(f, "oracle"), [], "another version of fracid: it knows no kind 'oracle'"),
+        (lambda f: state(f, "oracle"), [], "another version of fracid: its kind 'oracle' is unknown"),
         (lambda f: state(f, "fit"), ["--executor", "processes"], "leave --executor and --scheduler out"),
         (lambda f: (f / JOURNAL).touch(), [], "has no record of its command: type that again, with --out"),
     ],

@@ -44,7 +44,7 @@ def init(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 

@@ -69,7 +69,7 @@ def regress(
         bool, typer.Option("--each", help="Estimate from each recording alone, not from all together.")
     ] = False,
     start: Annotated[
-        str | None, typer.Option("--from", metavar="S", help="First time in s, or the word release.")
+        str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")
     ] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
     column: Annotated[

@@ -552,7 +552,7 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     shared = {n: u for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
     free = [n for n, u in shared.items() if u.kind == "parameter" and n in linear.names]
     if not free:
-        raise InputError(f"None of the free constants stands in the regression; it knows {', '.join(linear.names)}.")
+        raise InputError(f"None of the free constants is one of the regression's: {', '.join(linear.names)}.")
     start = problem.parameter_starts
     model = problem.model.with_parameters(**start)
     swings = [_experiment_swing(e, problem) for e in problem.experiments]

@@ -163,7 +163,7 @@ def claim_of(
     >>> claim_of([OrderFound("mu", 0.999, 0.002)], None, white).claim
     'integer'
     >>> claim_of([OrderFound("mu", 0.95, 0.002)], None, white).reasons
-    ('No integer-order model was held against μ = 0.9500 ± 0.0020.',)
+    ('No integer-order model was compared with μ = 0.9500 ± 0.0020.',)
     """
     if not orders:
         return Claim("undecided", ("No order was free: they were given, not found.",))
@@ -201,7 +201,7 @@ def claim_of(
         return Claim("undecided", (f"{orders_off}, but {speaks} against that.", *contradictions,
                                    f"What would decide it: a fit without {without}."))  # fmt: skip
     if alternative is None:
-        return Claim("undecided", (f"No integer-order model was held against {orders_off}.",))
+        return Claim("undecided", (f"No integer-order model was compared with {orders_off}.",))
     return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *support))
 
 
@@ -211,8 +211,8 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     others = [order for order in orders if order not in (*determined, *without)]
     names = " and ".join(GREEK.get(order.name, order.name) for order in others)
     unknown = [f"{names} {'is' if len(others) == 1 else 'are'} not identifiable."] if others else []
-    unknown += [f"The model gives {order} no integer value (integer_orders), so nothing of integer order is held "
-                "against it." for order in without]  # fmt: skip
+    unknown += [f"The model gives {order} no integer value (integer_orders), so no integer-order model is compared "
+                "with it." for order in without]  # fmt: skip
     if not determined:
         return Claim("undecided", tuple(unknown))
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]

@@ -124,7 +124,7 @@ def state_of(folder: Path) -> RunState | None:
         return None
     state = run_state(folder)
     if state.kind != "fit":
-        raise InputError(f"{folder} was written by another version of fracid: it knows no kind {state.kind!r}.")
+        raise InputError(f"{folder} was written by another version of fracid: its kind {state.kind!r} is unknown here.")
     return state
 
 
