@@ -126,6 +126,10 @@ def test_public_docstrings_have_no_phrase_of_the_list():
     assert [f"{name}: {p}" for name, text in prose for p in phrases(text)] == []
 
 
+def test_a_public_docstring_begins_with_what_it_is_not_with_of():
+    assert [name for name, text in public_docstrings() if (text or "").startswith("Of ")] == []
+
+
 def test_a_help_text_begins_with_what_it_does_not_with_of():
     helps = re.compile(r'help="(Of [^"]*)"')
     assert [h for m in (SOURCE / "cli").glob("*.py") for h in helps.findall(m.read_text(encoding="utf-8"))] == []

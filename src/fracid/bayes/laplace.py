@@ -109,7 +109,7 @@ class ImportanceSample:
     points: FloatArray
     """Shape (n_draws, n); without those whose runs fail."""
     log_weights: FloatArray
-    """Of a sum of 1, shape (n_draws,)."""
+    """Weights of the draws, sum 1, shape (n_draws,)."""
     log_likelihood: FloatArray
     """Shape (n_draws,)."""
     log_evidence: float

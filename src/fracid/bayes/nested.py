@@ -63,7 +63,7 @@ class NestedSample:
     points: FloatArray
     """Shape (n_draws, n)."""
     log_weights: FloatArray
-    """Of a sum of 1, shape (n_draws,)."""
+    """Weights of the draws, sum 1, shape (n_draws,)."""
     log_evidence: float
     """Of the likelihood relative to its value at the minimum."""
     evidence_error: float

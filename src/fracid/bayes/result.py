@@ -59,14 +59,14 @@ class Posterior(CardDisplay):
     effective_samples: float
     """How many independent samples the residuals of all recordings are worth."""
     degrees_of_freedom: float
-    """Of the likelihood's Student's t; large where the samples are many."""
+    """Degrees of freedom of the likelihood's Student's t; large where the samples are many."""
     simulations: int
     """Points at which the likelihood was asked for."""
     seed: int
     khat: float = math.nan
     """The shape of the tail of the importance weights; NaN for nested sampling."""
     draws: int = 0
-    """Of the importance sample, those whose runs fail too."""
+    """Number of draws of the importance sample, those whose runs fail too."""
     prior: BoxPrior | None = None
     notes: tuple[str, ...] = ()
     """What should be known of it, in sentences."""
@@ -78,7 +78,7 @@ class Posterior(CardDisplay):
 
     @property
     def weights(self) -> FloatArray:
-        """Of a sum of 1, shape (n_draws,)."""
+        """Weights of the draws, sum 1, shape (n_draws,)."""
         return np.exp(self.log_weights)
 
     @property

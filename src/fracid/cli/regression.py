@@ -68,9 +68,7 @@ def regress(
     each: Annotated[
         bool, typer.Option("--each", help="Estimate from each recording alone, not from all together.")
     ] = False,
-    start: Annotated[
-        str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")
-    ] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
     stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
     column: Annotated[
         list[str] | None,

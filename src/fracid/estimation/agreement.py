@@ -36,7 +36,7 @@ class Spread(CardDisplay):
     """What each recording says alone of the unknowns that all share."""
 
     names: tuple[str, ...]
-    """Of the shared unknowns."""
+    """Names of the shared unknowns."""
     recordings: tuple[str, ...]
     values: FloatArray
     """Shape (n_recordings, n_shared); NaN where a recording's run fails."""

@@ -81,7 +81,7 @@ class Plan(CardDisplay):
     landscape: tuple[tuple[Candidate, Mapping[str, float]], ...]
     """Each candidate with the standard errors that it alone would leave."""
     covariance: FloatArray
-    """Of the free values after the plan, shape (n, n)."""
+    """Covariance of the free values after the plan, shape (n, n)."""
     distances: Mapping[str, float] | None = None
     """Integer-order alternative → its distance in standard deviations, of a plan against them."""
     alone: Mapping[str, float] | None = None

@@ -250,7 +250,7 @@ class Model(CardDisplay):
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
     relaxing: Mapping[str, str] = field(default_factory=dict)
-    """Of each :func:`fracid.models.joints.presliding` element its state, and the parameter that is its δ."""
+    """State → its δ, for each :func:`fracid.models.joints.presliding` element."""
     follows: Mapping[str, str] = field(default_factory=dict)
     """State → the state with whose value it begins where nobody says: an arm stands where its hub does."""
     grown: Callable[[Model, frozenset[str]], Model] | None = None

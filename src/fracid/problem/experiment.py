@@ -47,7 +47,7 @@ class Experiment(CardDisplay):
 
     name: str
     step: float
-    """Of the grid [s]."""
+    """Step of the grid [s]."""
     measured: FloatArray
     """Outputs [rad], shape (n_samples, n_outputs)."""
     inputs: FloatArray
@@ -55,7 +55,7 @@ class Experiment(CardDisplay):
     start: float = 0.0
     """Time of the first sample on the recording's own clock [s]."""
     sha256: str = ""
-    """Of the file."""
+    """Hash of the file."""
     initial: Mapping[str, float | Free] = field(default_factory=dict)
     """States whose initial value is known, such as a release angle [rad], or to be found within a range of one's own,
     such as the level of a tank that nothing measures: whatever `initial_state` says."""
@@ -80,14 +80,14 @@ class Experiment(CardDisplay):
     mask: tuple[tuple[float, float], ...] = ()
     """From when to when samples are not scored, both included, on the recording's own clock [s]."""
     times: FloatArray | None = None
-    """Of uneven samples, from 0 [s], shape (n_samples,); None where they lie on the grid."""
+    """Times of uneven samples, from 0 [s], shape (n_samples,); None where they lie on the grid."""
     deviation: FloatArray | None = None
     """Standard deviation of each sample, in its output's unit, shape (n_samples, n_outputs); None where all count
     alike.  Errors are then counted in it."""
     source: Experiment | None = None
     """The recording at its own rate, where this is a coarser one of it (:mod:`fracid.problem.coarse`)."""
     means: int = 1
-    """Of how many samples of the source each sample is the mean."""
+    """How many samples of the source each sample is the mean of."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""

@@ -235,7 +235,7 @@ class Problem(CardDisplay):
 
     @cached_property
     def last_derivatives(self) -> dict[bytes, tuple[Any, Any]]:
-        """Of many recordings, the point at which derivatives were asked last; by which unknowns, and those."""
+        """The point at which derivatives of many recordings were asked for last, by which unknowns, and those."""
         return {}
 
     @property

@@ -36,7 +36,7 @@ class Recording(CardDisplay):
     name: str
     path: Path
     sha256: str
-    """Of the file."""
+    """Hash of the file."""
     time: FloatArray
     """Shape (n_samples,) [s]; the file's own, from the first sample where the file gives dates."""
     signals: Mapping[str, FloatArray]

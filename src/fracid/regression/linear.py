@@ -112,14 +112,14 @@ class Regression(CardDisplay):
     noise_ratio: float
     """Residual variance against that of noise in the columns (total least squares): 1 if noise were all."""
     condition_number: float
-    """Of the columns used, each of unit length."""
+    """Condition number of the columns used, each of unit length."""
     samples: int
     """Rows used."""
     cutoff: float
-    """Of the low-pass [Hz]."""
+    """Cutoff of the low-pass [Hz]."""
     cutoff_reason: str
     window: float
-    """Of the columns [s]."""
+    """Window of the columns [s]."""
     noise: Mapping[str, float]
     """Measurement noise of each angle, rms [rad]: the spectrum's floor, at least that of the encoder's step."""
     amplitude: float

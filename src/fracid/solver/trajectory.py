@@ -45,7 +45,7 @@ class Trajectory(CardDisplay):
     memory: str
     """``full``, ``short(L)`` or ``compressed(tolerance)``."""
     orders: FloatArray
-    """Of each state, shape (n_states,)."""
+    """Order of each state, shape (n_states,)."""
     origin: float = 0.0
     """Where the memory begins [s]: the first time, or the first sample of the history."""
     fault: Finding | None = None

@@ -58,7 +58,7 @@ class Task:
     key: str
     """Unique in a study and stable: ``level 0.1 deg, 4096 counts, seed 17``."""
     arguments: tuple[Any, ...]
-    """Of the function that does it; for processes and clusters they are pickled."""
+    """Arguments of the function that does it; for processes and clusters they are pickled."""
 
 
 @dataclass(frozen=True)

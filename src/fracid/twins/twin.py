@@ -208,7 +208,7 @@ class Twin(CardDisplay):
 
     @property
     def time(self) -> FloatArray:
-        """Of the samples, from 0 [s], shape (n_samples,)."""
+        """Times of the samples, from 0 [s], shape (n_samples,)."""
         samples: FloatArray = np.arange(round(self.end / self.step) + 1, dtype=np.float64)
         return samples * self.step
 

@@ -183,7 +183,7 @@ class SavedStudy:
     """What noise.json keeps of a study: enough to draw it again."""
 
     names: tuple[str, ...]
-    """Of the unknowns."""
+    """Names of the unknowns."""
     cost_name: str
     cells: tuple[Cell, ...]
     optimiser: str
@@ -238,12 +238,12 @@ class NoiseStudy(CardDisplay):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the unknowns."""
+        """Names of the unknowns."""
         return self.problem.names
 
     @property
     def cost_name(self) -> str:
-        """Of the cost that was minimised."""
+        """Name of the cost that was minimised."""
         return self.problem.cost_function.name
 
     def to_json(self) -> dict[str, Any]:

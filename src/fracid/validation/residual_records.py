@@ -196,7 +196,7 @@ class ResidualAnalysis(CardDisplay):
     variance: Variance
     level: Level
     unit: str = "rad"
-    """Of the residual."""
+    """Unit of the residual."""
 
     @property
     def sentences(self) -> dict[str, str]:

@@ -100,7 +100,7 @@ class CutCheck(CardDisplay):
     orders: Mapping[str, float]
     """Free orders → value, as fitted."""
     half_width: Mapping[str, float | None]
-    """Of their 95 % intervals; None where there is none."""
+    """Order → half-width of its 95 % interval; None where there is none."""
     cost: float
     levels: Mapping[str, float]
     """Output → rms of its residual [rad], as fitted."""

@@ -55,12 +55,12 @@ class FinishedComparison(CardDisplay):
 
     @property
     def path(self) -> Path:
-        """Of compare.json."""
+        """Path of compare.json."""
         return self.folder / RESULT
 
     @property
     def table(self) -> Path:
-        """Of compare.csv."""
+        """Path of compare.csv."""
         return self.folder / TABLE
 
 

@@ -61,12 +61,12 @@ class FinishedNoiseStudy(CardDisplay):
 
     @property
     def path(self) -> Path:
-        """Of noise.json."""
+        """Path of noise.json."""
         return self.folder / RESULT
 
     @property
     def table(self) -> Path:
-        """Of noise.csv."""
+        """Path of noise.csv."""
         return self.folder / TABLE
 
 

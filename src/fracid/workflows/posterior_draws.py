@@ -52,12 +52,12 @@ class FinishedPosterior(CardDisplay):
 
     @property
     def path(self) -> Path:
-        """Of posterior.json."""
+        """Path of posterior.json."""
         return self.folder / RESULT
 
     @property
     def draws(self) -> Path:
-        """Of draws.npz: ``points``, ``log_weights`` and ``names``."""
+        """Path of draws.npz: ``points``, ``log_weights`` and ``names``."""
         return self.folder / DRAWN
 
 

@@ -56,7 +56,7 @@ class FinishedProfiles(CardDisplay):
 
     @property
     def path(self) -> Path:
-        """Of profiles.json."""
+        """Path of profiles.json."""
         return self.folder / RESULT
 
 

@@ -43,7 +43,7 @@ class FinishedResiduals(CardDisplay):
 
     @property
     def path(self) -> Path:
-        """Of residuals.json."""
+        """Path of residuals.json."""
         return self.folder / RESULT
 
     @property
