@@ -316,7 +316,7 @@ FORGOTTEN = {"a": FIT_ONLY["a"] | {"initial_state": {"z_alpha": estimate(0.3, 1.
 LINES = {
     "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
-    "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: nothing here says that the rig"),
+    "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: there is no evidence of fractional"),
     "orders off 1 that a rival cannot do without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
         "The data favour fractional orders: with every order 1, the cost is 4 times as large",
@@ -337,7 +337,7 @@ LINES = {
     "orders without an interval": ("Orders", {"orders": {"mu": estimate(0.9)}}, False, "μ is not identifiable"),
     "an order that is not seen beside one that is": (
         "Orders", {"orders": {"lambda": estimate(1.2, 9.0, kind="practically not"), "mu": estimate(1.0, 0.01)}}, False,
-        "λ is not identifiable. 1 lies in the interval of μ: nothing here says",
+        "λ is not identifiable. 1 lies in the interval of μ: there is no evidence of",
     ),
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),

@@ -173,7 +173,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
             f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order alternative was tried."
         )
     elif inside and not said_above:
-        doubts += [f"{_inside(inside, integer)}: nothing here says that the rig is fractional."]
+        doubts += [f"{_inside(inside, integer)}: there is no evidence of fractional dynamics."]
     if without:
         doubts.append(
             f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order alternative."
