@@ -293,7 +293,7 @@ def test_a_shallow_valley_is_told_apart_by_colour_down_to_a_hundredth_of_its_wid
     shallow = 1 + 1e-3 * ((LAMBDA[:, None] - 0.85) ** 2 + (MU - 0.95) ** 2)
     figure = cost_plane(LAMBDA, MU, shallow)
     bar = figure.axes[1]
-    assert bar.get_ylabel() == "cost above its least [–]"
+    assert bar.get_ylabel() == "cost relative to its least [–]"
     assert {"+0.001 %", "+0.0001 %"} <= {text.get_text() for text in bar.get_yticklabels()}
     levels = figure.axes[0].collections[0].levels
     assert levels[-1] - levels[0] > 1.5

@@ -109,7 +109,7 @@ class CostPlane:
         >>> orders = np.linspace(0.8, 1.0, 5)
         >>> plane = CostPlane(("lambda", "mu"), orders, orders, 1.0 + (orders[:, None] - orders) ** 2)
         >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
-        'RMSE above its least [–]'
+        'RMSE relative to its least [–]'
         """
         fine = self.refined()
         return draw(

@@ -90,7 +90,7 @@ def cost_plane(
     >>> valley = 1e-3 + (orders[:, None] - 0.86) ** 2 + 9 * (orders - 0.91) ** 2
     >>> figure = cost_plane(orders, orders, valley, best=(0.86, 0.91), cost_name="itae")
     >>> [axes.get_ylabel() for axes in figure.axes]
-    ['order $\\\\mu$ [–]', 'ITAE above its least [–]']
+    ['order $\\\\mu$ [–]', 'ITAE relative to its least [–]']
     """
     first, second, values = _checked_plane(lambda_values, mu_values, cost)
     figure = appearance.new(7, 5.8, style)
@@ -148,7 +148,7 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
         rise = np.ma.masked_invalid(values).T / least - 1
         low, high = _between(rise.compressed())
         depth, places = np.ma.log10(np.maximum(rise, 10**low)), {float(np.log10(r)): t for r, t in RISES.items()}
-        bar_label, legend = f"{name[0]} above its least [–]", "lines of equal rise"
+        bar_label, legend = f"{name[0]} relative to its least [–]", "lines of equal rise"
     else:
         logarithmic = not (values <= 0).any()
         depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
