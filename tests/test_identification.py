@@ -374,7 +374,7 @@ def test_an_explicit_scheme_manufactures_fractional_orders_and_the_check_says_so
     assert fit.orders["mu"].value == pytest.approx(0.9988, abs=2e-4)
     assert "λ moves by +0.1" in fit.discretisation.warning
     assert "μ moves by +0.00" in fit.discretisation.warning
-    assert fit.discretisation.warning.endswith("artefact of the step of gl.")
+    assert fit.discretisation.warning.endswith('artefact of the step of gl. Type method = "pi2" in [fit].')
     assert fit.discretisation.warning in fit.warnings
     assert fit.discretisation.orders["lambda"] == pytest.approx(1.0, abs=1e-3)
 
@@ -390,7 +390,7 @@ def test_a_first_order_fit_of_a_twin_carries_its_check_into_the_result(method):
     assert check["orders"]["mu"] == pytest.approx(1.0, abs=1e-3)  # what the equations say
     assert abs(check["shift"]["mu"]) > 1e-3  # what the scheme made of it
     assert check["warning"].startswith("μ moves by +0.00")
-    assert check["warning"].endswith(f"artefact of the step of {method}.")
+    assert check["warning"].endswith(f'artefact of the step of {method}. Type method = "pi2" in [fit].')
 
 
 def test_the_second_order_method_finds_integer_orders_and_the_check_is_silent():
