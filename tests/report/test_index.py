@@ -158,14 +158,18 @@ def test_the_menu_of_a_page_with_neighbours_is_seen_whole_or_has_a_row_and_marks
     write_index(runs)
     page = runs / runs_of(runs)[1].folder.name / "report.html"
     with Browser() as browser:
-        for width in (1920, 1440, 1024, 768, 400):
+        for width in (1920, 1600, 1500, 1440, 1280, 1024, 768, 400):
             browser.open(page, width=width)
-            seen, wants = browser.run("[element('contents').clientWidth, element('contents').scrollWidth]")
+            seen, wants = browser.run("[menu.clientWidth, menu.scrollWidth]")
             assert seen >= min(wants, 0.9 * width), width
             assert browser.run("document.documentElement.scrollWidth") <= width
-        browser.run("document.documentElement.style.scrollBehavior = 'auto'; location.hash = '#reproduce'; 0")
+        for section in ("reproduce", "checks", "model", "reproduce", "verdict"):
+            browser.run(f"menu.querySelector('[href=\"#{section}\"]').click()")
+            browser.until(f"[...menu.querySelectorAll('[aria-current]')].map(a => a.hash).join() === '#{section}'")
+            within, link = browser.run(
+                "['#contents', '[aria-current]'].map(q => document.querySelector(q).getBoundingClientRect().toJSON())"
+            )
+            assert within["left"] <= link["left"] <= link["right"] <= within["right"] + 1
+        browser.open(page, width=1440)
+        browser.run("scrollTo(0, document.documentElement.scrollHeight)")
         browser.until("document.querySelector('[aria-current]').hash === '#reproduce'")
-        menu, link = browser.run(
-            "['#contents', '[aria-current]'].map(q => document.querySelector(q).getBoundingClientRect().toJSON())"
-        )
-        assert menu["left"] <= link["left"] <= link["right"] <= menu["right"] + 1

@@ -978,6 +978,9 @@ def test_a_page_without_a_script_shows_every_drawing(browser, page, tmp_path):
     assert browser.run(SEEN) == page.count('<svg class="still')
     assert browser.run("document.documentElement.scrollWidth") <= 1440
     assert browser.run("document.getElementById('play').getClientRects().length") == 0  # it would do nothing
+    assert "Explore" not in browser.run("document.body.innerText")
+    links = browser.run("[...document.querySelectorAll('#contents a')].filter(a => a.offsetWidth).map(a => a.hash)")
+    assert browser.run(f"{links}.every(hash => document.querySelector(hash).offsetHeight)")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

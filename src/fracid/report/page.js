@@ -257,23 +257,20 @@ theme.closest("label").hidden = false;
 theme.addEventListener("change", () => { element("dark").media = THEMES[theme.value]; redraw(); });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
-// The section that is read is marked in the menu.
-const links = new Map([...document.querySelectorAll("#contents a")].map(a => [a.hash.slice(1), a]));
-const read = a => {
-  const menu = element("contents");
-  for (const other of links.values()) other.removeAttribute("aria-current");
-  a.setAttribute("aria-current", "true");
-  menu.scrollLeft = a.offsetLeft - menu.offsetLeft - (menu.clientWidth - a.offsetWidth) / 2;
-};
-const reading = new IntersectionObserver(entries => {
-  for (const { target, isIntersecting } of entries) if (isIntersecting) read(links.get(target.id));
-}, { rootMargin: "-20% 0px -75% 0px" });
-for (const id of links.keys()) reading.observe(element(id));
-// The last sections are short: at the page's end, the one that was asked for.
-addEventListener("scrollend", () => {
-  const asked = links.get(location.hash.slice(1)), end = scrollY + innerHeight >= document.documentElement.scrollHeight - 2;
-  if (end) read(asked && element(asked.hash.slice(1)).getBoundingClientRect().top > 0 ? asked : [...links.values()].at(-1));
-});
+// The section that is read is marked in the menu, and the menu follows.  The last sections are short and cannot come to the
+// top: at the page's end it is the one that was asked for, or the last.
+const menu = element("contents"), links = [...menu.querySelectorAll("a")].map(link => ({ link, section: element(link.hash.slice(1)) }));
+function mark() {
+  const end = scrollY + innerHeight >= document.documentElement.scrollHeight - 2;
+  const seen = links.filter(({ section }) => !section.hidden && section.getBoundingClientRect().top < (end ? innerHeight : 0.25 * innerHeight));
+  const { link } = end && seen.find(({ link }) => link.hash === location.hash) || seen.at(-1) || links[0];
+  if (link.hasAttribute("aria-current")) return;
+  for (const other of links) other.link.removeAttribute("aria-current");
+  link.setAttribute("aria-current", "true");
+  menu.scrollLeft = link.offsetLeft - menu.offsetLeft - (menu.clientWidth - link.offsetWidth) / 2;
+}
+for (const event of ["scroll", "hashchange", "resize"]) addEventListener(event, mark, { passive: true });
+mark();
 
 // Paper has the charts as SVG, in light colours, and all notes open.
 addEventListener("beforeprint", () => {
