@@ -22,6 +22,9 @@ __all__ = ["RIGHT", "Axis", "Band", "Chart", "Mark", "Series", "encoder_ticks", 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0
 """Room around the plot for ticks and labels [px]."""
 
+KEYS = 16.0
+"""Of several lines, what each is: a row above the plot [px]."""
+
 ENCODER_STEPS = (1, 3, 10, 30, 100, 300, 1000)
 """Where the right axis of a residual has its ticks, to both sides."""
 
@@ -224,7 +227,7 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
-    y = Axis(*ends, bottom, TOP, chart.logy)
+    y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
     parts = [
         *_grid(x, y), *_labels(chart, x, y, width),
         *(_band(b, x, y) for b in chart.bands if b.kind != "band"),
@@ -330,7 +333,7 @@ def _key(chart: Chart, end: float) -> Iterator[str]:
     """What each of several lines is."""
     at = end - 8
     for s in reversed(chart.series if len(chart.series) > 1 else ()):
-        yield _text(at, TOP + 13, s.label, ' class="key"', anchor="end")
+        yield _text(at, TOP + 9, s.label, ' class="key"', anchor="end")
         at -= 7.4 * len(s.label) + 24
-        yield f'<path class="{s.kind}" d="M{at:.0f} {TOP + 9:g}h20"/>'
+        yield f'<path class="{s.kind}" d="M{at:.0f} {TOP + 5:g}h20"/>'
         at -= 14

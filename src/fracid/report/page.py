@@ -306,7 +306,7 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
     """Charts, fits and the rig as SVG."""
     points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.recordings)))
     narrow = ("residual-", "profile-")
-    stills = {n: still(c, 420 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
+    stills = {n: still(c, 290 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
     fits = {
         name: [
             Markup('<div class="title">{}</div>{}').format(c.title, still(c, 820, points))

@@ -21,7 +21,7 @@ from fracid.report.sentences import number
 
 __all__ = ["RISE", "Scale", "Surface", "cost_scale", "surface_still"]
 
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 470, 70, 10, 96, 44
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 96, 44
 """Of the drawing, and the room around the surface [px]."""
 
 BANDS = 32
