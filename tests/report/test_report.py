@@ -968,6 +968,7 @@ def test_the_map_on_paper_has_the_lines_of_the_one_on_the_screen(browser, file):
     drawn = {word for word in words if word[0] in "+×"}
     assert drawn
     assert drawn <= set(levels)
+    assert "cost relative to the lowest" in words
 
 
 def test_a_page_without_a_script_shows_every_drawing(browser, page, tmp_path):

@@ -103,6 +103,7 @@ def cost_plane(
     else:
         appearance.note(axes, "every simulation diverges", 0.93)
     _search(figure, axes, evaluations, (first, second, values), names, best)
+    _integers(axes, first, second)
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
     digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
     places = {
@@ -163,6 +164,15 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     bar.ax.tick_params(labelsize=appearance.SMALL)
     bar.set_label(bar_label, fontsize=appearance.MEDIUM)
     _lines(axes, (first, second, depth), {v: text for v, text in places.items() if low < v < high}, legend)
+
+
+def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
+    """Draw where an order is an integer."""
+    label = "integer orders"
+    for values, line in ((first, axes.axvline), (second, axes.axhline)):
+        for order in range(math.floor(values[0]) + 1, math.ceil(values[-1])):
+            line(order, color=appearance.INK, lw=1.0, ls="--", label=label)
+            label = ""
 
 
 def _between(rise: FloatArray) -> tuple[float, float]:

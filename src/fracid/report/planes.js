@@ -32,7 +32,7 @@ class Plane {
     canvas.height = height * ratio;
     const ctx = this.ctx = canvas.getContext("2d");
     ctx.scale(ratio, ratio);
-    this.box = { left: 70, top: 10, width: width - 80 - (spec.bar ? 86 : 0), height: height - 54 };
+    this.box = { left: 70, top: 10, width: width - 80 - (spec.bar ? 98 : 0), height: height - 54 };
     this.corner = this.cornerOf(spec);
     this.surface();
     this.contours();
@@ -143,6 +143,18 @@ class Plane {
       ctx.fillText(label, x + 17, y + 4);
       last = y;
     }
+    this.upright(spec.title, x + 92);
+  }
+
+  // Words that run upward beside the surface.
+  upright(words, x) {
+    const { box, ctx } = this;
+    ctx.save();
+    ctx.translate(x, box.top + box.height / 2);
+    ctx.rotate(-Math.PI / 2);
+    ctx.textAlign = "center";
+    ctx.fillText(words, 0, 0);
+    ctx.restore();
   }
 
   x(a) { const { first } = this.spec, { left, width } = this.box; return left + (a - first[0]) / (first.at(-1) - first[0]) * width; }
@@ -201,9 +213,11 @@ class Plane {
       }
       ctx.stroke();
       if (!ends.length) continue;
-      const last = ends.reduce((a, b) => (b[0] > a[0] ? b : a)), from = Math.min(...ends.map(e => e[0]));
-      if (last[0] - from < 50 || this.corner && this.covered(...last)) continue; // no room for its number
-      if (!labels.some(([x, y]) => Math.hypot(last[0] - x, last[1] - y) < 24)) labels.push([...last, label]);
+      const right = ends.reduce((a, b) => (b[0] > a[0] ? b : a)), left = ends.reduce((a, b) => (b[0] < a[0] ? b : a));
+      if (right[0] - left[0] < 50) continue; // no room for its number
+      const free = ([x, y]) => !(this.corner && this.covered(x, y)) && !labels.some(([u, v]) => Math.hypot(x - u, y - v) < 24);
+      const place = [right, left].find(free);
+      if (place) labels.push([...place, label]);
     }
     this.labels = labels;
   }
@@ -236,12 +250,7 @@ class Plane {
     ctx.fillText(spec.names[0], box.left + box.width / 2, box.top + box.height + 36);
     ctx.textAlign = "right";
     for (const v of ticks(spec.second, 6)) ctx.fillText(round(v, 5), box.left - 6, this.y(v) + 4);
-    ctx.save();
-    ctx.translate(12, box.top + box.height / 2);
-    ctx.rotate(-Math.PI / 2);
-    ctx.textAlign = "center";
-    ctx.fillText(spec.names[1], 0, 0);
-    ctx.restore();
+    this.upright(spec.names[1], 12);
   }
 
   dot(a, b) {

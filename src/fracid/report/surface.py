@@ -21,7 +21,7 @@ from fracid.report.sentences import number
 
 __all__ = ["RISE", "Scale", "Surface", "cost_scale", "surface_still"]
 
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 96, 44
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
 """Of the drawing, and the room around the surface [px]."""
 
 BANDS = 32
@@ -46,11 +46,13 @@ class Scale:
     low: float
     high: float
     levels: tuple[tuple[float, str], ...]
+    title: str = ""
+    """What the words say."""
 
     def to_json(self) -> dict[str, Any]:
         """As ``planes.js`` takes it."""
         levels = [{"at": at, "label": label} for at, label in self.levels]
-        return {"low": self.low, "high": self.high, "levels": levels}
+        return {"low": self.low, "high": self.high, "levels": levels, "title": self.title}
 
 
 RISE = Scale(0.3, 60.0, ())
@@ -75,7 +77,8 @@ def cost_scale(height: FloatArray, relative: bool) -> Scale:
     high = float(min(above[-1], 10 * above[above.size // 2])) if above.size else 1.0
     low = max(high * DECADES, float(above[0]) / 2 if above.size else 0.0)
     tenths = tuple((high * 10.0**-k, number(high * 10.0**-k, ".2g")) for k in (3, 2, 1))
-    return Scale(low, high, tuple(level for level in (RISES if relative else tenths) if low < level[0] < high))
+    levels = tuple(level for level in (RISES if relative else tenths) if low < level[0] < high)
+    return Scale(low, high, levels, "cost relative to the lowest" if relative else "cost")
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,7 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
 
 
 def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[list[str], list[str]]:
-    """The lines, and at the right end of each its word, where there is room for it, within the frame."""
+    """The lines, and at the right end of each its word, or at the left, where there is room for it, within the frame."""
     contours = _contours(surface, x, y)
     taken: list[tuple[float, float]] = []
     low, high = surface.scale.low, surface.scale.high
@@ -186,11 +189,14 @@ def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[l
         d = "".join(_d(line) for line in lines)
         drawn.append(f'<path class="level" transform="scale(.1)" d="{d}"/>')
         points = np.concatenate(lines)
-        px, py = points[points[:, 0].argmax()].tolist()
-        if np.ptp(points[:, 0]) < 50 or (corner and corner.covers(px, py)):
+        if np.ptp(points[:, 0]) < 50:
             continue
-        if all(hypot(px - a, py - b) >= 24 for a, b in taken):
-            taken.append((px, py))
+        ends = [points[points[:, 0].argmax()].tolist(), points[points[:, 0].argmin()].tolist()]
+        free = [end for end in ends if not (corner and corner.covers(*end))]
+        place = next((p for p in free if all(hypot(p[0] - a, p[1] - b) >= 24 for a, b in taken)), None)
+        if place:
+            taken.append(place)
+            px, py = place
             late = px + LETTER * len(label) > x.end
             left, base = (min(px, x.end) - 4 if late else px + 2), min(py + 12, y.start - 5)
             words.append(_text(left, base, label, "end" if late else "start", ' class="level"'))
@@ -224,6 +230,8 @@ def _bar(scale: Scale, left: float) -> Iterator[str]:
         if last - y >= 16:
             yield f'<path class="axis" d="M{left + 12} {y:.1f}h3"/>{_text(left + 17, y + 4, label, "start")}'
             last = y
+    middle = base - tall / 2
+    yield _text(WIDTH - 8, middle, scale.title, how=f' transform="rotate(-90 {WIDTH - 8} {middle})"')
 
 
 def _dots(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
