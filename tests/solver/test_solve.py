@@ -350,7 +350,7 @@ GOOD = {"orders": 0.8, "initial": [1.0], "step": 0.1, "end": 1.0}
     [
         (_t := T1.rhs, {"orders": 0.0}, r"orders\[0\] = 0: an order must lie strictly between 0 and 2"),
         (_t, {"orders": 2.5}, r"orders\[0\] = 2.5"),
-        (_t, {"orders": [0.8, 0.9]}, "there are 1 states; give one order, or 1"),
+        (_t, {"orders": [0.8, 0.9]}, "initial has 1 state; give as many of both, or one order for all"),
         (_t, {"orders": float("nan")}, "finite"),
         (_t, {"orders": "high"}, "expected numbers"),
         (_t, {"initial": [float("nan")]}, "initial.*finite"),

@@ -359,7 +359,7 @@ def _starts(fit: Fit) -> str:
     lowest = sum(cost is not None and cost <= SAME_COST * best.cost for cost in costs)
     dropouts = sum(cost is None for cost in costs)
     note = f", {dropouts} were left for their cost" if dropouts else ""
-    return f"{lowest} of {len(costs)} came to the lowest cost{note}; the lowest is that of the start {best.origin}"
+    return f"{lowest} of {len(costs)} came to the lowest cost{note}; the lowest came from the start {best.origin!r}"
 
 
 def _without_integers(fit: Fit) -> str:

@@ -119,7 +119,7 @@ def _number(value: float, digits: str, unit: str = "") -> str:
 
 def _not_fitted(a: ResidualAnalysis) -> str:
     parts = ["held out"] if a.use == "validate" else []
-    parts += [f"{a.missing:,} samples left out: the simulation has no value there"] if a.missing else []
+    parts += [a.tested] if a.missing else []
     return f" ({'; '.join(parts)})" if parts else ""
 
 

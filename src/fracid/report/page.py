@@ -537,7 +537,8 @@ def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
         "fast to slow": number(a.variance.fast_to_slow.ratio, ".2g"),
     }
     return {"recording": a.recording, "output": a.output, "letter": letter(a.output), "use": a.use,
-            "sentences": a.sentences, "figures": figures, "tested": bool(a.whiteness.thinning)}  # fmt: skip
+            "sentences": a.sentences, "figures": figures, "tested": bool(a.whiteness.thinning),
+            "stretch": a.tested[:1].upper() + a.tested[1:] + "." if a.missing else ""}  # fmt: skip
 
 
 def _memory(text: str) -> str:

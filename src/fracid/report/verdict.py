@@ -10,6 +10,7 @@ from fracid.report.sentences import counted, digits, half_width, joined, letter,
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
+from fracid.selection.integer_rival import OFF
 from fracid.signals.left_over import ROUNDING
 
 if TYPE_CHECKING:
@@ -58,8 +59,11 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     if claim is None:  # of an earlier version
         return
     against = contradictions(material, lines)
-    values = [f"{letter(n)} = {said(e)}" for n, e in material.result["orders"].items()]
+    shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
+    values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
     orders = joined([value.replace(" ", "\N{NO-BREAK SPACE}") for value in values])
+    if claim == "fractional":
+        orders += _but_inside(material.result["orders"])
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
     yield Line(
@@ -67,6 +71,17 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
         f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}.",
         claim != "undecided" and not against,
     )
+
+
+def _holds_its_integer(e: Mapping[str, Any]) -> bool:
+    """Whether an order's interval includes its integer value."""
+    integer, ends = e.get("integer", 1.0), e["interval95"]
+    return bool(e["free"] and ends) and integer is not None and bool(ends[0] <= integer <= ends[1])
+
+
+def _but_inside(orders: Mapping[str, Mapping[str, Any]]) -> str:
+    inside = {letter(n): e.get("integer", 1.0) for n, e in orders.items() if _holds_its_integer(e)}
+    return f" ({_inside(list(inside), inside)})" if inside else ""
 
 
 def _no_fit(result: Mapping[str, Any]) -> bool:
@@ -164,8 +179,9 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
     intervals = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in non_identifiable}
     integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
     without = [n for n in intervals if integer[n] is None]
-    off = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
-    inside = [n for n in intervals if n not in (*off, *without)]
+    beyond = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
+    off = [n for n in beyond if abs(sum(intervals[n]) / 2 - integer[n]) > OFF]  # what is nearer is called integer
+    inside = [n for n in intervals if n not in (*beyond, *without)]
     doubts = [f"{joined(non_identifiable)} {_is(non_identifiable)} not identifiable." if non_identifiable else ""]
     if off:
         values = dict.fromkeys(number(integer[n]) for n in off)
@@ -200,7 +216,8 @@ def _is(names: list[str]) -> str:
 
 def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     cost, own = rival["cost"], material.result["cost"]["value"]
-    others = rival["structure"].partition(";")[0]  # all that was freed stands under Checks
+    orders, *more = rival["structure"].split("; ")
+    others = f"the nearest integer-order model ({orders} and more, see Checks)" if more else orders
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
     gain = counted(rival["bic_gain_of_the_fractional_model"])
     if material.result.get("claim") == "undecided":  # the model may lack something that both of them need

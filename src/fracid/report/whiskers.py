@@ -17,6 +17,9 @@ __all__ = ["OrderAxis", "order_axis", "orders_drawn", "whisker"]
 REACH = 0.12
 """Least half-width of the orders' axis: a whisker that fills it would look uncertain."""
 
+LETTER = 8.6
+"""Of a value beside its whisker, its width [px]."""
+
 
 @dataclass(frozen=True)
 class OrderAxis:
@@ -62,7 +65,8 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], axis: OrderAxis | None
     (True, True)
     """
     axis = axis or order_axis(list(orders.values()))
-    start, end, row = 34.0, width - 166.0, 30
+    longest = max((len(said(e)) for e in orders.values()), default=0)
+    start, end, row = 34.0, width - max(166.0, 16 + LETTER * longest), 30
     foot = row * len(orders) + 4
     scale = (end - start) / (axis.high - axis.low)
 

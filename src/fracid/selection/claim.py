@@ -217,7 +217,8 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
         return Claim("undecided", tuple(unknown))
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
     beside = [order for order in determined if order not in inside]
-    next_to = [f"{order} is {order.nearest:g} to {OFF:g}." for order in beside]
+    next_to = [f"{order} differs from {order.nearest:g} by less than {OFF:g}: too little to call it fractional."
+               for order in beside]  # fmt: skip
     return Claim("integer", (*_inside(inside), *next_to, *unknown))
 
 

@@ -180,8 +180,8 @@ def check_initial_and_orders(
     if states is not None and len(x0) != states:
         raise InputError(f"initial has {len(x0)} states; the model has {states}.")
     if q.ndim != 1 or len(q) not in (1, len(x0)):
-        raise InputError(f"orders has the shape {q.shape}, but there are {len(x0)} states; "
-                         f"give one order, or {len(x0)}.")  # fmt: skip
+        raise InputError(f"orders has the shape {q.shape}, but initial has {len(x0)} "
+                         f"state{'s' * (len(x0) > 1)}; give as many of both, or one order for all.")  # fmt: skip
     q = np.array(np.broadcast_to(q, len(x0)))
     for i in np.flatnonzero((q <= 0) | (q >= 2)):
         raise InputError(f"orders[{i}] = {q[i]:g}: an order must lie strictly between 0 and 2.")

@@ -34,7 +34,7 @@ from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import fault_of, step_gain
-from fracid.units import with_unit
+from fracid.units import plain, with_unit
 from fracid.validation.sensor_faults import misread
 
 __all__ = ["after", "failed", "noisy_start"]
@@ -333,5 +333,5 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
                 f"the residual is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
-                f"{times:.2g} times the noise: this model may not be able to explain it. Look at "
+                f"{plain(times)} times the noise: this model may not be able to explain it. Look at "
                 "fracid resid, free a friction, or run fracid compare; other starts: --multi-start 16.")  # fmt: skip

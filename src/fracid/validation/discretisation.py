@@ -124,8 +124,8 @@ def _judged(
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: max(LEAST_SHIFT, half_width(known, x, i)) for n, i in at.items()}
-    moved = [n for n in at if abs(shift[n]) > width[n]]
+    width = {n: half_width(known, x, i) for n, i in at.items()}
+    moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     warning = " ".join(
         f"{GREEK.get(n, n)} moves by {_signed(shift[n], width[n])} when the equations are solved with pi2 at half the "
         f"step: more than its interval of ± {shown_half_width(width[n])}, so it is in part an artefact of the step of "

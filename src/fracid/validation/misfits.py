@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding
 from fracid.signals.left_over import left_over
-from fracid.units import with_unit
+from fracid.units import plain, with_unit
 
 __all__ = ["cost_of", "misfits", "missed"]
 
@@ -48,7 +48,7 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
                         "autocorrelated: the model lacks something. fracid resid shows what.")  # fmt: skip
             elif MISFIT < left.times < math.inf and not left.white:
                 yield Finding("misfit", f"{r.name}: {output}", left.times, MISFIT, "times the encoder's rounding",
-                    f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {left.times:.2g} times "
+                    f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {plain(left.times)} times "
                     "the encoder's rounding, and autocorrelated: the model lacks something. "
                     "fracid resid shows what, fracid compare looks for it.")  # fmt: skip
 
@@ -73,7 +73,7 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
             elif times > WORSE and not left.explained:
                 yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times the residual of the fitted",
                     f"it was held out, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
-                    f", {times:.2g} times the residual of the fitted recordings: it does not hold beyond "
+                    f", {plain(times)} times the residual of the fitted recordings: it does not hold beyond "
                     "that.")  # fmt: skip
 
 

@@ -199,6 +199,11 @@ class ResidualAnalysis(CardDisplay):
     """Unit of the residual."""
 
     @property
+    def tested(self) -> str:
+        """Which part of the recording is tested, in words."""
+        return f"tested: the longest stretch without a gap, {self.samples:,} of {self.samples + self.missing:,} samples"
+
+    @property
     def sentences(self) -> dict[str, str]:
         """Each question's line of plain words, in the order in which they should be read."""
         sentences = {
