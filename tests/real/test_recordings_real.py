@@ -153,6 +153,6 @@ def test_the_papers_recipe_ends_with_an_answer_and_an_honest_picture_of_it(proje
     assert fit.recordings["release_16deg"].fit_percent["alpha"] < 1  # orders alone cannot mend wrong constants
     said = " ".join(fit.warnings)
     assert "gl-paper sums raw x" in said
-    assert "Only alpha is scored" in said
+    assert "Only α is scored" in said
     assert "artefact of the step of gl-paper" in said
     assert "better than a constant for alpha" in said

@@ -219,6 +219,9 @@ def draft_project(
     recording = read()
     notes += tuple(s for s in recording.report.reading if s.endswith("interpolated and not scored."))
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
+    if rig is None and not starts:
+        notes += (f"No rig is named: the constants are those of {rig_name}, and all that are fitted scale with its C4. "
+                  f"Type --rig NAME for another: {', '.join(n for n in RIGS if n != rig_name)}.",)  # fmt: skip
     page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window, starts or {})
     return Draft(page.text(), column_specs, notes)
 
