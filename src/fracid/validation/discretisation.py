@@ -124,7 +124,7 @@ def _judged(
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
-    width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # where there is none, the least that counts
+    width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
     moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     warning = " ".join(
         f"{GREEK.get(n, n)} moves by {_signed(shift[n], width[n])} when the equations are solved with pi2 at half the "
