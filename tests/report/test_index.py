@@ -136,6 +136,31 @@ def test_the_index_opens_without_a_complaint_and_fits_the_screen(runs, width):
         assert found == []
 
 
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
+def test_a_theme_chosen_in_the_index_holds_on_the_pages_it_leads_to_and_the_swings_follow_it(runs):
+    page = write_report(runs / "first")
+    with Browser() as browser:
+        browser.open(write_index(runs), prefers_color_scheme="light")
+        assert browser.run("document.querySelectorAll('.card .still').length") == 1  # of the one page with samples
+        measured = "getComputedStyle(document.querySelector('.card .measured')).stroke"
+        light = browser.run(measured)
+        browser.run("theme.value = 'dark'; theme.dispatchEvent(new Event('change'))")
+        assert browser.run(measured) != light
+        browser.open(page, prefers_color_scheme="light")
+        assert browser.run("[theme.value, getComputedStyle(document.documentElement).colorScheme]") == ["dark", "dark"]
+
+
+@pytest.mark.parametrize("samples", [
+    "", "{", "[]", '{"recordings": [{"t": "AAAA", "outputs": [{}]}]}',
+    '{"recordings": [{"t": "", "outputs": [{"measured": "", "fitted": ""}]}]}',
+])  # fmt: skip
+def test_a_page_whose_samples_are_damaged_has_no_swings_in_the_index(runs, samples):
+    (runs / "first" / "report.html").write_text(
+        f'<script type="application/json" id="samples">{samples}</script>', encoding="utf-8"
+    )
+    assert "<figure>" not in write_index(runs).read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(("changes", "look"), [
     ({"claim": "integer"}, False),
     ({"claim": "integer", "warnings": ["C6 is not identifiable."]}, False),

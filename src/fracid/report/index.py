@@ -14,16 +14,21 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
 from markupsafe import Markup, escape
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError, unwritable
 from fracid.files import write_text
 from fracid.problem.costs import COSTS
-from fracid.report.frame import environment_of_pages, policy, styles
+from fracid.report.charts import Chart, Series, still
+from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.samples import floats_of
 from fracid.report.sentences import joined, letter, number
 from fracid.report.whiskers import order_axis, orders_drawn
+from fracid.safety.json_files import json_of, text_of
 from fracid.safety.schema import read_as
-from fracid.safety.text import file_stems, printable
+from fracid.safety.text import printable
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
@@ -40,6 +45,12 @@ RUNS_BEGIN, RUNS_END = Markup("<!-- other runs -->"), Markup("<!-- end of other 
 
 HEAD = 200_000
 """Characters of a page in which they are looked for."""
+
+SAMPLES = '<script type="application/json" id="samples">'
+"""Before a page's numbers."""
+
+SWINGS_WIDTH = 420
+"""Of the drawing of a run's first swings [px]."""
 
 PRESETS = {"paper": "the paper's recipe"}
 
@@ -204,7 +215,7 @@ def _neighbour(arrow: str, which: str, run: RunOfIndex | None) -> str:
 
 
 def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
-    own, dark = styles()
+    (own, dark), script = styles(), Markup(own_file("theme.js"))  # fracid's own
     axis = order_axis([e for run in runs for e in run.result["orders"].values()])
     cards = [
         {
@@ -214,7 +225,7 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
             "against": list(against.values()),
             "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,
             "model": run.result["model"]["name"], "outcome": run.result["outcome"],
-            "picture": _picture(run), "rows": list(_rows(run.result)), "cost": run.result["cost"],
+            "swings": _swings(run.folder / PAGE), "rows": list(_rows(run.result)), "cost": run.result["cost"],
         }
         for run in runs
         for against in [doubts(run.result)]
@@ -222,7 +233,7 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
     template = environment_of_pages().get_template("index.html.j2")
     return template.render(
         title=f"{len(runs)} runs in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
-        generator=Markup(GENERATOR), policy=policy([*own, dark], []) + "; img-src 'self' file:",
+        script=script, generator=Markup(GENERATOR), policy=policy([*own, dark], [script]),
     )  # fmt: skip
 
 
@@ -234,11 +245,28 @@ def _rows(result: Mapping[str, Any]) -> Any:
         yield {"name": name, "use": "fitted" if r["use"] == "fit" else "held out", "fit": ", ".join(fits) or "failed"}
 
 
-def _picture(run: RunOfIndex) -> str:
-    """Of its first recording, measured and simulated, where it was drawn."""
-    stems = file_stems(run.result["recordings"])
-    for stem in stems.values():
-        path = run.folder / "figures" / f"figure2-{stem}.svg"
-        if path.is_file():
-            return "/".join(map(quote, (run.folder.name, "figures", path.name)))
-    return ""
+def _swings(page: Path) -> Markup:
+    """The first swings of a page's first recording, measured and simulated; nothing of a page that cannot be read."""
+    try:
+        text = text_of(page)
+        begin = text.index(SAMPLES) + len(SAMPLES)
+        recording = json_of(text[begin : text.index("</script>", begin)])["recordings"][0]
+        output = recording["outputs"][-1]
+        t, measured, simulated = (
+            floats_of(of[name]) for of, name in ((recording, "t"), (output, "measured"), (output, "fitted"))
+        )
+        if not 1 < t.size == measured.size == simulated.size:
+            return Markup("")
+        end = _end_of_swings(simulated)
+        symbol, unit = (printable(output[name]) for name in ("letter", "unit"))
+        lines = Series("measured", measured[:end], "measured"), Series("simulated", simulated[:end], "fitted")
+        name = f"{printable(recording['name'])}, first swings"
+        return still(Chart(name, t[:end], "time [s]", f"{symbol} [{unit}]" if unit else symbol, lines), SWINGS_WIDTH)
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
+        return Markup("")
+
+
+def _end_of_swings(y: FloatArray) -> int:
+    """How many samples the first six swings have, by sign changes, as in ``page.js``; without any, a tenth of all."""
+    crossings = np.flatnonzero(np.diff(y > y.mean()))
+    return int(crossings[:12][-1]) + 2 if crossings.size else -(-y.size // 10)

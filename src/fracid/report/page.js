@@ -140,12 +140,12 @@ class Player {
     this.zoom(about - (about - from) * factor, about + (to - about) * factor);
   }
 
-  // The end of six swings, as the pendulum's sign changes count them; a tenth of the record without any.
+  // Where six swings end, by sign changes of the simulated pendulum, which has no noise; a tenth of the record without any.
   firstSwings() {
-    const { trace } = this, o = trace.outputs.at(-1), y = o.measured, mean = y.reduce((a, b) => a + b, 0) / y.length;
-    let crossings = 0, k = 1;
-    for (; k < y.length && crossings < 12; k++) if ((y[k] - mean) * (y[k - 1] - mean) < 0) crossings++;
-    return crossings === 12 ? trace.t[k - 1] : trace.end / 10;
+    const { trace } = this, y = trace.outputs.at(-1).fitted, mean = y.reduce((a, b) => a + b, 0) / y.length;
+    let crossings = 0, end = 0;
+    for (let k = 1; k < y.length && crossings < 12; k++) if ((y[k] - mean) * (y[k - 1] - mean) < 0) [crossings, end] = [crossings + 1, k];
+    return end ? trace.t[end] : trace.end / 10;
   }
 
   seek(time, from = null) {
@@ -250,11 +250,7 @@ addEventListener("resize", () => {
   waiting = setTimeout(() => { Chart.resize(); Plane.all.forEach(p => p.draw()); player.show(); }, 120);
 });
 
-// Light, dark, or as the system has it: the dark colours are a style sheet of their own, and this says when it holds.
-const THEMES = { system: "screen and (prefers-color-scheme: dark)", light: "not all", dark: "screen" };
-const theme = element("theme");
-theme.closest("label").hidden = false;
-theme.addEventListener("change", () => { element("dark").media = THEMES[theme.value]; redraw(); });
+element("theme").addEventListener("change", redraw);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 // The section that is read is marked in the menu, and the menu follows.  The last sections are short and cannot come to the

@@ -58,7 +58,7 @@ WIDE = 0.5
 STILL_RECORDINGS = 6
 """Of more, each line gets fewer points: a page of two hundred stays light."""
 
-SCRIPTS = ("uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
+SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
 """In this order, into one element each."""
 
 

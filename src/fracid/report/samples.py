@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 
-__all__ = ["base64_floats", "extremes"]
+__all__ = ["base64_floats", "extremes", "floats_of"]
 
 
 def base64_floats(values: FloatArray) -> str:
@@ -27,6 +27,17 @@ def base64_floats(values: FloatArray) -> str:
     'AAAAAAAAgD8='
     """
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
+
+
+def floats_of(text: str) -> FloatArray:
+    """The numbers again.
+
+    Examples
+    --------
+    >>> floats_of("AAAAAAAAgD8=")
+    array([0., 1.])
+    """
+    return np.frombuffer(base64.b64decode(text), dtype="<f4").astype(float)
 
 
 def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:

@@ -177,7 +177,7 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
 
 
 def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[list[str], list[str]]:
-    """The lines, and at the right end of each its word, or at the left, where there is room for it, within the frame."""
+    """The lines, and their words: at the right end, or at the left, where there is room, within the frame."""
     contours = _contours(surface, x, y)
     taken: list[tuple[float, float]] = []
     low, high = surface.scale.low, surface.scale.high
