@@ -982,6 +982,10 @@ def test_a_page_without_a_script_shows_every_drawing(browser, page, tmp_path):
     assert "Explore" not in browser.run("document.body.innerText")
     links = browser.run("[...document.querySelectorAll('#contents a')].filter(a => a.offsetWidth).map(a => a.hash)")
     assert browser.run(f"{links}.every(hash => document.querySelector(hash).offsetHeight)")
+    browser.open(tmp_path / "quiet.html", width=400)
+    letters = "[...document.querySelectorAll('.still')].map(s => 12 * s.clientWidth / s.viewBox.baseVal.width)"
+    assert min(browser.run(letters)) >= 9
+    assert browser.run("document.documentElement.scrollWidth") <= 400
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
