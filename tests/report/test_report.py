@@ -734,7 +734,7 @@ def test_the_page_opens_without_a_complaint_or_a_request_and_draws_every_curve(b
     assert browser.requests == [file.as_uri()]
     hosts = browser.run("Chart.all.filter(chart => !chart.host.closest('#explore')).length")
     assert hosts == 2 + 4 + 4 * 3 + 1  # recordings, outputs and residuals, tests, profile
-    drawn = "document.querySelectorAll('.uplot canvas:not(.live)').length"  # at once: Explore adds its own when it is near
+    drawn = "document.querySelectorAll('.uplot canvas:not(.live)').length"  # at once: Explore adds more when near
     assert browser.run(f"Chart.rebuild(true), {drawn} === Chart.all.length")
     assert browser.run("window.hit") is None
 
