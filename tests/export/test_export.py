@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import shutil
 import subprocess
 from dataclasses import replace
@@ -16,9 +17,12 @@ from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, export_run
 from fracid.export.c import c_model
+from fracid.export.javascript import javascript_model
 from fracid.export.matlab import matlab_model, no_program
 from fracid.export.recursion import Case, Recursion
+from fracid.export.state_space import integer_model
 from fracid.models import Parameter
+from fracid.models.base import Written
 from fracid.runs.saved import load_run
 from fracid.solver.memory import compressed, full, short
 from program import run
@@ -313,7 +317,7 @@ def own_model(problem):
 def test_a_users_own_model_has_no_program(tmp_path):
     swing = fracid.Experiment("own", 0.01, np.zeros((100, 1)), np.zeros((1, 0)))
     problem = fracid.Problem(own_model(None), (swing,), {"mu": 0.9}, outputs=("alpha",), initial_state="held")
-    with pytest.raises(InputError, match="is no rotary pendulum"):
+    with pytest.raises(InputError, match="'own' is a Python program of yours, which fracid does not translate"):
         matlab_model(*tables_and_case(problem), "run")
 
 
@@ -323,8 +327,56 @@ def test_a_springpot_of_another_order_in_each_recording_has_no_program():
     order = {"springpot_order_theta": fracid.Free(0.5, 0.1, 0.9)}
     for names, words in ((["springpot_order_theta"], "Each recording has its own springpot_order_theta"), ([], "")):
         p = fracid.Problem(rig, (e, replace(e, name="other")), {"lambda": 1.0, "mu": 1.0}, order, per_recording=names)
-        assert no_program(SimpleNamespace(problem=p)).startswith(words)
-        assert (no_program(SimpleNamespace(problem=p)) == "") is not bool(names)
+        reason = no_program(SimpleNamespace(problem=p, x=p.start), "c")
+        assert reason.startswith(words)
+        assert (reason == "") is not bool(names)
+
+
+def door(seal, lip_written):
+    """A door with a seal, whose code was written before it had one or after."""
+
+    def rhs(t, x, u, p, out):
+        out[0] = x[1]
+        out[1] = -p[0] * math.sin(x[0]) - p[1] * x[1] - p[2] * math.tanh(x[1] / 0.05)
+
+    last = " - lip * tanh(x[1] / 0.05)" if lip_written else ""
+    c = f"""
+/* With hinge and lip. */
+static void right_hand_side(const double x[], const double u[], double f[])
+{{
+    f[0] = x[1];  // without lip
+    f[1] = -stiffness * sin(x[0]) - hinge * x[1]{last};
+}}
+"""
+    torque = "-p.stiffness * sin(x(1)) - p.hinge * x(2)" + lip_written * " - p.lip * tanh(x(2) / 0.05)"
+    matlab = f"function [f, rates] = rhs(x, u, p)\n% with lip\n  f = [x(2); {torque}];\n  rates = zeros(0, 1);\nend\n"
+    parameters = (Parameter("stiffness", "1/s^2", 9.0, ""), Parameter("hinge", "1/s", 0.2, ""),
+                  Parameter("lip", "1/s^2", seal, ""), Parameter("width", "m", 0.8, "in no equation"))  # fmt: skip
+    written = Written(rhs, lambda *_: (), {"c": c, "matlab": matlab})
+    return fracid.Model("door", rhs, ("phi", "rate"), ("nu", "nu"), {"phi": 0}, ("torque",), parameters, "", "",
+                        written=written)  # fmt: skip
+
+
+@pytest.mark.parametrize("write", ["C", "MATLAB", "JavaScript"])
+def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(write):
+    swing = fracid.Experiment("swing", 1e-2, np.zeros((100, 1)), np.zeros((1, 1)), initial={"phi": 0.3})
+
+    def program(model):
+        p = fracid.Problem(model, (swing,), {"nu": 0.9}, {"hinge": fracid.Free(0.2, 0.0, 1.0)}, initial_state="held")
+        if write == "JavaScript":
+            return javascript_model(p, p.start, swing, "run")
+        return {"C": c_model, "MATLAB": matlab_model}[write](*tables_and_case(p), "run")
+
+    with pytest.raises(InputError, match=r"code of the model 'door' lacks lip = 0.003 1/s\^2, which its right-hand"):
+        program(door(seal=3e-3, lip_written=False))
+    assert program(door(seal=0.0, lip_written=False))  # what is 0 may be missing, and what nothing feels: the width
+    assert "lip" in str(program(door(seal=3e-3, lip_written=True)))
+
+
+def test_the_integer_order_model_is_made_of_the_right_hand_side_itself():
+    swing = fracid.Experiment("swing", 1e-2, np.zeros((100, 1)), np.zeros((1, 1)), initial={"phi": 0.3})
+    p = fracid.Problem(door(seal=3e-3, lip_written=False), (swing,), {"nu": 1.0}, initial_state="held")
+    np.testing.assert_allclose(integer_model(p).linear["rest"].F, [[0, 1], [-9.0, -0.2 - 3e-3 / 0.05]], rtol=1e-6)
 
 
 # --- the command -----------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def test_other_orders_and_constants_are_those_of_another_run_of_the_library(brow
 
 def test_what_cannot_be_translated_is_refused_in_one_sentence():
     for problem, words in ((problem_of(method="pi3"), "pi3"), (problem_of(memory=short(50)), "short")):
-        assert words in no_javascript(problem)
+        assert words in no_javascript(problem, problem.start)
         with pytest.raises(InputError, match=words):
             javascript_model(problem, problem.start, problem.experiments[0], "runs/twin")
 

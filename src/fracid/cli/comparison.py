@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from math import degrees, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,7 +30,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import DataError
 from fracid.tasks.display import shown
-from fracid.units import with_unit
+from fracid.units import shown_unit, with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -159,7 +159,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
 
 def _print_structures(console: Console, comparison: Comparison) -> None:
     """In sample: the orders, how many parameters, what they are worth, and how near the fit comes; below, if narrow."""
-    orders, scores = [*comparison.rows[0].orders], [*comparison.outputs, "ITAE"]
+    orders, scores = [*comparison.rows[0].orders], _columns(comparison)
     odds = ["log odds"] * any(isfinite(row.log_odds) for row in comparison.rows)
     wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *odds, *more, fold=()) for more in (scores, ()))
     for row in comparison.rows:
@@ -176,12 +176,12 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         for row in comparison.rows:
             table.add_row(*_structure(row), *_scores(comparison, [*row.in_sample.values()]))
         console.print(table)
+    unit = _one_unit(comparison)
     say(
         console,
-        f"[dim]{'angles' if _angles(comparison) else 'outputs'}: RMSE and fit; "
-        f"ITAE{' in ° s²' if _angles(comparison) else ''}; BIC above the lowest, of {comparison.effective_samples:.0f} "
-        f"effective "
-        "samples; "
+        f"[dim]{'angles' if unit == 'rad' else 'outputs'}: RMSE and fit; "
+        + ("" if unit is None else f"ITAE in {f'{shown_unit(unit)[0]} s²'.strip()}; ")
+        + f"BIC above the lowest, of {comparison.effective_samples:.0f} effective samples; "
         + "log odds in nats against the most probable, bounds and priors as the project has them; " * len(odds)
         + "← the paper's structure[/dim]",
         "  ",
@@ -190,7 +190,7 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
 
 
 def _print_scores(console: Console, comparison: Comparison, names: Sequence[str]) -> None:
-    table = new_table("", "orders", *comparison.outputs, "ITAE")
+    table = new_table("", "orders", *_columns(comparison))
     for row in comparison.rows:
         table.add_row(*_structure(row), *_scores(comparison, [row.held_out[n] for n in names if n in row.held_out]))
     console.print(table)
@@ -207,7 +207,7 @@ def _order(value: float, ends: tuple[float, float] | None) -> str:
 
 
 def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:
-    """RMSE and fit of each output, and the ITAE of all: the mean over recordings."""
+    """RMSE and fit of each output, and the ITAE of all where they have one unit: the mean over recordings."""
     if not scores or any(s.failed for s in scores):
         return ["fails"]
     mean = {
@@ -216,11 +216,18 @@ def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:
     }
     near = [f"{with_unit(mean['rmse'][n], comparison.units.get(n, 'rad'))} {_percent(mean['fit_percent'][n])}"
             for n in comparison.outputs]  # fmt: skip
-    return [*near, f"{(degrees if _angles(comparison) else float)(sum(mean['itae'].values())):.4g}"]
+    unit = _one_unit(comparison)
+    return near if unit is None else [*near, f"{shown_unit(unit)[1] * sum(mean['itae'].values()):.4g}"]
 
 
-def _angles(comparison: Comparison) -> bool:
-    return all(comparison.units.get(n, "rad") == "rad" for n in comparison.outputs)
+def _columns(comparison: Comparison) -> list[str]:
+    return [*comparison.outputs, *["ITAE"] * (_one_unit(comparison) is not None)]
+
+
+def _one_unit(comparison: Comparison) -> str | None:
+    """That of all outputs; None where they differ, and no sum of theirs means anything."""
+    units = {comparison.units.get(n, "rad") for n in comparison.outputs}
+    return units.pop() if len(units) == 1 else None
 
 
 def _percent(fit: float) -> str:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.errors import unknown_name, unwritable
+from fracid.errors import InputError, unknown_name, unwritable
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -65,7 +65,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Raises
     ------
     InputError
-        For an unknown format, or a folder that cannot be written.
+        For an unknown format, one that is asked for and cannot be written, or a folder that cannot be written.
 
     Examples
     --------
@@ -81,11 +81,14 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
+            before = len(files)
             for thing in FORMATS[name](run, folder, steps):
                 if isinstance(thing, Path):
                     files.append(thing)
                 else:
                     notes.append(thing)
+            if formats and len(files) == before:  # nothing of what was asked for
+                raise InputError(notes[-1])
     except OSError as error:
         raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
@@ -112,8 +115,8 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
 
     write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
-    if reason := no_program(run):
-        yield reason
+    if reason := no_program(run, "matlab"):
+        yield f"{reason} There is no model.m; results.mat has values and curves."
         return
     case = of_recording(run, run.problem.experiments[0].name)
     write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name))
@@ -128,8 +131,8 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
     from fracid.export.recursion import Recursion
     from fracid.files import write_text
 
-    if reason := no_program(run):
-        yield reason
+    if reason := no_program(run, "c"):
+        yield f"{reason} There is no C function."
         return
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
@@ -146,7 +149,7 @@ def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pat
     from fracid.export.javascript import javascript_model, no_javascript
     from fracid.files import write_text
 
-    if reason := no_javascript(run.problem):
+    if reason := no_javascript(run.problem, run.x):
         yield f"{reason} There is no fracid_model.mjs."
         return
     first = run.problem.experiments[0]

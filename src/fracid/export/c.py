@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
+from fracid.export.whole import not_written
 from fracid.problem.simulator import LIMIT
 from fracid.solver.schemes import UNSETTLED
 
@@ -76,7 +77,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     Raises
     ------
     InputError
-        If the model is a user's own.
+        As :func:`fracid.export.whole.not_written` says.
 
     Examples
     --------
@@ -86,8 +87,9 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     >>> list(c_model(Recursion.of(problem, problem.start), Case.of(problem, problem.start, swing), "runs/twin"))
     ['fracid_model.h', 'fracid_model.c']
     """
-    if tables.model.written is None or "c" not in tables.model.written.code:
-        raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as C.")
+    if reason := not_written(tables.model, case.parameters, "c"):
+        raise InputError(reason)
+    assert tables.model.written is not None
     scheme, exported, model, program = tables.scheme, tables.exported, tables.model, tables.model.written.code["c"]
     third, gl = scheme.family == "pi3", scheme.family == "gl"
     state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)

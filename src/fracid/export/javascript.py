@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import TIGHT, Case
+from fracid.export.whole import not_written
 from fracid.models.joints import Complement
 from fracid.problem.simulator import LIMIT
 from fracid.solver.methods import METHODS, Method
@@ -135,19 +136,20 @@ def _tolerance(problem: Problem) -> float | None:
     return float(named[1]) if named else None
 
 
-def no_javascript(problem: Problem) -> str:
-    """Why a problem cannot be simulated in JavaScript; empty if it can.
+def no_javascript(problem: Problem, x: FloatArray) -> str:
+    """Why a problem cannot be simulated in JavaScript with the unknowns x; empty if it can.
 
     Examples
     --------
     >>> import numpy as np, fracid
     >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
     >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
-    >>> no_javascript(problem)
+    >>> no_javascript(problem, problem.start)
     ''
     """
-    if problem.model.written is None or "c" not in problem.model.written.code:
-        return f"The model {problem.model.name!r} is a Python program of yours, which fracid does not translate."
+    for e in problem.experiments:
+        if reason := not_written(problem.model, problem.unpack(x, e)[1], "c"):
+            return reason
     if not _scheme(METHODS[problem.method]):
         known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
         return f"The method {problem.method} is not written in JavaScript; {known} are."
@@ -184,7 +186,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     >>> javascript_model(problem, problem.start, swing, "runs/twin").splitlines()[-1]
     '}'
     """
-    if reason := no_javascript(problem):
+    if reason := no_javascript(problem, x):
         raise InputError(reason)
     model, case = problem.model, Case.of(problem, x, e)
     orders = named_orders(problem, x, e)

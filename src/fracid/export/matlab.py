@@ -21,6 +21,7 @@ from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
+from fracid.export.whole import not_written
 from fracid.problem.simulator import LIMIT
 from fracid.solver.schemes import UNSETTLED
 
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["matlab_model", "matlab_results", "no_program", "of_recording", "write_results"]
 
 
-def no_program(run: SavedRun) -> str:
-    """Why a run's model cannot be written in another language; empty if it can.
+def no_program(run: SavedRun, language: str) -> str:
+    """Why a run's model cannot be written in ``matlab`` or ``c``; empty if it can.
 
     Examples
     --------
@@ -42,15 +43,10 @@ def no_program(run: SavedRun) -> str:
     for order in (model.parameter_names[k] for _, k in model.complements):
         if order in own and len(run.problem.experiments) > 1:
             return (
-                f"Each recording has its own {order}, and a program has one memory, of one order: there is no model.m "
-                "and no C function. Fit the recordings apart, or with one order."
+                f"Each recording has its own {order}, and a program has one memory, of one order. Fit the recordings "
+                "apart, or with one order."
             )
-    if model.written is not None and model.written.code:
-        return ""
-    return (
-        f"The model {run.problem.model.name!r} is a Python program of yours, which fracid does not translate: there is "
-        "no model.m and no C function. Its values, curves and matrices are exported."
-    )
+    return not_written(model, run.problem.unpack(run.x, run.problem.experiments[0])[1], language)
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
@@ -71,7 +67,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     Raises
     ------
     InputError
-        If the model is a user's own.
+        As :func:`fracid.export.whole.not_written` says.
 
     Examples
     --------
@@ -83,8 +79,9 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> text.splitlines()[0]
     'function [t, x] = model(x0, u, n, h, p)'
     """
-    if tables.model.written is None or "matlab" not in tables.model.written.code:
-        raise InputError(f"The model {tables.model.name!r} is no rotary pendulum: only that is written as MATLAB code.")
+    if reason := not_written(tables.model, case.parameters, "matlab"):
+        raise InputError(reason)
+    assert tables.model.written is not None
     scheme, exported, model = tables.scheme, tables.exported, tables.model
     third = scheme.family == "pi3"
     template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"

@@ -181,10 +181,11 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     colours = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE, appearance.INK)
+    unit, factor = shown_unit(drifts[0].unit)
     for k, d in enumerate(drifts):
         whole = d.over == "releases"
         style: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white"} if whole else {"marker": "o", "lw": 1.2}
-        axes.errorbar(np.degrees(d.amplitudes), d.values, 1.96 * np.array(d.standard_errors), capsize=2.5, ms=5,
+        axes.errorbar(factor * np.array(d.amplitudes), d.values, 1.96 * np.array(d.standard_errors), capsize=2.5, ms=5,
                       color="black" if whole else colours[k % len(colours)], zorder=3,
                       label="whole recordings" if whole else appearance.plain(d.over, 28), **style)  # fmt: skip
     axes.set_xscale("log")
@@ -195,5 +196,5 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
     appearance.title(axes, verdict)
-    axes.set_xlabel("mean amplitude of the swing [°]")
+    axes.set_xlabel(f"mean amplitude of the swing [{unit or '–'}]")
     axes.set_ylabel(f"order {appearance.symbol(order)} [–]")

@@ -43,7 +43,7 @@ WIDE = 0.15
 def not_explored(material: Material) -> str:
     """Why the model cannot be simulated on the page; empty if it can."""
     problem = material.project.problem
-    if reason := no_javascript(problem):
+    if reason := no_javascript(problem, material.x):
         return reason
     if functions := [n for n in problem.outputs if n not in problem.model.output_states]:
         return f"{functions[0]} is a function of the states, which is not written in JavaScript."

@@ -88,6 +88,7 @@ class WindowBlock(Block):
     amplitude: dict[str, float]
     orders: dict[str, float]
     standard_errors: dict[str, Infinite]
+    units: dict[str, str] = Field({})
 
 
 class DriftBlock(Block):
@@ -101,6 +102,7 @@ class DriftBlock(Block):
     probability: float
     explained: float
     change: float
+    unit: str = "rad"
     drifts: bool
     sentence: str
 

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -48,7 +48,6 @@ from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
-from fracid.models.joints import Complement
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
@@ -57,6 +56,7 @@ from fracid.schemas.comparison import AmplitudeBlock
 from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
+from fracid.units import shown_unit, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,10 +104,12 @@ class Window:
     whole: bool
     """Whether it is the recording as it was fitted."""
     amplitude: Mapping[str, float]
-    """Order → mean amplitude of the outputs whose states have it [rad]."""
+    """Order → mean amplitude of an output whose state has it [its unit]."""
     orders: Mapping[str, float]
     standard_errors: Mapping[str, float]
     """Infinite where the window does not tell."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Order → the unit of its amplitude; rad where it says nothing."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class Drift:
     over: str
     """A recording, over its windows; or ``releases``."""
     amplitudes: tuple[float, ...]
-    """Falling [rad]."""
+    """Falling [unit]."""
     values: tuple[float, ...]
     """The order at each."""
     standard_errors: tuple[float, ...]
@@ -128,6 +130,8 @@ class Drift:
     """The part of them that a line in 1/A or in A takes."""
     change: float
     """Along that line, from the largest amplitude to the smallest."""
+    unit: str = "rad"
+    """Of the amplitudes."""
 
     @property
     def drifts(self) -> bool:
@@ -143,8 +147,8 @@ class Drift:
     def sentence(self) -> str:
         """What it means."""
         where = "over the releases" if self.over == RELEASES else f"within {self.over}"
-        ends = f"from {self.values[0]:.4g} at {_degrees(self.amplitudes[0])} to {self.values[-1]:.4g} at " \
-               f"{_degrees(self.amplitudes[-1])}"  # fmt: skip
+        largest, smallest = (_shown(self.amplitudes[i], self.unit) for i in (0, -1))
+        ends = f"from {self.values[0]:.4g} at {largest} to {self.values[-1]:.4g} at {smallest}"
         if self.drifts and self.change < 0:
             return (
                 f"{self.order} falls with the amplitude {where}, {ends}: friction in disguise, as dry friction "
@@ -397,33 +401,33 @@ def _window(
     )
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
     sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
+    units = {n: e.units.get(_told_by(piece, n)[0], "rad") for n in orders}
     standard_errors = {
         n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
     }
     whole = span == (0, len(e.measured))
-    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, standard_errors)
+    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, standard_errors, units)
 
 
 def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
-    """Order → the mean amplitude of the scored outputs that have it, of all where none has."""
+    """Order → the largest mean amplitude of the outputs that tell of it [their unit]."""
     measured = piece.experiments[0].measured
     period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
-    of = _orders_of(piece)
-    return {n: max([s for o, s in sizes.items() if of[o] == n] or sizes.values()) for n in orders}
+    return {n: max(sizes[o] for o in _told_by(piece, n)) for n in orders}
 
 
-def _orders_of(piece: Problem) -> dict[str, str | float | Complement | None]:
-    """Output → the order of its state; None for one that is no state."""
-    states, orders = piece.model.output_states, piece.model.orders
-    return {o: orders[states[o]] if o in states else None for o in piece.outputs}
+def _told_by(piece: Problem, order: str) -> list[str]:
+    """The scored outputs whose states have an order, all where none has; of several units those of the first's."""
+    states, orders, units = piece.model.output_states, piece.model.orders, piece.experiments[0].units
+    own = [o for o in piece.outputs if o in states and orders[states[o]] == order] or [*piece.outputs]
+    return [o for o in own if units.get(o, "rad") == units.get(own[0], "rad")]
 
 
 def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
-    """Order → the amplitude below which its output stands still [rad]."""
-    of = _orders_of(piece)
+    """Order → the amplitude below which its output stands still [its unit]."""
     steps = {o: COUNTS * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
-    return {n: max([s for o, s in steps.items() if of[o] == n] or [0.0]) for n in orders}
+    return {n: max(steps[o] for o in _told_by(piece, n)) for n in orders}
 
 
 # --- drifts --------------------------------------------------------------------------------------------------
@@ -448,7 +452,8 @@ def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
         np.array([getattr(w, name)[order] for w in informative]) for name in ("amplitude", "orders", "standard_errors")
     )
     probability, explained, change = trend(A, q, s)
-    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), tuple(s.tolist()), probability, explained, change)
+    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), tuple(s.tolist()), probability, explained, change,
+                 informative[0].units.get(order, "rad"))  # fmt: skip
 
 
 def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, float]:
@@ -473,5 +478,5 @@ def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, fl
     return float(chi2.sf(Q, len(q) - 1)), 1 - rest / Q if Q > 1e-9 else 0.0, float(line[-1] - line[0])
 
 
-def _degrees(angle: float) -> str:
-    return f"{d:.0f}°" if (d := math.degrees(angle)) >= 10 else f"{d:.2g}°"
+def _shown(amplitude: float, unit: str) -> str:
+    return with_unit(amplitude, unit, ".0f" if amplitude * shown_unit(unit)[1] >= 10 else ".2g")

@@ -109,17 +109,17 @@ class Score:
     """How near a structure comes to one recording."""
 
     rmse: Mapping[str, float]
-    """Per output [rad]; infinite where the run fails."""
+    """Per output [its unit]; infinite where the run fails."""
     fit_percent: Mapping[str, float]
     """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output."""
     itae: Mapping[str, float]
-    """∫ t|e| dt, per output [rad s²]."""
+    """∫ t|e| dt, per output [its unit times s²]."""
     failed: str = ""
     """Why the run fails."""
 
     @property
     def error(self) -> float:
-        """The geometric mean of the outputs' RMSE [rad]."""
+        """The geometric mean of the outputs' RMSE: a number to be held against another structure's."""
         return float(np.exp(np.mean(np.log(np.maximum([*self.rmse.values()], 1e-300)))))
 
 
@@ -165,7 +165,7 @@ class Row:
 
     @property
     def error(self) -> float:
-        """The geometric mean of the held-out errors [rad]; infinite where a run fails; NaN without any."""
+        """The geometric mean of the held-out errors; infinite where a run fails; NaN without any."""
         errors = [s.error for s in self.held_out.values()]
         return float(np.exp(np.mean(np.log(errors)))) if errors else math.nan
 
@@ -243,11 +243,11 @@ class Comparison(CardDisplay):
     def _card(self) -> Card:
         return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (
             ("verdict", self.verdict),
-            ("fractional", _row_text(self.best(fractional=True))),
-            ("integer", _row_text(self.best(fractional=False))),
+            ("fractional", _row_text(self.best(fractional=True), self.units)),
+            ("integer", _row_text(self.best(fractional=False), self.units)),
             ("held out", listed(self.held_out)),
             ("notes", f"{len(self.notes)}: {self.notes[0]}" if self.notes else "none"),
-        ), tuple((row.name, _row_text(row)) for row in self.rows))  # fmt: skip
+        ), tuple((row.name, _row_text(row, self.units)) for row in self.rows))  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
@@ -260,12 +260,15 @@ class Comparison(CardDisplay):
         return draw("ladder", self, style=style)
 
     def table(self) -> list[dict[str, Any]]:
-        """One line for each structure, recording and output, as of ``compare.csv``; angles in degrees."""
+        """One line for each structure, recording and output, as of ``compare.csv``.
+
+        The RMSE of an angle is ``rmse_deg``, that of any other output ``rmse``, in its ``unit``.
+        """
         return [line for row in self.rows for line in _lines(row, self.outputs, self.units)]
 
 
-def _row_text(row: Row) -> str:
-    error = f"held-out error {with_unit(row.error)}" if row.held_out else f"cost {row.cost:.4g}"
+def _row_text(row: Row, units: Mapping[str, str]) -> str:
+    error = f"held out {_errors(row, units)}" if row.held_out else f"cost {row.cost:.4g}"
     return (
         f"{row.name}: {error}, ΔBIC {row.bic:.4g}".replace("-", "−")
         if math.isfinite(row.bic)
@@ -1101,11 +1104,11 @@ def _row_of(block: RowBlock) -> Row:
     return Row(**own | scores | {"orders": {n: (o.value, o.interval95) for n, o in block.orders.items()}})
 
 
-def _rmse(value: float, unit: str) -> dict[str, Any]:
-    """A column for angles, which readers of the file know, and one for all else."""
+def _in_unit(rmse: float, itae: float, unit: str) -> dict[str, Any]:
+    """Columns for angles, which readers of the file know, and columns with their unit for all else."""
     if unit == "rad":
-        return {"rmse_deg": json_number(math.degrees(value))}
-    return {"rmse": json_number(value), "unit": unit}
+        return {"rmse_deg": json_number(math.degrees(rmse)), "itae_rad_s2": json_number(itae)}
+    return {"rmse": json_number(rmse), "itae": json_number(itae), "unit": unit}
 
 
 def _lines(row: Row, outputs: Sequence[str], units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
@@ -1114,8 +1117,9 @@ def _lines(row: Row, outputs: Sequence[str], units: Mapping[str, str]) -> Iterat
             for output in outputs:
                 yield {
                     "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
-                    "use": use, "output": output, **_rmse(s.rmse[output], units.get(output, "rad")),
-                    "fit_percent": json_number(s.fit_percent[output]), "itae_rad_s2": json_number(s.itae[output]),
+                    "use": use, "output": output,
+                    **_in_unit(s.rmse[output], s.itae[output], units.get(output, "rad")),
+                    "fit_percent": json_number(s.fit_percent[output]),
                     "parameters": row.parameters, "bic_above_best": json_number(row.bic),
                     "log_odds": json_number(row.log_odds), "failed": s.failed,
                     **{f"order_{n}": value for n, (value, _) in row.orders.items()},

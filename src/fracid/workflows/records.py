@@ -30,15 +30,15 @@ def json_document(record: Mapping[str, Any]) -> str:
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    r"""Give rows as a table, of which no spreadsheet runs a cell.
+    r"""Give rows as a table, of which no spreadsheet runs a cell; a row without a column has an empty cell there.
 
     Examples
     --------
-    >>> csv_text([{"name": "mu", "value": 0.9}])
-    'name,value\r\nmu,0.9\r\n'
+    >>> csv_text([{"name": "mu", "value": 0.9}, {"name": "length", "value": 0.3, "unit": "m"}])
+    'name,value,unit\r\nmu,0.9,\r\nlength,0.3,m\r\n'
     """
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]))
+    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)))
     writer.writeheader()
     writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
     return text.getvalue()
