@@ -16,7 +16,7 @@ from sources import PACKAGE, nodes
 
 LAYERS = (
     {"_version", "arrays", "errors", "former_modules", "units"},
-    {"figures", "files", "qr", "quantiles"},
+    {"figures", "qr", "quantiles"},
     {"arrowhead"},
     {"safety"},
     {"cards", "schemas"},

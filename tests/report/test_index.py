@@ -1,6 +1,7 @@
 """The index shows all runs of a folder side by side, links their pages, and writes over nothing that is not its own."""
 
 import json
+import os
 import re
 import shutil
 from dataclasses import replace
@@ -36,6 +37,44 @@ def runs(plain, tmp_path):
 
 def links(folder: Path, name: str) -> list[str]:
     return re.findall(r'href="(.*?)"', (folder / name / "report.html").read_text(encoding="utf-8"))
+
+
+def put(kind: str, path: Path) -> None:
+    """Something else in place of a file."""
+    path.unlink(missing_ok=True)
+    if kind == "a pipe":
+        os.mkfifo(path)
+    elif kind == "a link":
+        path.symlink_to(path.with_name("thesis"))
+    elif kind == "a folder":
+        path.mkdir()
+    else:
+        with path.open("wb") as file:
+            file.truncate(6 << 30)
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a link", "a folder", "six gigabytes"])
+@pytest.mark.parametrize("name", ["index.html", "first/report.html", "first/result.json", "first/environment.json"])
+def test_whatever_stands_in_place_of_a_file_of_a_strangers_runs_hangs_nothing_and_leads_nowhere(runs, kind, name):
+    (runs / name).with_name("thesis").write_text("mine")
+    put(kind, runs / name)
+    if name == "index.html":
+        with pytest.raises(InputError, match="is not an index that fracid wrote; move it away first"):
+            write_index(runs)
+        refresh_index(runs)
+    else:
+        write_index(runs)
+    assert (runs / name).with_name("thesis").read_text() == "mine"
+
+
+def test_a_run_that_is_a_link_to_elsewhere_is_not_written_through(runs, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "run"
+    (runs / NAMES[0]).rename(elsewhere)
+    (runs / NAMES[0]).symlink_to(elsewhere)
+    before = (elsewhere / "report.html").read_bytes()
+    assert [run.folder.name for run in runs_of(runs)] == sorted(NAMES[1:], key=NAMES.index, reverse=True)
+    write_index(runs)
+    assert (elsewhere / "report.html").read_bytes() == before
 
 
 def test_a_run_is_told_from_others_by_recipe_date_duration_and_seed():

@@ -12,10 +12,10 @@ import pytest
 import fracid
 import fracid.cli
 from fracid.errors import InputError, Unfinished
-from fracid.files import write_text
 from fracid.problem.project import load_project
 from fracid.runs.environment import versions
 from fracid.runs.folder import EVALUATIONS, FIGURE, FIGURES, JOURNAL, RUN, inputs_of, open_folder, open_run, run_state
+from fracid.safety.door import write_text
 
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 

@@ -669,7 +669,7 @@ PROJECTS = [
     project("a path out of the folder", ONE.replace("swing.csv", "../{folder}/swing.csv"), "", 0),
     project("a file with a zero byte in its name", ONE.replace("swing", "a\\u0000b") + 'name = "a"\n', "no file's name holds a zero byte."),
     project("code of its own, not there", '[model]\nname = "rig.py:model"\n' + ONE, "'rig.py:model': there is no file … rig.py."),
-    Row("a pipe", "rig.toml", lambda path: os.mkfifo(path), "is no plain file but a pipe or a device; save it to a file.", 2,
+    Row("a pipe", "rig.toml", lambda path: os.mkfifo(path), "cannot be read: it is no plain file but a pipe or a device.", 2,
         "Project files"),
 ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from pydantic import create_model
 import fracid
 import fuzz_runs
 from fracid.errors import InputError
-from fracid.safety.json_files import json_of, text_of
+from fracid.safety.json_files import json_of
 from fracid.safety.schema import Block, Interval, Number, fault_of, lines_of
 from fracid.schemas.comparison import fault_of_fitted
 from fracid.schemas.run_record import EvaluationLine
@@ -66,18 +66,9 @@ def test_what_no_run_writes_is_no_json(text):
         json_of(text)
 
 
-def test_a_file_that_would_hang_or_fill_the_memory_is_not_read(tmp_path):
+def test_a_log_gives_its_good_lines_and_a_pipe_none(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with (tmp_path / "huge").open("wb") as file:
-        file.truncate(1 << 40)
-    with pytest.raises(OSError, match="is no plain file"):
-        text_of(tmp_path / "pipe")
-    with pytest.raises(ValueError, match="has more than 67108864 bytes"):
-        text_of(tmp_path / "huge")
     assert [*lines_of(tmp_path / "pipe", Block)] == []
-
-
-def test_a_log_gives_its_good_lines(tmp_path):
     path = tmp_path / "log"
     path.write_bytes(
         b'{"point": {"mu": 1}}\n{"point": 3}\n\xff\n[[[\n{"point": {"mu": 1e999}}\n{"point": {"mu": 2}}\n{"po'
@@ -257,7 +248,7 @@ def test_a_score_has_the_outputs_of_its_study():
 def test_a_line_without_an_end_fills_no_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("fracid.tasks.journal.LONGEST", 10)
     (tmp_path / "log").write_bytes(b"one\n" + b"x" * 35 + b"\ntwo\n" + b"y" * 35)
-    assert whole_lines(tmp_path / "log") == ([b"one", b"", b"two"], 44)
+    assert list(whole_lines(tmp_path / "log")) == [(b"one", 4), (b"", 40), (b"two", 44)]
 
 
 def test_a_folder_of_files_has_no_links(tmp_path):

@@ -149,7 +149,11 @@ def test_files_have_names_that_every_system_takes_and_tells_apart():
 @pytest.mark.parametrize(
     ("text", "cell"),
     [("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"), ("+cmd|x", "'+cmd|x"), ("-cmd", "'-cmd"), ("-15°", "-15°"),
-     ("+3", "+3"), ("a=b", "a=b"), ("", "")],
+     ("+3", "+3"), ("a=b", "a=b"), ("", ""), ("-3.5e-4 rad", "-3.5e-4 rad"), ("-5µm", "-5µm"), ("-5 m/s²", "-5 m/s²"),
+     ("-2+3+cmd|' /C calc'!D2", "'-2+3+cmd|' /C calc'!D2"), ("+1A1", "'+1A1"), ("-5 -cmd", "'-5 -cmd"), ("-", "'-"),
+     ("\t=1", "'\t'=1"), ("\rx", "'\rx"), (" =1", "' =1"), ("\u200b=1", "'\u200b=1"), ("＝1", "'＝1"), ("﹦1", "'﹦1"),
+     ("＋1", "'＋1"), ("＠SUM(A1)", "'＠SUM(A1)"), ("a;=1", "a;'=1"), ("a\t-cmd", "a\t'-cmd")],
+    ids=ascii,
 )  # fmt: skip
 def test_a_spreadsheet_takes_no_name_for_a_formula(text, cell):
     assert csv_cell(text) == cell

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -175,6 +176,34 @@ def test_no_duration_is_taken_from_the_clock_on_the_wall_which_may_go_back_or_ju
     package = Path(fracid.__file__).parent
     wall = r"\btime\.time\(|\btime_ns\("  # a date for people may be any
     assert [path for path in package.rglob("*.py") if re.search(wall, path.read_text(encoding="utf-8"))] == []
+
+
+def taken(folder):
+    """What somebody is told who wants the folder; nothing where it is free."""
+    try:
+        with FolderLock(folder):
+            return ""
+    except InputError as error:
+        return str(error)
+
+
+def test_a_second_thread_on_a_folder_is_refused_and_has_it_afterwards(tmp_path):
+    with ThreadPoolExecutor(1) as other:
+        with FolderLock(tmp_path):
+            assert "Another thread of this process is at work in" in other.submit(taken, tmp_path).result()
+        assert other.submit(taken, tmp_path).result() == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks here")
+def test_a_process_that_is_forked_off_has_no_hold_and_takes_none_away(tmp_path):
+    with FolderLock(tmp_path) as lock:
+        pid = os.fork()
+        if not pid:
+            lock.release()
+            os._exit(int("Another process is at work in" in taken(tmp_path)))
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
+        assert str(os.getpid()) in (tmp_path / ".lock").read_text()
+    assert taken(tmp_path) == ""
 
 
 def test_one_process_may_open_several_journals_in_a_folder(tmp_path):

@@ -29,6 +29,7 @@ from fracid.cli.app import (
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import DataError
+from fracid.safety.door import text_of
 from fracid.tasks.display import shown
 from fracid.units import shown_unit, with_unit
 
@@ -117,7 +118,7 @@ def compare(
             jobs=jobs, observer=observer, command=sys.argv[1:],
         )  # fmt: skip
     if json_:
-        typer.echo(finished.path.read_text(encoding="utf-8").rstrip("\n"))
+        typer.echo(text_of(finished.path).rstrip("\n"))
     else:
         console = new_console()
         _show(finished, console)

@@ -17,7 +17,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from fracid.safety.json_files import json_of, text_of
+from fracid.safety.door import text_of
+from fracid.safety.json_files import json_of
 
 __all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of", "pasteable"]
 

@@ -30,12 +30,12 @@ from fracid.estimation.covariance import jacobian
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
 from fracid.figures import draw
-from fracid.files import write_text
 from fracid.problem import Free
 from fracid.problem.unknowns import Value, start_of
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
+from fracid.safety.door import write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fracid.errors import InputError, unknown_name, unwritable
+from fracid.safety.door import write_text
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -111,7 +112,6 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
     from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
     from fracid.export.recursion import Recursion
     from fracid.export.state_space import integer_model
-    from fracid.files import write_text
 
     write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
@@ -129,7 +129,6 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
     from fracid.export.c import c_model
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
-    from fracid.files import write_text
 
     if reason := no_program(run, "c"):
         yield f"{reason} There is no C function."
@@ -147,7 +146,6 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
 
 def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
-    from fracid.files import write_text
 
     if reason := no_javascript(run.problem, run.x):
         yield f"{reason} There is no fracid_model.mjs."
@@ -164,7 +162,6 @@ def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pat
 
 def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import csv_tables
-    from fracid.files import write_text
 
     for name, text in csv_tables(run).items():
         write_text(folder / name, text)
@@ -173,7 +170,6 @@ def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str
 
 def _json(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import json_text
-    from fracid.files import write_text
 
     write_text(folder / "export.json", json_text(run))
     yield folder / "export.json"
@@ -183,7 +179,6 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     import json
 
     from fracid.export.state_space import integer_model, sentences
-    from fracid.files import write_text
     from fracid.plots.linear import linear_response
     from fracid.plots.writing import save
 

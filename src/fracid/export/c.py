@@ -11,7 +11,6 @@ they last, that is no difference.
 from __future__ import annotations
 
 import re
-from importlib.resources import files
 from string import Template
 
 import numpy as np
@@ -22,6 +21,7 @@ from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import not_written
 from fracid.problem.simulator import LIMIT
+from fracid.safety.door import own_text
 from fracid.solver.schemes import UNSETTLED
 
 __all__ = ["c_model"]
@@ -117,7 +117,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
 
 
 def _template(name: str) -> Template:
-    return Template((files("fracid.export") / name).read_text(encoding="utf-8"))
+    return Template(own_text(f"export/{name}"))
 
 
 def _tables(tables: Recursion, case: Case, gl: bool, program: str) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from fracid._version import __version__
@@ -18,6 +17,7 @@ from fracid.export.recursion import TIGHT, Case
 from fracid.export.whole import not_written
 from fracid.models.joints import Complement
 from fracid.problem.simulator import LIMIT
+from fracid.safety.door import own_text
 from fracid.solver.methods import METHODS, Method
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ export function simulate({{ orders = {{}}, parameters = {{}}, ...recording }} = 
 
 def solver() -> str:
     """The solver, a script that defines ``Fracid``."""
-    return (files("fracid.export") / "recursion.js").read_text(encoding="utf-8")
+    return own_text("export/recursion.js")
 
 
 def right_hand_side(model: Model) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,7 @@ from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import not_written
 from fracid.problem.simulator import LIMIT
+from fracid.safety.door import own_text, write_whole
 from fracid.solver.schemes import UNSETTLED
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     third = scheme.family == "pi3"
     template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
     rows = np.array(tables.row)
-    return Template((files("fracid.export") / template).read_text(encoding="utf-8")).substitute(
+    return Template(own_text(f"export/{template}")).substitute(
         what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
         states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
         state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
@@ -232,8 +232,6 @@ def write_results(path: Path, content: Mapping[str, Any]) -> None:
     from io import BytesIO
 
     from scipy.io import savemat
-
-    from fracid.files import write_whole
 
     memory = BytesIO()
     savemat(memory, dict(content), do_compression=True, oned_as="column", long_field_names=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.files import json_number
+from fracid.safety.json_files import json_number
 from fracid.safety.text import csv_cell, file_stems
 
 if TYPE_CHECKING:

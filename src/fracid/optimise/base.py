@@ -36,8 +36,8 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number
-from fracid.files import json_number
-from fracid.safety.json_files import REACH, json_of
+from fracid.safety.door import appended
+from fracid.safety.json_files import REACH, json_number, json_of
 from fracid.tasks.journal import append_whole, whole_lines
 
 __all__ = [
@@ -206,8 +206,8 @@ class EvaluationLog:
 
     Examples
     --------
-    >>> import os
-    >>> with EvaluationLog(os.devnull) as log:
+    >>> import tempfile
+    >>> with EvaluationLog(Path(tempfile.mkdtemp()) / "evaluations.jsonl") as log:
     ...     log.append(("mu",), [Evaluation(np.array([0.9]), 0.1)])
     """
 
@@ -218,16 +218,17 @@ class EvaluationLog:
         """Open the file, at its end if it is there; a line that was cut off in writing is removed."""
         self._path, self._count = Path(path), 0
         try:
-            lines, self._end = whole_lines(self._path)
-            self._file = self._path.open("ab", buffering=0)
-            if self._path.is_file():
-                self.torn = self._path.stat().st_size > self._end
-                self._file.truncate(self._end)
+            before, last, end = 0, b"", 0
+            for before, (last, end) in enumerate(whole_lines(self._path), 1):  # noqa: B007  (the last one's)
+                pass
+            self._file, self._end = appended(self._path), end
+            self.torn = self._path.stat().st_size > end
+            self._file.truncate(end)
         except OSError as error:
             raise InputError(f"The log {path} cannot be written: {error.strerror}; is its folder there?") from error
-        self._before = len(lines) if again else 0
-        self._count = 0 if again else len(lines)
-        self._began = time.perf_counter() - (_seconds(lines) if again else 0.0)
+        self._before = before if again else 0
+        self._count = 0 if again else before
+        self._began = time.perf_counter() - (_seconds(last) if again else 0.0)
 
     def __enter__(self) -> EvaluationLog:
         """Give itself."""
@@ -250,11 +251,11 @@ class EvaluationLog:
         self._end = append_whole(self._file, "".join(lines).encode(), self._end)
 
 
-def _seconds(lines: list[bytes]) -> float:
-    """Where the clock of an older log stood."""
+def _seconds(line: bytes) -> float:
+    """Where the clock of an older log stood, by its last line."""
     try:
-        content = json_of(lines[-1])
-    except (IndexError, ValueError):
+        content = json_of(line)
+    except ValueError:
         return 0.0
     seconds: Any = content.get("seconds") if isinstance(content, dict) else None
     return float(seconds) if is_number(seconds) and abs(seconds) < REACH else 0.0

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, unwritable
-from fracid.files import write_whole
 from fracid.plots import appearance
+from fracid.safety.door import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

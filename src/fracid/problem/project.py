@@ -41,7 +41,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import stat
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -68,6 +67,7 @@ from fracid.problem.unknowns import Free, Prior, Tied, Value
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
+from fracid.safety.door import text_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
@@ -76,7 +76,7 @@ from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
 
-__all__ = ["PRESETS", "Project", "load_project", "project_from_text"]
+__all__ = ["LARGEST_FILE", "PRESETS", "Project", "load_project", "project_from_text"]
 
 _T = TypeVar("_T")
 
@@ -88,8 +88,11 @@ ORDER_RANGE = Free(1.0, 0.5, 1.2)
 SPRINGPOT_RANGE = Free(0.5, 0.02, 0.98)
 """The same of a springpot's."""
 
-LARGEST_FILE = 2**24
-"""Of a project [bytes]: 100,000 recordings."""
+LARGEST_FILE = 2**22
+"""Of a project [bytes]: 40,000 recordings, five seconds to take apart."""
+
+MOST_KEYS = 1000
+"""Of a table; the largest of a project names the parameters of a model."""
 
 DEEPEST = 16
 """Tables and lists within each other."""
@@ -284,12 +287,7 @@ def _text(path: Path) -> str:
     """Read a project file; of a pipe or device nobody knows the end, and a recording by mistake may be large."""
     try:
         refuse_mistaken(path, "project")
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
-            raise InputError(f"The project file {path} is no plain file but a pipe or a device; save it to a file.")
-        if status.st_size > LARGEST_FILE:
-            raise InputError(f"The project file {path} has {status.st_size} bytes; expected {LARGEST_FILE} at most.")
-        return path.read_text(encoding="utf-8-sig")
+        return text_of(path, LARGEST_FILE, "utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"The project file {path} cannot be read: it is not UTF-8 text; save it as UTF-8.") from None
     except (OSError, ValueError) as error:
@@ -366,6 +364,8 @@ def _toml(text: str) -> dict[str, Any]:
         if any(isinstance(v, int) and v.bit_length() > 63 for v in level):
             raise InputError("it holds a whole number of more than 18 digits; write it with a point if it is meant.")
         level = [v for v in level if isinstance(v, dict | list)]
+        if any(isinstance(v, dict) and len(v) > MOST_KEYS for v in (content, *level)):
+            raise InputError(f"it holds a table of more than {MOST_KEYS} keys; a project has no such table.")
     if level:
         raise InputError(f"its tables or lists lie more than {DEEPEST} deep in each other; a project has three levels.")
     return content
@@ -722,7 +722,8 @@ TABLES = EXPECTED | {
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
     faults = faults_by_place(error, alternatives=["_Range"])
-    inner = [p for p in faults if not any(len(q) > len(p) and q[: len(p)] == p for q in faults)]
+    outer = {p[:k] for p in faults for k in range(len(p))}
+    inner = [p for p in faults if p not in outer]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
     return " ".join(_sentence(p, faults[p]) for p in inner[:3])
 

@@ -32,6 +32,7 @@ from fracid.recording.guess import guessed_units, is_angle
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
+from fracid.safety.door import opened
 
 __all__ = ["inspect_recording", "load_recording", "resampled"]
 
@@ -259,7 +260,7 @@ def _state(path: Path) -> tuple[int, int] | None:
 
 def _digest(path: Path) -> str:
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.files import write_whole
 from fracid.recording.recording import Recording
+from fracid.safety.door import write_whole
 
 __all__ = ["WRITERS", "save_recording"]
 

@@ -10,7 +10,6 @@ import base64
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from math import inf, isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from fracid.problem.simulator import LIMIT
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter, unit
 from fracid.report.traces import budget
+from fracid.safety.door import own_text
 
 if TYPE_CHECKING:
     from fracid.problem import Experiment, Problem
@@ -83,7 +83,7 @@ def explore_scripts(material: Material) -> list[str]:
     """The solver, the model and the section's script; nothing where there is nothing to explore."""
     if not_explored(material):
         return []
-    own = (Path(__file__).parent / "explore.js").read_text(encoding="utf-8")
+    own = own_text("report/explore.js")
     return [solver(), right_hand_side(material.project.problem.model), own]
 
 

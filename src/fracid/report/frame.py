@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
@@ -25,6 +24,7 @@ from fracid.report.sentences import (
     with_error,
 )
 from fracid.report.whiskers import whisker
+from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _seen(value: Any) -> Any:
 
 def own_file(name: str) -> str:
     """A file beside this one, as it stands between a tag and its end."""
-    return "\n" + (Path(__file__).parent / name).read_text(encoding="utf-8").strip() + "\n"
+    return "\n" + own_text(f"report/{name}").strip() + "\n"
 
 
 def policy(styles: list[Markup], scripts: list[Markup]) -> str:

@@ -7,7 +7,9 @@ is written again.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -19,14 +21,14 @@ from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unwritable
-from fracid.files import write_text
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.samples import floats_of
 from fracid.report.sentences import joined, letter, number
 from fracid.report.whiskers import order_axis, orders_drawn
-from fracid.safety.json_files import json_of, text_of
+from fracid.safety.door import opened, text_of, write_text
+from fracid.safety.json_files import json_of
 from fracid.safety.schema import read_as
 from fracid.safety.text import printable
 from fracid.schemas.result import ResultBlock
@@ -118,6 +120,8 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
     """The runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
     runs = []
     for path in sorted(folder.glob("*/result.json")):
+        if path.parent.is_symlink():  # what is written there would lie elsewhere
+            continue
         try:
             result = read_as(path, ResultBlock, "fracid fit PROJECT")
         except (OSError, InputError):
@@ -133,15 +137,18 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
 
 def refresh_index(folder: Path) -> None:
     """Write the index again where there is one; a folder that cannot be written stays as it is."""
-    try:
-        ours = GENERATOR in (folder / INDEX).read_text(encoding="utf-8", errors="replace")[:HEAD]
-    except OSError:
-        return
-    if ours:
-        try:
+    if _is_ours(folder / INDEX):
+        with suppress(InputError):  # the run's own page is written, and that was asked for
             write_index(folder)
-        except InputError:  # the run's own page is written, and that was asked for
-            return
+
+
+def _is_ours(index: Path) -> bool:
+    """Whether fracid wrote it; False too of one that is not there or cannot be read."""
+    try:
+        with opened(index) as file:
+            return GENERATOR.encode() in file.read(HEAD)
+    except OSError:
+        return False
 
 
 def write_index(folder: str | Path) -> Path:
@@ -174,7 +181,7 @@ def write_index(folder: str | Path) -> Path:
     if not runs:
         raise InputError(f"{folder} holds no folder of a run. Give a run's folder, or one with runs in it.")
     path = folder / INDEX
-    if path.exists() and GENERATOR not in path.read_text(encoding="utf-8", errors="replace")[:HEAD]:
+    if os.path.lexists(path) and not _is_ours(path):
         raise InputError(f"{path} is not an index that fracid wrote; move it away first.")
     try:
         write_text(path, _index_page(folder, runs))
@@ -190,8 +197,8 @@ def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> No
     if page.is_symlink():
         return
     try:
-        text = page.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = text_of(page)
+    except (OSError, ValueError):
         return
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:

@@ -15,7 +15,6 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import unwritable
-from fracid.files import json_number, write_text
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
@@ -29,6 +28,8 @@ from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
+from fracid.safety.door import write_text
+from fracid.safety.json_files import json_number
 from fracid.selection.doubts import in_motion, unsaid
 
 if TYPE_CHECKING:

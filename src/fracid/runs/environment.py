@@ -7,6 +7,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from fracid.safety.door import text_of
+
 __all__ = ["machine", "versions"]
 
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
@@ -44,8 +46,8 @@ def machine() -> dict[str, str]:
 def _processor() -> str:
     """Its model, where Linux says it; else what Python knows."""
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
+        lines = text_of(Path("/proc/cpuinfo")).splitlines()
+    except (OSError, ValueError):
         lines = []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()

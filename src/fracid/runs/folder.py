@@ -35,8 +35,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import FracidError, InputError, unwritable
-from fracid.files import write_text
 from fracid.runs.environment import machine, versions
+from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.schema import as_json, read_as
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock, RunBlock
@@ -88,9 +88,6 @@ STARTS = f"starts/{JOURNAL}"
 
 NEAR = 3
 """Folders above a run's in which a project is looked for that was moved together with it: runs/rig lies two below."""
-
-LARGEST_PROJECT = 2**24
-"""Of such a project [bytes]."""
 
 POSTERIOR = ("posterior/posterior.json", "posterior/draws.npz", f"posterior/{JOURNAL}")
 
@@ -265,8 +262,7 @@ def moved_project(folder: Path, state: RunState) -> Path:
 def _has_digest(path: Path, digest: str | None) -> bool:
     """As :func:`inputs_of` has it, of the text."""
     try:
-        is_small = path.is_file() and path.stat().st_size <= LARGEST_PROJECT
-        return is_small and sha256(path.read_text(encoding="utf-8-sig").encode()).hexdigest() == digest
+        return sha256(text_of(path, encoding="utf-8-sig").encode()).hexdigest() == digest
     except (OSError, ValueError):
         return False
 
@@ -328,7 +324,7 @@ def inputs_of(project: Project) -> dict[str, str]:
     inputs = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
     inputs |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
     for file in project.own_code:
-        inputs[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(file.read_bytes()).hexdigest()
+        inputs[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(bytes_of(file)).hexdigest()
     return inputs | {f"the version of {package}": number for package, number in versions().items()}
 
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.files import json_number
+from fracid.safety.json_files import json_number
 from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 

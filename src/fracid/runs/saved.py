@@ -36,8 +36,9 @@ from fracid.estimation.starts import Start
 from fracid.findings import Finding
 from fracid.fit import fit_card
 from fracid.problem import Experiment, Problem
-from fracid.problem.project import Project, project_from_text
-from fracid.safety.json_files import json_of, text_of
+from fracid.problem.project import LARGEST_FILE, Project, project_from_text
+from fracid.safety.door import text_of
+from fracid.safety.json_files import json_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
 from fracid.safety.text import ascii_short
@@ -61,9 +62,6 @@ __all__ = ["SavedRun", "load_run"]
 
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""
-
-LARGEST_PROJECT = 1 << 23
-"""Bytes of a project file."""
 
 MOST_WORDS = 1000
 """Of a command, that are looked at for a project file."""
@@ -356,7 +354,7 @@ def _read(path: Path) -> dict[str, Any]:
 def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
     """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
     try:
-        text = text_of(folder / "project.toml", LARGEST_PROJECT)
+        text = text_of(folder / "project.toml", LARGEST_FILE)
     except (OSError, ValueError):
         raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
     there = [path for path in _places(folder) if path.parent.is_dir()]
@@ -379,7 +377,7 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
 def _text(path: Path) -> str | None:
     """What a project file says, None without one."""
     try:
-        return text_of(path, LARGEST_PROJECT)
+        return text_of(path, LARGEST_FILE)
     except (OSError, ValueError):
         return None
 

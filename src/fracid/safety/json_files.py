@@ -10,15 +10,13 @@ The schemas, and what of a value is not of one, are in :mod:`fracid.safety.schem
 from __future__ import annotations
 
 import json
-import stat
+import math
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-__all__ = ["LONGEST", "MOST", "REACH", "excess_of", "json_of", "place", "short_text", "shown", "text_of"]
+__all__ = ["LONGEST", "REACH", "excess_of", "from_json", "json_number", "json_of", "place", "short_text", "shown"]
 
-MOST = 1 << 26
-"""Bytes of a JSON file: of what fracid writes, a study of 10⁵ repetitions comes near."""
+_Value = TypeVar("_Value")
 
 LONGEST = 1 << 24
 """Bytes of a line of a log."""
@@ -28,6 +26,9 @@ REACH = 1e100
 
 WHOLE_REACH = 1 << 63
 """The same of whole ones."""
+
+MOST_VALUES = 1 << 22
+"""Of lists, tables and what is in them: each takes up to a hundred bytes of memory, and two of the file."""
 
 DEEPEST = 32
 """JSON in JSON; a result has seven."""
@@ -39,28 +40,26 @@ LONGEST_NAME = 500
 """Characters of a name: a start value's has that of its recording."""
 
 
-def text_of(path: Path, most: int = MOST) -> str:
-    """Read a text file that cannot hang, and is not larger than one of its kind can be.
-
-    Raises
-    ------
-    OSError
-        If it is not there, no plain file or cannot be read.
-    ValueError
-        If it is too large, or no UTF-8.
+def json_number(value: float | None) -> float | None:
+    """A number as JSON has it, which knows neither NaN nor infinity: null in their place.
 
     Examples
     --------
-    >>> text_of(Path(__file__)).startswith('\"\"\"JSON of a run folder')
-    True
+    >>> json_number(0.5), json_number(float("inf")), json_number(None)
+    (0.5, None, None)
     """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise OSError(f"{path} is no plain file")
-    with path.open("rb") as file:
-        raw = file.read(most + 1)
-    if len(raw) > most:
-        raise ValueError(f"{path} has more than {most} bytes")
-    return raw.decode("utf-8")
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def from_json(value: _Value | None, otherwise: _Value) -> _Value:
+    """A value of JSON, where null stands for what JSON cannot say.
+
+    Examples
+    --------
+    >>> from_json(0.5, math.inf), from_json(None, math.inf)
+    (0.5, inf)
+    """
+    return otherwise if value is None else value
 
 
 def json_of(text: str | bytes) -> Any:
@@ -79,6 +78,9 @@ def json_of(text: str | bytes) -> Any:
     Traceback (most recent call last):
     ValueError: NaN is no number
     """
+    text = text if isinstance(text, str) else text.decode()
+    if sum(map(text.count, ",[{")) > MOST_VALUES:
+        raise ValueError(f"it holds more than {MOST_VALUES} values")
     try:
         value = json.loads(text, parse_constant=_no_number)
     except RecursionError:

@@ -16,14 +16,18 @@ ends with a command.  Whoever reads a kind of path calls it first, so that libra
 from __future__ import annotations
 
 import difflib
+import os
 import shlex
+from itertools import islice
+from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Literal
 
 from fracid.errors import InputError
-from fracid.safety.json_files import json_of, text_of
+from fracid.safety.door import text_of
+from fracid.safety.json_files import json_of
 
-__all__ = ["Kind", "kind_of", "refuse_mistaken"]
+__all__ = ["Kind", "beside_each_other", "kind_of", "refuse_mistaken"]
 
 Kind = Literal["project", "recording", "run", "study"]
 
@@ -46,7 +50,8 @@ INSTEAD = {
 }  # fmt: skip
 """(What is wanted, what it is) → what to say."""
 
-WORDS = {"project": "a project file", "recording": "a recording", "run": "the folder of a run", "study": "a study"}
+NAMED = 1000
+"""Names among which the one that was meant is looked for."""
 
 
 def kind_of(path: Path) -> Kind | None:
@@ -57,11 +62,11 @@ def kind_of(path: Path) -> Kind | None:
     >>> kind_of(Path("/nowhere/rig.toml")) is None
     True
     """
-    if path.is_dir():
-        if (path / "result.json").exists() or (path / "run.json").exists():
+    if isdir(path):
+        if exists(path / "result.json") or exists(path / "run.json"):
             return "run"
-        return "study" if any((path / name).exists() for name in STUDIES) else None
-    if not path.is_file():
+        return "study" if any(exists(path / name) for name in STUDIES) else None
+    if not isfile(path):
         return None
     if path.suffix.lower() == ".toml":
         return "project"
@@ -99,14 +104,14 @@ def refuse_mistaken(path: Path, target: Kind) -> None:
         return
     if kind is not None:
         raise InputError(f"{path} is {_instead(path, target, kind)}.")
-    if not path.exists():
+    if not exists(path):
         raise InputError(f"There is no {path}. {_nearest(path, target)}")
 
 
 def _instead(path: Path, target: Kind, kind: Kind) -> str:
     """What it is, and what to type."""
     run = Path("runs") / path.stem
-    study = next((command for name, command in STUDIES.items() if (path / name).exists()), "")
+    study = next((command for name, command in STUDIES.items() if exists(path / name)), "")
     fitted = f"; its run may be {_typed(run)}" if kind_of(run) == "run" else ""
     return INSTEAD[target, kind].format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
 
@@ -123,19 +128,34 @@ def _project_of(folder: Path) -> str:
 def _nearest(path: Path, target: Kind) -> str:
     """The one meant, or what there is to choose from."""
     beside = path.parent
-    if not beside.is_dir():
+    if not isdir(beside):
         return f"There is no folder {beside} either; paths begin at {Path.cwd()}."
-    there = {p.name: p for p in sorted(beside.iterdir()) if not p.name.startswith(".") and kind_of(p) == target}
+    there = {p.name: p for p in beside_each_other(beside) if not p.name.startswith(".") and kind_of(p) == target}
     by_stem = {Path(name).stem: p for name, p in there.items()}
     if close := difflib.get_close_matches(path.stem, by_stem, n=1):
         return f"Did you mean {_typed(by_stem[close[0]])}?"
     if not there and target == "run":
-        there = {p.name: p for p in sorted((beside / "runs").glob("*")) if kind_of(p) == "run"}
+        there = {p.name: p for p in beside_each_other(beside / "runs") if kind_of(p) == "run"}
     if not there:
         missing = {"project": "Write one: fracid init RECORDING", "run": "Fit one: fracid fit PROJECT"}
         return f"No other {target} is in {beside.resolve()}. {missing.get(target, 'Check the path')}."
     names = [_typed(p) for p in there.values()]
     return f"There {'is' if len(names) == 1 else 'are'} {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}."
+
+
+def beside_each_other(folder: Path) -> list[Path]:
+    """What lies in a folder, for a message: sorted, of a folder of thousands some, of none and a closed one nothing.
+
+    Examples
+    --------
+    >>> beside_each_other(Path("/nowhere"))
+    []
+    """
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(folder / entry.name for entry in islice(entries, NAMED))
+    except OSError:
+        return []
 
 
 def _typed(path: Path) -> str:

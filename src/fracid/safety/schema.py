@@ -21,7 +21,6 @@ What a file has beside the keys of its block is passed over.
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from math import inf, nan
@@ -32,8 +31,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 from pydantic_core.core_schema import ValidationInfo
 
 from fracid.errors import InputError
-from fracid.files import from_json, json_number
-from fracid.safety.json_files import LONGEST, excess_of, json_of, place, short_text, shown, text_of
+from fracid.safety.door import opened, text_of
+from fracid.safety.json_files import LONGEST, excess_of, from_json, json_number, json_of, place, short_text, shown
 
 __all__ = [
     "AS_NULL",
@@ -265,9 +264,7 @@ def lines_of(path: Path, block: type[Block]) -> Iterator[Any]:
     []
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            return
-        with path.open("rb") as file:
+        with opened(path) as file:
             while line := file.readline(LONGEST):
                 try:
                     content = json_of(line)

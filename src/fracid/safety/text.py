@@ -25,7 +25,9 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from itertools import count, dropwhile
 from typing import Any
 
 from fracid.errors import InputError
@@ -40,6 +42,14 @@ LONGEST_NAME = 200
 
 LONGEST_STEM = 60
 """Characters of a file's name without what stands before and behind: every file system takes 255 bytes of it all."""
+
+FORMULA = ("=", "+", "-", "@")
+"""What a spreadsheet's formulas begin with."""
+
+SIGNED = re.compile(
+    r"[+-]([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?( ?[^\W\d_]{1,12}| ?[°%]| [^\W\d_]{1,9}/[^\W\d_]{1,9}²?)?", re.I
+)
+"""One number, and perhaps its unit."""
 
 RESERVED = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10))}
 """What Windows takes for a device."""
@@ -137,26 +147,36 @@ def file_stems(names: Iterable[str]) -> dict[str, str]:
     """
     stems: dict[str, str] = {}
     keys: set[str] = set()
+    numbers: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
     for name in dict.fromkeys(names):
         whole = re.sub(r"[^0-9A-Za-z_]+", "-", name).strip("-")[:LONGEST_STEM] or "recording"
         first = stem = f"{whole}-" if whole.lower() in RESERVED else whole
-        number = 2
         while stem.lower() in keys:
-            stem, number = f"{first}-{number}", number + 1
+            stem = f"{first}-{next(numbers[first.lower()])}"
         keys.add(stem.lower())
         stems[name] = stem
     return stems
 
 
 def csv_cell(text: str) -> str:
-    """Keep a spreadsheet from taking a text for a formula: with an apostrophe before; a signed number stays.
+    """Keep a spreadsheet from taking a text for a formula: with an apostrophe before; a number with its unit stays.
+
+    A part behind a semicolon or a tab counts too: where numbers have decimal commas, it is a cell of its own.
 
     Examples
     --------
-    >>> csv_cell("=1+1"), csv_cell("-15°")
-    ("'=1+1", '-15°')
+    >>> csv_cell("=1+1"), csv_cell("-15°"), csv_cell("-2+3"), csv_cell("a;=1+1")
+    ("'=1+1", '-15°', "'-2+3", "a;'=1+1")
     """
-    return f"'{text}" if re.match(r"[=@]|[+-](?![\d.])", text) else text
+    parts = re.split(r"([;,\t\r\n])", text)
+    cell = "".join(f"'{part}" if _is_formula(part) else part for part in parts)
+    return f"'{cell}" if cell[:1] in "\t\r\n" and cell else cell
+
+
+def _is_formula(text: str) -> bool:
+    """Whether its first letter that is seen is a formula's, in any of its widths, and it is no signed number."""
+    seen = "".join(dropwhile(lambda c: c.isspace() or _unseen(c), text))
+    return unicodedata.normalize("NFKC", seen[:1]).startswith(FORMULA) and not SIGNED.fullmatch(text)
 
 
 def _unseen(character: str) -> bool:

@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from fracid.files import from_json
-from fracid.safety.json_files import short_text
+from fracid.safety.json_files import from_json, short_text
 from fracid.safety.schema import AS_NULL, Block, Coherent, Infinite, Interval, Number, Unknown, fault_of, lacking
 from fracid.schemas.result import AlternativeBlock, ClaimWord
 

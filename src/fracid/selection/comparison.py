@@ -63,13 +63,13 @@ from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
-from fracid.files import from_json, json_number
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
+from fracid.safety.json_files import from_json, json_number
 from fracid.safety.schema import as_json
 from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBlock, RowBlock, ScoreBlock
 from fracid.schemas.result import AlternativeBlock

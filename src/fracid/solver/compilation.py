@@ -33,6 +33,8 @@ import numba as nb
 from numba import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+from fracid.safety.door import bytes_of
+
 __all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "Kernel", "helper", "kept", "kept_lazily", "when_called"]
 
 LOG = logging.getLogger("fracid.compilation")
@@ -183,7 +185,7 @@ def sources() -> str:
     package, digest = Path(__file__).parents[1], hashlib.sha256()
     for pattern in SOURCES:
         for path in sorted(package.glob(pattern)):
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+            digest.update(hashlib.sha256(bytes_of(path)).digest())
     return digest.hexdigest()
 
 
@@ -218,8 +220,8 @@ class _Files(IndexDataCacheFile):  # type: ignore[misc]
     def load(self, key: Any) -> Any:
         path, mark = self._place(key)
         try:
-            data = path.read_bytes()
-        except OSError:
+            data = bytes_of(path)
+        except (OSError, ValueError):
             return None
         digest, content = data[:32], data[32:]
         return pickle.loads(content) if digest == hashlib.sha256(mark + content).digest() else None

@@ -1,7 +1,9 @@
-"""A lock on a run folder: one process writes into it at a time.
+"""A lock on a run folder: one thread of one process writes into it at a time.
 
 The operating system holds the lock on the file ``.lock`` for as long as it is open, so a process that is killed
-releases it; the file names the process and machine for the message of the next.  One process may take it several times.
+releases it; the file names the process and machine for the message of the next.  One thread may take it several times;
+a process that is forked off has none of it.  (``filelock``, a library for this, empties the file before it has the
+lock, so that nobody could say who has it.)
 A folder with links in it is refused (:func:`refuse_links`), since writing there could overwrite a file elsewhere.
 """
 
@@ -15,13 +17,17 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from io import RawIOBase
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.safety.door import appended
 from fracid.safety.json_files import json_of
+from fracid.safety.text import shortened
 
 __all__ = ["FolderLock", "Json", "line_content", "refuse_links"]
 
@@ -45,14 +51,14 @@ LOCK = ".lock"
 
 
 class FolderLock:
-    """A folder for one process alone, until :meth:`release` or the process's end, however it ends.
+    """A folder for one thread alone, until :meth:`release` or the process's end, however it ends.
 
-    The same process may take it again; it is free once each has been released.
+    The same thread may take it again; it is free once each has been released.
 
     Raises
     ------
     InputError
-        If another process has it (the message says which), or the folder cannot be written, or holds a link.
+        If another has it (the message says which), or the folder cannot be written, or holds a link.
 
     Examples
     --------
@@ -66,18 +72,24 @@ class FolderLock:
         refuse_links(folder)
         self.path = folder.resolve() / LOCK
         with _GUARD:
-            file, holders = _HELD.get(self.path, (None, 0))
-            _HELD[self.path] = (file or _locked(self.path), holders + 1)
+            hold = _HELD.get(self.path) or _Hold(_locked(self.path), threading.get_ident())
+            if hold.thread != threading.get_ident():
+                raise InputError(
+                    f"Another thread of this process is at work in {folder}. Wait for its end, or give another folder."
+                )
+            hold.times += 1
+            _HELD[self.path] = self._hold = hold
 
     def release(self) -> None:
-        """Let go of it."""
+        """Let go of it; in a process that was forked off since there is nothing to let go of."""
         with _GUARD:
-            file, holders = _HELD.pop(self.path)
-            if holders > 1:
-                _HELD[self.path] = (file, holders - 1)
-            else:
-                file.truncate(0)
-                file.close()
+            if _HELD.get(self.path) is not self._hold:
+                return
+            self._hold.times -= 1
+            if not self._hold.times:
+                del _HELD[self.path]
+                self._hold.file.truncate(0)
+                self._hold.file.close()
 
     def __enter__(self) -> FolderLock:
         """Give itself."""
@@ -103,29 +115,76 @@ def refuse_links(folder: Path) -> None:
     >>> import tempfile
     >>> refuse_links(Path(tempfile.mkdtemp()))
     """
-    for place, folders, files in os.walk(folder):
-        for entry in (Path(place, name) for name in sorted(folders) + sorted(files)):
+    left, count = [os.fspath(folder)], 0
+    while left:
+        entries = _entries(left.pop())
+        count += len(entries)
+        if count > MOST_ENTRIES:
+            raise InputError(f"{folder} holds more than {MOST_ENTRIES} files, which no run does; give another folder.")
+        for entry in entries:
             if entry.is_symlink():
                 raise InputError(
-                    f"{entry} is a link, and what is written to a run folder stays in it: remove the link, or give "
-                    "another folder."
+                    f"{entry.path} is a link, and what is written to a run folder stays in it: remove the link, or "
+                    "give another folder."
                 )
-            if not (entry.is_file() or entry.is_dir()):
-                raise InputError(f"{entry} is no plain file but a pipe or a device: remove it, or give another folder.")
+            if entry.is_dir(follow_symlinks=False):
+                left.append(entry.path)
+            elif not entry.is_file(follow_symlinks=False):
+                raise InputError(
+                    f"{entry.path} is no plain file but a pipe or a device: remove it, or give another folder."
+                )
 
+
+def _entries(place: str) -> list[os.DirEntry[str]]:
+    """What lies in a folder, sorted, and no more than a run has; nothing where there is none."""
+    try:
+        with os.scandir(place) as entries:
+            return sorted(islice(entries, MOST_ENTRIES + 1), key=lambda entry: entry.name)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:  # no right, or a path that is too long
+        raise InputError(
+            f"The folder {shortened(place)} cannot be looked into: {error.strerror}; give another folder."
+        ) from None
+
+
+MOST_ENTRIES = 100_000
+"""Files and folders in a run folder: of each recording there are three figures in two formats."""
 
 WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL}
 """What a file system without locks answers."""
 
 _GUARD = threading.Lock()
 
-_HELD: dict[Path, tuple[RawIOBase, int]] = {}
-"""This process's locks: the open file, and how many hold it."""
+
+@dataclass
+class _Hold:
+    """A lock of this process."""
+
+    file: RawIOBase
+    thread: int
+    times: int = 0
+
+
+_HELD: dict[Path, _Hold] = {}
+
+
+def _forget() -> None:
+    """In a process that was forked off: the locks are its parent's, which has them for as long as any has the file."""
+    global _GUARD
+    _GUARD = threading.Lock()
+    for hold in _HELD.values():
+        hold.file.close()
+    _HELD.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget)
 
 
 def _locked(path: Path) -> RawIOBase:
     try:
-        file = path.open("a+b", buffering=0)
+        file = appended(path)
     except OSError as error:
         raise InputError(
             f"The folder {path.parent} cannot be written: {error.strerror}. Give another: --out DIR."

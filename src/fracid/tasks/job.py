@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.safety.door import text_of
 from fracid.tasks.folder_lock import Json
 
 __all__ = [
@@ -224,9 +225,9 @@ def free_memory() -> int | None:
     """
     bounds = []
     with suppress(OSError, ValueError, IndexError):
-        rows = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
+        rows = dict(line.split(":") for line in text_of(Path("/proc/meminfo")).splitlines())
         bounds.append(1024 * int(rows["MemAvailable"].split()[0]))
     with suppress(OSError, ValueError):  # "max", where there is no limit
         group = Path("/sys/fs/cgroup")
-        bounds.append(int((group / "memory.max").read_text()) - int((group / "memory.current").read_text()))
+        bounds.append(int(text_of(group / "memory.max")) - int(text_of(group / "memory.current")))
     return min(bounds) if bounds else None

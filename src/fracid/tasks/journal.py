@@ -24,19 +24,23 @@ import errno
 import json
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from io import RawIOBase
 from pathlib import Path
 from types import TracebackType
 
 from fracid.errors import InputError, Unfinished, unwritable
+from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST
 from fracid.tasks.folder_lock import FolderLock, Json, line_content
 
 __all__ = ["Journal", "append_whole", "whole_lines"]
 
 FORMAT = 1
+
+TOLD = 20
+"""Damaged lines in a message, at most."""
 
 SYNC = 1.0
 """At most this often is a line forced to the disk [s]."""
@@ -138,29 +142,26 @@ class Journal:
         self._synced = time.monotonic()
 
 
-def whole_lines(path: Path) -> tuple[list[bytes], int]:
-    """Read the lines of a log, without a last one that was cut off in writing; and where the good part ends [bytes].
+def whole_lines(path: Path) -> Iterator[tuple[bytes, int]]:
+    """Read the lines of a log one by one, without a last one that was cut off in writing; each with its end [bytes].
 
     Examples
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "log"
     >>> _ = path.write_bytes(b"one\\ntwo\\nthr")
-    >>> whole_lines(path)
-    ([b'one', b'two'], 8)
+    >>> list(whole_lines(path))
+    [(b'one', 4), (b'two', 8)]
     """
-    lines: list[bytes] = []
-    end, at, begun = 0, 0, False
+    at, begun = 0, False
     if not path.exists():
-        return lines, end
-    with path.open("rb") as file:
+        return
+    with opened(path) as file:
         while piece := file.readline(LONGEST):  # a line that is longer is none of ours, and would fill the memory
             at += len(piece)
             if piece.endswith(b"\n"):
-                lines.append(b"" if begun else piece[:-1])
-                end = at
+                yield (b"" if begun else piece[:-1]), at
             begun = not piece.endswith(b"\n")
-    return lines, end
 
 
 def resumable(path: Path) -> Path:
@@ -225,7 +226,7 @@ def _cut_short(path: Path, error: OSError) -> Unfinished:
 
 def _opened(path: Path) -> RawIOBase:
     try:
-        return path.open("ab", buffering=0)
+        return appended(path)
     except OSError as error:
         raise unwritable(str(path), error, "Give another folder: --out DIR.") from None
 
@@ -234,26 +235,23 @@ def _read(
     path: Path, study: dict[str, Json], file: RawIOBase, fault: Callable[[str, Json], str]
 ) -> tuple[dict[str, Json], tuple[str, ...], int]:
     """Lines of an earlier process: what is done, what was repaired, and where the good part ends [bytes]."""
-    texts, end = whole_lines(path)
-    has_fragment = path.stat().st_size > end
-    if has_fragment:
-        file.truncate(end)
-    lines = [line_content(text) for text in texts]
-    if not lines:
-        return {}, (), 0
-    _check_study(path, lines[0], json.loads(json.dumps(study)))
     results: dict[str, Json] = {}
-    damaged = [1] if lines[0] is None else []
-    for number, line in enumerate(lines[1:], 2):
-        if line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
-            damaged.append(number)
+    damaged, end = list[int](), 0
+    for number, (text, end) in enumerate(whole_lines(path), 1):  # noqa: B007  (the last one's)
+        line = line_content(text)
+        if number == 1:
+            _check_study(path, line, json.loads(json.dumps(study)))
+        elif line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
+            damaged += [number] * (len(damaged) <= TOLD)
         else:
             results.setdefault(line["key"], line.get("value"))
     notes = []
-    if has_fragment:
-        notes.append(f"The last line of {path} was cut off in writing and is removed; its repetition is done again.")
+    if path.stat().st_size > end:
+        file.truncate(end)
+        fragment = f"The last line of {path} was cut off in writing and is removed; its repetition is done again."
+        notes += [fragment] * (end > 0)
     if damaged:
-        numbers = ", ".join(map(str, damaged[:20])) + ", ..." * (len(damaged) > 20)
+        numbers = ", ".join(map(str, damaged[:TOLD])) + ", ..." * (len(damaged) > TOLD)
         notes.append(f"{path}: damaged lines ({numbers}) are passed over; their repetitions are done again.")
     return results, tuple(notes), end
 

@@ -35,6 +35,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.safety.door import descriptor, text_of
 
 __all__ = ["Memo", "Recent"]
 
@@ -87,7 +88,7 @@ class Memo:
         self._path, self._lock = path, threading.Lock()
         self._most, self._overflow = min(most, shutil.disk_usage(path.parent).free // 2), Recent(most // 2)
         self._full = False
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        self._file = descriptor(path)
         self._places: dict[bytes, Place]
         self._places, self._end = _read(self._file)
         self.emptied = self._end == 0 < os.fstat(self._file).st_size
@@ -178,7 +179,7 @@ def _stamp() -> bytes:
     package = Path(__file__).parents[1]
     files = sorted((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in package.rglob("*.py"))
     booted = Path("/proc/sys/kernel/random/boot_id")
-    since = booted.read_text() if booted.exists() else platform.node()
+    since = text_of(booted) if booted.exists() else platform.node()
     return blake2b(repr((since, np.__version__, files)).encode(), digest_size=16).digest()
 
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from fracid.errors import InputError, unwritable
 from fracid.estimation.horizons import horizons
-from fracid.files import write_text
 from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
 from fracid.problem.project import Project, project_from_text
 from fracid.regression import start_values
+from fracid.safety.door import write_text
 
 __all__ = ["write_draft"]
 

@@ -25,6 +25,7 @@ from fracid.problem.project import Project, load_project
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, JOURNAL, open_folder
 from fracid.runs.saved import load_run
+from fracid.safety.door import bytes_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.display import unless_given
@@ -221,7 +222,7 @@ def _of_project(path: Path, jobs: int, trust: bool, observer: Observer) -> _Trut
 
 
 def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
-    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
+    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
     return _Truth(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
 
 

@@ -18,10 +18,10 @@ from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, unknown_name, unwritable
-from fracid.files import write_whole
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, JOURNAL, open_folder
 from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.door import bytes_of, write_whole
 from fracid.safety.paths import refuse_mistaken
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
@@ -141,7 +141,7 @@ def run_posterior(
 def _header(saved: SavedRun) -> dict[str, Any]:
     """All that a batch depends on beside its key, which has the method, the draws and the seed."""
     project = saved.project
-    parts = [project.text.encode(), *(file.read_bytes() for file in project.own_code)]
+    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
     return {
         "kind": "posterior",
         "project": sha256(b"".join(parts)).hexdigest()[:16],

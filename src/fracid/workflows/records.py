@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import unwritable
-from fracid.files import write_text
+from fracid.safety.door import write_text
 from fracid.safety.text import csv_cell
 
 __all__ = ["command_of", "csv_text", "json_document", "write_files"]

@@ -43,6 +43,7 @@ from fracid.recording.readers.content import (
     most_numbers,
     refuse_bomb,
 )
+from fracid.safety.door import opened
 
 __all__ = ["MATLAB_OBJECT", "is_hdf5", "read_mat"]
 
@@ -74,7 +75,7 @@ MATLAB_OBJECT = {
 
 def is_hdf5(path: Path) -> bool:
     """Tell whether a .mat file is of version 7.3."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         start = file.read(520)
     return b"MATLAB 7.3" in start[:128] or b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:])
 
@@ -96,7 +97,8 @@ def read_mat(path: Path) -> Content:
     DataError
         It is damaged, no MATLAB file, or would unpack to more numbers than a recording has.
     """
-    raw = path.read_bytes()
+    with opened(path) as file:
+        raw = file.read()
     try:
         if len(raw) >= 128 and raw[126:128] in (b"IM", b"MI") and 0 not in raw[:4]:
             return _version5(raw, path)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError
 from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb, same_name
+from fracid.safety.door import opened
 
 __all__ = ["read_npy", "read_npz"]
 
@@ -33,7 +34,7 @@ def read_npy(path: Path) -> Content:
         It is damaged, or holds objects.
     """
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             return {path.stem: _array(file, path.stat().st_size)}
     except Exception as error:  # NumPy raises ValueError, TypeError, SyntaxError, ... for one damage or another
         raise _said(path, error) from None
@@ -48,7 +49,7 @@ def read_npz(path: Path) -> Content:
         It is damaged, or would unpack to more numbers than a recording has.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as file, zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             refuse_bomb(path, sum(m.file_size for m in members) / 8, path.stat().st_size)
             names = Counter(m.filename.removesuffix(".npy") for m in members)

@@ -22,6 +22,7 @@ import re
 import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from os.path import isfile
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ from fracid.recording.readers.matlab import is_hdf5, read_mat
 from fracid.recording.readers.numpy_files import read_npy, read_npz
 from fracid.recording.readers.parquet import read_parquet
 from fracid.recording.readers.text import MOST_COLUMNS, read_text
-from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
 
 __all__ = ["READERS", "Table", "read_table"]
@@ -128,11 +129,7 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
     fracid.errors.InputError: no file swing.docx...
     """
     path = Path(path)
-    try:
-        has_kind = kind_of(path) is not None
-    except (OSError, ValueError):  # for _size to tell
-        has_kind = False
-    if has_kind:
+    if kind_of(path) is not None:  # else _size tells
         refuse_mistaken(path, "recording")
     size = _size(path)
     reader = READERS.get(path.suffix.lower())
@@ -195,7 +192,7 @@ def _bare(name: str) -> str:
 
 
 def _nearby(path: Path) -> str:
-    here = sorted(p.name for p in path.parent.glob("*") if p.is_file()) if path.parent.is_dir() else []
+    here = [p.name for p in beside_each_other(path.parent) if isfile(p)]
     close = difflib.get_close_matches(path.name, here, n=1)
     return f"did you mean {path.with_name(close[0])}?" if close else f"check the path; it leads to {path.resolve()}."
 

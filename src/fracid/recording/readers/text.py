@@ -24,6 +24,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from io import TextIOWrapper
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -31,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
+from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
 
 __all__ = ["DIALECTS", "Dialect", "TextTable", "parse_text", "read_text"]
@@ -157,7 +159,7 @@ def read_text(path: Path) -> TextTable:
     encoding, notes = _encoding(path)
 
     def read() -> Iterator[str]:
-        with path.open(encoding=encoding) as file:
+        with TextIOWrapper(opened(path), encoding) as file:
             yield from file
 
     sample, tail = _sample(path, encoding)
@@ -167,7 +169,7 @@ def read_text(path: Path) -> TextTable:
 
 def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
     """Return the encoding, and a sentence where it is not the usual one."""
-    with path.open("rb") as file:
+    with opened(path) as file:
         start = file.read(4096)
     for mark, encoding in (
         (codecs.BOM_UTF32_LE, "utf-32"),
@@ -188,7 +190,7 @@ def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
 
 def _is_utf8(path: Path) -> bool:
     decoder = codecs.getincrementaldecoder("utf-8")()
-    with path.open("rb") as file:
+    with opened(path) as file:
         try:
             while chunk := file.read(CHUNK):
                 decoder.decode(chunk)
@@ -202,7 +204,7 @@ def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
     """Return lines from everywhere in a file that count, and what stands after the last end of a line."""
     lines: list[str] = []
     tail, lines_before = "", 0
-    with path.open(encoding=encoding) as file:
+    with TextIOWrapper(opened(path), encoding) as file:
         try:
             while chunk := file.read(CHUNK):
                 if "\0" in chunk:
