@@ -289,8 +289,8 @@ SOLVED = {"orders": 0.8, "initial": [1.0], "step": 0.01, "end": 1.0, "parameters
         ({"limit": -1.0}, "limit = -1.0: expected a number above 0."),
         ({"limit": np.nan}, "limit = nan: expected a number above 0."),
         ({"times": []}, "times must be a list of times"),
-        ({"rhs": wraps_in_place, "initial": [2.0]}, "wraps_in_place changes x, which is not its own"),
-        ({"rhs": counts_calls}, "counts_calls changes p, which is not its own"),
+        ({"rhs": wraps_in_place, "initial": [2.0]}, "wraps_in_place changes x, u or p, which are not its own"),
+        ({"rhs": counts_calls}, "counts_calls changes x, u or p, which are not its own"),
     ],
 )
 def test_what_cannot_be_solved_as_given_is_a_sentence(changed, says):

@@ -332,7 +332,8 @@ class Model(CardDisplay):
         try:
             with np.errstate(all="ignore"):
                 rhs = getattr(self.rhs, "py_func", self.rhs)
-                rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
+                returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
+                getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
         except ArithmeticError:
             return {}
         except Exception as error:

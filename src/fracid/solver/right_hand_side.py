@@ -4,19 +4,25 @@
         out[0] = x[1]
 
 A wrong index in compiled code would read or write the memory of others, so it is looked for: constant indices
-are held against the sizes before a run, computed ones are checked at every access.
+are held against the sizes before a run, computed ones are checked at every access.  What cannot be checked is refused
+by its name (:func:`_unfit`), and so is what would make two runs differ: random numbers, and what is kept from call to
+call.  States, inputs and parameters are not its own: it is compiled for arrays that cannot be written.
 """
 
 from __future__ import annotations
 
+import dis
 import inspect
-from collections.abc import Callable
-from functools import cache, lru_cache
-from types import FunctionType
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba as nb
 import numpy as np
+from numba import types
+from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
@@ -26,6 +32,17 @@ from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
 __all__ = ["RightHandSide", "compile_rhs", "name_of", "probe", "teach_helpers"]
+
+ARGUMENTS = 5
+"""Of a right-hand side."""
+
+READING = types.void(types.float64, *[types.Array(types.float64, 1, "C", readonly=True)] * 3, types.float64[::1])
+"""Its signature, by which it cannot write but into out."""
+
+CHANGED = "x, u or p, which are not its own; it may write into out alone. Copy what is to be changed: y = x.copy()."
+
+UNCHECKED = ("flat", "as_strided", "carray", "farray")
+"""Ways into an array past Numba's checks of indices."""
 
 RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -49,24 +66,40 @@ def compile_rhs(rhs: Any) -> Any:
     fracid.errors.InputError: The right-hand side <lambda> takes (t, x); it must take (t, x, u, p, out).
     """
     function = getattr(rhs, "py_func", rhs)
-    _check_arity(function)
+    _refuse_unfit(function)
     return _compiled(function)
 
 
 @once_for_equals
 def _compiled(function: Any) -> Any:
-    own = (function.__module__ or "").startswith("fracid.")  # what exec made may have none
-    checked = not own and _largest_indices(function) is None  # of ours a test asks, for it takes a tenth of a second
     teach_helpers(function)
-    options = {"_nrt": False} if own else {}  # ours allocate nothing, and counting who has x and out doubles their time
+    if (function.__module__ or "").startswith("fracid."):  # what exec made may have none
+        # ours allocate nothing, and counting who has x and out doubles their time; a test asks for their indices
+        return kept(RHS_SIGNATURE, error_model="numpy", nogil=True, _nrt=False)(function)
+    options = {"error_model": "numpy", "nogil": True, "boundscheck": _largest_indices(function) is None}
     try:
-        return kept(RHS_SIGNATURE, own, error_model="numpy", nogil=True, boundscheck=checked, **options)(function)
-    except nb.core.errors.NumbaError as error:
-        raise InputError(
-            f"The right-hand side {name_of(function)} cannot be compiled by Numba: {_reason(error)} "
-            "Use numbers, loops, indexing and NumPy or math functions only, and write into out[i]; "
-            "rhs(t, x, u, p, out) gets float64 arrays."
-        ) from None
+        return _reading(function, options)
+    except Exception as error:  # Numba's own, and what it stumbles over
+        fault = (
+            f"cannot be compiled by Numba: {_reason(error)} Use numbers, loops, indexing and NumPy or math functions "
+            "only, and write into out[i]; rhs(t, x, u, p, out) gets float64 arrays."
+        )
+    with suppress(Exception):
+        kept(RHS_SIGNATURE, keep=False, **options)(function)
+        fault = f"changes {CHANGED}"
+    raise InputError(f"The right-hand side {name_of(function)} {fault}")
+
+
+def _reading(function: Any, options: dict[str, Any]) -> Any:
+    """Compiled so that it cannot write but into out, in a function of the loops' signature."""
+    bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
+    inner = kept(READING, keep=False, **bare, **options)(function)
+
+    def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:
+        inner(t, x, u, p, out)
+
+    rhs.__name__ = name_of(function)
+    return kept(RHS_SIGNATURE, keep=False, **options)(rhs)
 
 
 def teach_helpers(function: Any) -> None:
@@ -87,18 +120,57 @@ def teach_helpers(function: Any) -> None:
     -8.0
     """
     _teach_joints()
-    if not isinstance(function, FunctionType):
-        return
-    reach = inspect.getclosurevars(function)
-    for helper in (*reach.globals.values(), *reach.nonlocals.values()):
-        if isinstance(helper, FunctionType) and helper is not function and helper not in joints.ELEMENTS:
-            _teach(helper)
+    for helper in _helpers(function):
+        _teach(helper)
+
+
+def _helpers(function: Any) -> Iterator[Any]:
+    """Functions of a user's own that a function calls by their names, compiled ones among them."""
+    for how, _, value in _names(function):
+        if how in ("LOAD_GLOBAL", "LOAD_DEREF") and isinstance(value, FunctionType | Dispatcher):
+            is_own = str(value.__module__).partition(".")[0] not in ("numpy", "scipy", "numba")
+            if is_own and value is not function and value not in joints.ELEMENTS:
+                yield value
 
 
 @cache
-def _teach(helper: FunctionType) -> None:
-    nb.extending.register_jitable(error_model="numpy", boundscheck=True)(helper)
+def _teach(helper: Any) -> None:
+    if isinstance(helper, Dispatcher):
+        if not helper.targetoptions.get("boundscheck"):
+            helper.targetoptions["boundscheck"] = True
+            helper.recompile()
+        helper = helper.py_func
+    else:
+        nb.extending.register_jitable(error_model="numpy", boundscheck=True)(helper)
     teach_helpers(helper)
+
+
+def _names(function: Any) -> Iterator[tuple[str, str, Any]]:
+    """What a function and those within it load and store by name: how, which name, and its value where it is known."""
+    if not isinstance(function, FunctionType):
+        return
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    known = function.__globals__ | {name: _content(cell) for name, cell in cells}
+    left = [function.__code__]
+    while left:
+        code = left.pop()
+        left += [within for within in code.co_consts if isinstance(within, CodeType)]
+        value: Any = None
+        for step in dis.get_instructions(code):
+            if step.opname in ("LOAD_GLOBAL", "LOAD_DEREF"):
+                value = known.get(step.argval)
+            elif step.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+                value = getattr(value, step.argval, None) if isinstance(value, ModuleType) else None
+            elif step.opname != "STORE_GLOBAL" and not (step.opname == "STORE_DEREF" and step.argval in known):
+                continue
+            yield step.opname, str(step.argval), value
+
+
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # empty as yet
+        return None
 
 
 @cache
@@ -118,6 +190,8 @@ def _largest_indices(function: Any) -> tuple[int, ...] | None:
     except Exception:
         return None  # the compiler will say what it does not like
     sizes = [0] * 5
+    if any(isinstance(within, CodeType) for within in function.__code__.co_consts):
+        return None
     for statement in (line for block in code.blocks.values() for line in block.body):
         if isinstance(statement, ir.SetItem | ir.StaticSetItem):
             array, index = statement.target, statement.index
@@ -145,16 +219,47 @@ def _is_tuple_taken_apart(code: Any, value: Any) -> bool:
     return isinstance(whole, ir.Expr) and whole.op == "build_tuple"
 
 
-@lru_cache(maxsize=128)
-def _check_arity(function: Any) -> None:
-    if not callable(function):
-        raise InputError(f"The right-hand side must be a function (t, x, u, p, out); got {function!r}.")
-    try:
-        signature = inspect.signature(function)
-        signature.bind(0.0, None, None, None, None)
-    except (TypeError, ValueError):
-        raise InputError(f"The right-hand side {name_of(function)} takes {signature}; "
-                         "it must take (t, x, u, p, out).") from None  # fmt: skip
+@once_for_equals
+def _unfit(function: Any) -> str:
+    """Why a function can be no right-hand side, in words that follow its name; empty where it can."""
+    code = function.__code__
+    if code.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR):
+        return "waits or yields; it must be a plain def, without async and yield"
+    wanting = code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) or code.co_kwonlyargcount
+    if wanting or code.co_argcount != ARGUMENTS:
+        return f"takes {inspect.signature(function)}; it must take (t, x, u, p, out)"
+    return next(filter(None, (_fault(*use) for f in _reached(function) for use in _names(f))), "")
+
+
+def _reached(function: Any) -> Iterator[Any]:
+    """Itself, its helpers, and theirs."""
+    left, seen = [function], list[Any]()
+    while left:
+        now = left.pop()
+        if now not in seen:
+            seen.append(now)
+            left += [getattr(helper, "py_func", helper) for helper in _helpers(now)]
+            yield now
+
+
+def _fault(how: str, name: str, value: Any) -> str:
+    """What is wrong with one use of a name."""
+    makers = (value, type(value), getattr(value, "__self__", None), type(getattr(value, "__self__", None)))
+    origins = {value.__name__} if isinstance(value, ModuleType) else {str(getattr(m, "__module__", "")) for m in makers}
+    if any(origin == "random" or origin.startswith("numpy.random") for origin in origins):
+        return f"draws random numbers ({name}), so that no two runs were the same; leave them out"
+    if how.startswith("STORE"):
+        return f"changes {name}, which lies outside of it, so that its value would depend on earlier calls"
+    if name in UNCHECKED:
+        return f"uses {name}, whose accesses cannot be checked; index the array itself: out[i]"
+    return ""
+
+
+def _refuse_unfit(function: Any) -> None:
+    if not isinstance(function, FunctionType):
+        raise InputError(f"The right-hand side must be a function, def rhs(t, x, u, p, out); got {function!r}.")
+    if reason := _unfit(function):
+        raise InputError(f"The right-hand side {name_of(function)} {reason}.")
 
 
 def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool = False) -> None:
@@ -163,7 +268,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
     One with `relaxing` states may write their rates behind the derivatives, where it sees that there is room.
     """
     function = getattr(rhs, "py_func", rhs)
-    _check_arity(function)
+    _refuse_unfit(function)
     out = np.full(len(x0), np.nan)
     sizes = f"x and out have {len(x0)} entries, u has {len(u)}, p has {len(p)}"
     reach = _largest_indices(function) or (0,) * 5
@@ -173,6 +278,8 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
             raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
                              f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip
     arguments = {"x": x0.copy(), "u": u.copy(), "p": p.copy()}
+    for given in arguments.values():
+        given.flags.writeable = False
     try:
         with np.errstate(all="ignore"):
             returned = function(0.0, *arguments.values(), out)
@@ -181,6 +288,8 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
     except (IndexError, ValueError) as error:
         if isinstance(error, ValueError) and "math domain" in str(error):
             return
+        if "read-only" in str(error):
+            raise InputError(f"The right-hand side {name_of(function)} changes {CHANGED}") from None
         raise InputError(
             f"The right-hand side {name_of(function)} does not fit its arguments: {error}. Here {sizes}."
         ) from None
@@ -190,11 +299,6 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
     if returned is not None:
         raise InputError(f"The right-hand side {name_of(function)} returns a value; "
                          "it must write the derivatives into out and return nothing: out[0] = ...")  # fmt: skip
-    for argument, before in (("x", x0), ("u", u), ("p", p)):
-        if not np.array_equal(arguments[argument], before):
-            raise InputError(f"The right-hand side {name_of(function)} changes {argument}, which is not its own; "
-                             f"it may write into out alone. Copy what is to be changed: "
-                             f"y = {argument}[0].")  # fmt: skip
     untouched = np.flatnonzero(np.isnan(out))
     if len(untouched) and np.all(np.isfinite(x0)) and not _computes_nan(function, x0, u, p, untouched):
         raise InputError(f"The right-hand side {name_of(function)} leaves out[{untouched[0]}] unwritten; "
