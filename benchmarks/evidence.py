@@ -33,8 +33,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 import fracid
-from fracid.estimation.covariance import jacobian, uncertainty
+from fracid.estimation.covariance import uncertainty
 from fracid.estimation.curvature import curvature, start_shift
+from fracid.estimation.derivatives import jacobian
 from fracid.models import RIGS
 from fracid.optimise import Evaluation, Space, genetic, least_squares, minimise
 from fracid.problem import Experiment, Free, Problem

@@ -40,7 +40,8 @@ from scipy.signal import lfilter
 import fracid
 from fracid.estimation.block_bootstrap import bootstrap
 from fracid.estimation.cost_profile import profile
-from fracid.estimation.covariance import jacobian, uncertainty
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import search
 from fracid.models import RIGS
 from fracid.optimise import OPTIMISERS

@@ -25,7 +25,7 @@ from scipy.signal import butter, chirp, sosfilt, sosfiltfilt
 
 import fracid
 from fracid import Experiment, Free, Problem, optimise
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.plots.appearance import BLUE, VERMILLION
 
 PAGE = Path(__file__).parent.parent / "docs" / "recording.md"

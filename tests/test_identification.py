@@ -9,10 +9,11 @@ import pytest
 
 import fracid
 from fracid import identification
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.search import search
+from fracid.estimation.tangent import tangent
 from fracid.identification import identify
 from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
@@ -61,6 +62,10 @@ def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from
         return Result(problem.evaluate(np.array([0.8, 0.9])), Outcome.CONVERGED, 1), ()
 
     monkeypatch.setattr(identification, "search", stuck)
+    monkeypatch.setattr(identification, "settled", tangent)  # which would leave it, too
+    monkeypatch.setattr(
+        identification, "walked", lambda here, known, *_, **__: replace(known, walked=np.zeros(2, bool))
+    )
     heard = []
     fit = identify(problem(swing), observer=fracid.Observer(recordings=heard.append))
     assert fit.cost == pytest.approx(1e-3, rel=0.1)
@@ -322,6 +327,7 @@ def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
     monkeypatch.setattr(discretisation, "nearly_equal_shift", lambda *_: None)
+    monkeypatch.setattr(discretisation, "settled", lambda *_, **__: Failure(FailureReason.RUN, "a run fails"))
     monkeypatch.setattr(horizons, "minimise", second_is_interrupted)
     fit = identify(problem(twin(end=1.0)), optimiser="least-squares")
     assert fit.outcome.startswith("interrupted")

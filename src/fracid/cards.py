@@ -16,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any, cast
 
 from fracid.safety.text import printable
-from fracid.units import GREEK, shown_unit, typeset_unit, with_half_width
+from fracid.units import GREEK, interval_beside, shown_unit, typeset_unit, with_half_width
 
 __all__ = ["Card", "CardDisplay", "brief", "estimate_text", "listed", "rounded"]
 
@@ -134,8 +134,10 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
     'offset = 5.73 °'
     """
     display_unit, factor = shown_unit(unit)
-    half = None if interval is None else factor * (interval[1] - interval[0]) / 2
-    return f"{GREEK.get(name, name)} = {rounded(factor * value, half)} {typeset_unit(display_unit)}".rstrip()
+    text = rounded(factor * value, None if interval is None else factor * (interval[1] - interval[0]) / 2)
+    if interval is not None and "…" in (beside := interval_beside(*(factor * v for v in (value, *interval)))):
+        text = f"{text.split(' ± ')[0]}, {beside}"
+    return f"{GREEK.get(name, name)} = {text} {typeset_unit(display_unit)}".rstrip()
 
 
 def brief(value: object) -> str:

@@ -90,7 +90,7 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),
             "cut": None if self.cut is None else self.cut.to_json(),
-            "interval_methods": {n: METHODS[n] for n in ("sandwich", "white")} if self.uncertainty else {},
+            "interval_methods": {n: METHODS[n] for n in ("sandwich", "white", "walk")} if self.uncertainty else {},
         })  # fmt: skip
 
     def _card(self) -> Card:

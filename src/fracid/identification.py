@@ -47,6 +47,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
+from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     coarse_problem,
     corrected,
@@ -56,10 +57,12 @@ from fracid.estimation.long_records import (
     own_substeps,
     part_of,
 )
+from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, RecordingFit, deviations_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
+from fracid.estimation.tangent import Tangent, tangent
 from fracid.findings import Finding
 from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
@@ -83,9 +86,12 @@ from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
     COARSE_STEP,
     Discretisation,
+    Refined,
     coarse_step,
     discretisation_check,
     finer_step,
+    halved,
+    is_rough,
 )
 from fracid.validation.misfits import cost_of, misfits, missed
 from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
@@ -274,6 +280,8 @@ class _Findings:
     result: Result
     starts: tuple[Start, ...] = ()
     known: Uncertainty | Failure = INTERRUPTED
+    near: Tangent | None = None
+    """Errors and derivatives at the minimum."""
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     validated: dict[str, RecordingFit] = field(default_factory=dict)
     check: Discretisation | None = None
@@ -352,16 +360,63 @@ class _Findings:
             fitted = {e.name: _recording(problem, x, estimates, e, "fit") for e in problem.experiments}
             observer.recordings(fitted | self.validated)
 
+    def settle(self, jobs: int) -> None:
+        """Go on to the minimum itself, and find what is known there."""
+        problem, best = self.problem, self.result.best
+        self.near = None
+        if problem.cost_function.loss is not None and problem.blocks is None and problem.names:
+            own = self.optimiser.keeps_its_own
+            found = tangent(problem, best.point, jobs=jobs) if own else settled(problem, best.point, jobs=jobs)
+            if isinstance(found, Tangent):
+                self.near, self.result = found, replace(self.result, best=best if own else found.evaluation)
+        self.known = uncertainty(problem, self.result.best.point, jobs=jobs, near=self.near)
+
+    def walk(self, jobs: int) -> Evaluation | None:
+        """Look off the tangent where shared intervals end; a point that is lower than the minimum, if one is seen."""
+        if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
+            return None
+        while True:
+            shared = [i for i, u in enumerate(self.problem.unknowns) if u.experiment is None]
+            found = walked(self.near, self.known, shared, jobs=jobs)
+            bent = isinstance(found, Evaluation) or found.walked.any()
+            if not (bent and self._halve(jobs)):  # bumps that the step makes are no valley
+                break
+        if isinstance(found, Evaluation):
+            return found
+        self.known = found
+        return None
+
+    def _halve(self, jobs: int) -> bool:
+        """Halve the step where the fit may choose it and its errors are as large as noise; whether it was."""
+        if self.fixed_step or self.check is None or self.near is None or is_coarse(self.problem):
+            return False
+        if not is_rough(self.near):
+            return False
+        finer = halved(Refined(self.problem, self.result.best, self.known, self.check, self.near), jobs)
+        if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
+            return False
+        began = 1 if self.sampled is None else self.sampled.substeps
+        said = (
+            f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors are as large as "
+            "noise."
+        )
+        self.take(replace(finer, check=replace(finer.check, refinement=said)))
+        return True
+
+    def take(self, finer: Refined) -> None:
+        """Go on at a finer step."""
+        self.problem, self.known, self.check, self.near = finer.problem, finer.uncertainty, finer.check, finer.near
+        self.result = replace(self.result, best=finer.best)
+
     def with_quiet_step(self, jobs: int) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
-        self.check = replace(discretisation_check(problem, x, self.known, jobs, substeps=self.substeps),
+        self.check = replace(discretisation_check(problem, x, self.known, jobs, substeps=self.substeps, near=self.near),
                              refinement=taken)  # fmt: skip
         fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
-        finer = None if fixed else finer_step(problem, x, self.check, jobs)
+        finer = None if fixed else finer_step(problem, x, self.check, jobs, self.near)
         if finer is not None:
-            self.problem, self.known, self.check = finer.problem, finer.uncertainty, finer.check
-            self.result = replace(self.result, best=finer.best)
+            self.take(finer)
 
 
 def _examine(
@@ -380,9 +435,13 @@ def _examine(
         clock.begin("all samples", "correction")
         analysis.correct(jobs)
         clock.begin("intervals", "uncertainty")
-        analysis.known = uncertainty(analysis.problem, analysis.result.best.point, jobs=jobs)
+        analysis.settle(jobs)
         clock.begin("check of the step", "discretisation")
         analysis.with_quiet_step(jobs)
+        clock.begin("ends of the intervals", "walk")
+        if (lower := analysis.walk(jobs)) is not None and analysis.restarts < RESTARTS:
+            analysis.restart(lower)
+            return _examine(analysis, validation, whole, jobs, clock, observer)
         analysis.show(observer)
         problem, x = analysis.problem, analysis.result.best.point
         clock.begin("identifiability", "uncertainty")
@@ -681,7 +740,7 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
     return Estimate(
         value, u.unit, True, se if np.isfinite(se) else None, precision.interval(x, i), bool(precision.at_bound[i]),
         nearer,
-        kind, verdict.reason if verdict else "", precision.interval(x, i, "white"),
+        kind, verdict.reason if verdict else "", precision.interval(x, i, "white"), precision.method(i),
     )  # fmt: skip
 
 
@@ -689,7 +748,8 @@ def _without_interval(e: Estimate) -> Estimate:
     """Of a model that does not fit: the value, and the bound that it may lie at."""
     if not e.free or e.at_bound:
         return e
-    return replace(e, standard_error=None, interval95=None, white95=None, identifiable="unknown", reason="")
+    return replace(e, standard_error=None, interval95=None, white95=None, interval_method=None, identifiable="unknown",
+                   reason="")  # fmt: skip
 
 
 SAID = {

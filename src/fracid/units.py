@@ -17,6 +17,7 @@ __all__ = [
     "SHOWN_UNITS",
     "half_width",
     "in_letters",
+    "interval_beside",
     "plain",
     "shown_unit",
     "to_second_digit",
@@ -40,6 +41,9 @@ LAST_PLACE, FIRST_PLACE = -7, 4
 
 BESIDE = -10
 """The same for one beside a value without a power of ten: 0.00013361 ± 0.00000091."""
+
+LOPSIDED = 1.15
+"""An interval whose longer side is more than this part of its half-width is shown by its ends."""
 
 MOST = 15
 """Digits that a number has."""
@@ -148,6 +152,22 @@ def with_half_width(value: float, half: float) -> str:
     power = math.floor(math.log10(max(abs(float(text)) for text in texts)))
     scale = 10.0**-power
     return f"({to_second_digit(scale * value, scale * half)} ± {half_width(scale * half)})e{power:+03d}"
+
+
+def interval_beside(value: float, low: float, high: float) -> str:
+    """The interval of a value: half of its width, or both ends where one side is longer, to their second digit.
+
+    Examples
+    --------
+    >>> interval_beside(0.0042, 0.0037, 0.0047), interval_beside(0.0, 0.0, 1.3e-4), interval_beside(1.0, 1.0, 1.0)
+    ('± 0.00050', '0.000000 … 0.000130', '± 0')
+    """
+    half = (high - low) / 2
+    if not half > 0:
+        return "± 0"
+    if max(high - value, value - low) <= LOPSIDED * half:
+        return f"± {half_width(half, value)}"
+    return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
 
 
 def half_width(half: float, value: float = 0.0) -> str:

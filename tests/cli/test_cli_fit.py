@@ -29,7 +29,7 @@ theta = { column = "theta", unit = "rad" }
 alpha = { column = "alpha", unit = "rad" }
 initial = { theta = 0.0, alpha = 0.35 }
 """
-FIT = '[fit]\ninitial_state = "held"\n'
+FIT = '[fit]\ninitial_state = "held"\nsubsteps = 1\n'  # the step that the twin is made with
 
 
 @pytest.fixture(scope="module")

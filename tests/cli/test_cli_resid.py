@@ -37,6 +37,7 @@ initial = { theta = 0.0, alpha = 0.35 }
 use = "validate"
 [fit]
 initial_state = "held"
+substeps = 1  # as the twins are made
 """
 
 

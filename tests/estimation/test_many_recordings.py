@@ -9,8 +9,9 @@ import fracid
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure
 from fracid.estimation.agreement import spread
-from fracid.estimation.covariance import by_blocks, half_width, jacobian, uncertainty
+from fracid.estimation.covariance import half_width, uncertainty
 from fracid.estimation.curvature import curvature
+from fracid.estimation.derivatives import by_blocks, jacobian
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.optimise.least_squares import sizes

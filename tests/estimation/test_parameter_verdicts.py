@@ -10,6 +10,7 @@ from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.cost_plane import CostPlane, cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
+from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import _halved, _powers, identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.models import Model, Parameter
@@ -105,7 +106,7 @@ def free(*names):
 def verdicts(p, **options):
     """At the minimum, or x."""
     x = options.pop("x", None)
-    return identifiability(p, refit(p, p.start).point if x is None else x, **options)
+    return identifiability(p, settled(p, refit(p, p.start).point).x if x is None else x, **options)
 
 
 def test_a_full_release_with_one_constant_known_identifies_all_others_and_both_orders():
@@ -255,7 +256,8 @@ def test_what_does_nothing_is_not_known_at_all():
 
 
 def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
-    p = twin(parameters={"coulomb_theta": Free(1e-4, 0.0, 0.1)})
+    viscous = 1.05 * RIG.parameter("b_theta").value  # more than there is: no room for dry friction
+    p = twin(parameters={"coulomb_theta": Free(1e-4, 0.0, 0.1), "b_theta": viscous})
     says = verdicts(p)["coulomb_theta"].sentence
     assert says.startswith("at its bound: 0; it is zero within the resolution of the data: remove it")
     found = verdicts(p, profiles=profile(p, parameters=["coulomb_theta"]).profiles)["coulomb_theta"]

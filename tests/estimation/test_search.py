@@ -8,7 +8,7 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, horizons, refined
 from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won

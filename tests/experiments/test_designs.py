@@ -10,7 +10,7 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of
 from fracid.experiments.choice import informations, subject_of
 from fracid.experiments.criteria import objective_named

@@ -30,6 +30,7 @@ initial = { theta = 0.0, alpha = 0.0 }
 use = "validate"
 [fit]
 initial_state = "held"
+substeps = 1  # as the recordings are made
 """
 
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import fracid
 from fracid.errors import InputError
-from fracid.estimation.covariance import jacobian, uncertainty
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined
 from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Prior, Problem, Tied

@@ -56,7 +56,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.estimation.covariance import Sandwich, jacobian, sandwich
+from fracid.estimation.covariance import Sandwich, sandwich
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.optimise import Evaluation

@@ -36,7 +36,7 @@ from fracid.cli.completion import key_of
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
-from fracid.units import half_width, to_second_digit, with_unit
+from fracid.units import interval_beside, to_second_digit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -51,9 +51,6 @@ __all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
-
-FOLDED = 2
-"""Verdicts that more values than this share are said once."""
 
 FIT_EXAMPLE = (
     "[bold]Examples[/bold]",
@@ -273,30 +270,21 @@ def _print_estimates(console: Console, fit: Fit) -> None:
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     verdicts = {name: _verdict(e) for name, e in estimates.items()}
-    common = {v for v in verdicts.values() if v.startswith("given that") and [*verdicts.values()].count(v) > FOLDED}
     wide, narrow = (new_table("", "value", "95 % interval", "unit", *more) for more in ([""], []))
     for name, e in estimates.items():
         cells = (*map(escape, (name, _digits(e.value, e), _interval(e), e.unit)),)
-        wide.add_row(*cells, "" if verdicts[name] in common else escape(verdicts[name]))
+        wide.add_row(*cells, escape(verdicts[name]))
         narrow.add_row(*cells)
     fits = natural_width(console, wide) <= console.width
     console.print(wide if fits else narrow)
     for verdict in dict.fromkeys(() if fits else verdicts.values()):
-        if verdict and verdict not in common:
+        if verdict:
             names = ", ".join(n for n, text in verdicts.items() if text == verdict)
-            whose = "intervals " if verdict.startswith("given that") else ""
-            say(console, escape(f"{whose}{verdict}: {names}"), "  ", 2)
-    for verdict in sorted(common):
-        holding, others = ([n for n, e in estimates.items() if e.free and (verdicts[n] == verdict) is so]
-                           for so in (True, False))  # fmt: skip
-        whose = f"all but {', '.join(others)}" if len(others) < len(holding) else ", ".join(holding)
-        say(console, escape(f"intervals {verdict}: {whose if others else 'all'}"), "  ", 2)
+            say(console, escape(f"{verdict}: {names}"), "  ", 2)
 
 
 def _verdict(e: Estimate) -> str:
-    if e.identifiable == "identifiable":
-        return "".join(e.reason.partition("given that")[1:])
-    return "" if e.identifiable in SAID else e.verdict
+    return "" if e.identifiable in (*SAID, "identifiable") else e.verdict
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:
@@ -338,7 +326,7 @@ def _interval(e: Estimate) -> str:
         return "fixed"
     if e.interval95 is None:
         return "none" if e.bound is None else "at its bound"
-    return f"± {half_width((e.interval95[1] - e.interval95[0]) / 2, e.value)}"
+    return interval_beside(e.value, *e.interval95)
 
 
 def _begins_in_motion(fit: Fit) -> bool:

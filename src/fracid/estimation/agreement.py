@@ -21,6 +21,7 @@ from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
 from fracid.estimation.profile_walk import refit
+from fracid.estimation.tangent import Tangent
 from fracid.problem import Experiment, Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.result import SpreadBlock
@@ -146,6 +147,8 @@ def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArra
     """The minimum of one recording, and what is known there: by the derivatives at x, where those lead to it."""
     near = None if J is None else chord_of_one(one, x, J)
     if J is not None and near is not None:
-        return near, uncertainty(one, near, derivatives=[J])
+        errors = one.errors(near)
+        tangent = None if isinstance(errors, Failure) else Tangent(one, one.criterion(near, errors), errors, [J])
+        return near, uncertainty(one, near, near=tangent)
     best = refit(one, x)
     return best.point, uncertainty(one, best.point) if math.isfinite(best.cost) else None

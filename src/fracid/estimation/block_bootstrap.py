@@ -38,7 +38,8 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least, unknown_name
-from fracid.estimation.covariance import METHODS, jacobian, residual_bandwidth, rows_and_scores, sandwich, uncertainty
+from fracid.estimation.covariance import METHODS, residual_bandwidth, sandwich, uncertainty
+from fracid.estimation.derivatives import jacobian, rows_and_scores
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Problem
 from fracid.problem.portable import Portable

@@ -24,7 +24,14 @@ import numpy as np
 
 from fracid.arrays import FloatArray, IntArray
 from fracid.arrowhead import Arrowhead, Blocks
-from fracid.signals.correlation import bartlett_long_run, neighbour_sums, products_by_lag, sokal_lag
+from fracid.signals.correlation import (
+    bartlett_long_run,
+    neighbour_correlation,
+    neighbour_sums,
+    products_by_lag,
+    sokal_lag,
+    whitened,
+)
 
 __all__ = ["Bread", "block_bread", "block_long_run", "block_sandwiched", "block_widening", "summed"]
 
@@ -148,7 +155,7 @@ def _bandwidth(blocks: Blocks, scores: Sequence[FloatArray]) -> float:
 
 
 def block_long_run(blocks: Blocks, scores: Sequence[FloatArray], limit: float) -> tuple[list[FloatArray], float]:
-    """S of each recording's columns, whitened before and coloured after, and the bandwidth.
+    """S of each recording's columns, whitened before and coloured after by one correlation, and the bandwidth.
 
     Parameters
     ----------
@@ -156,15 +163,8 @@ def block_long_run(blocks: Blocks, scores: Sequence[FloatArray], limit: float) -
     limit : float
         Of the correlation that is taken out.
     """
-    after = summed(blocks, [np.einsum("ti,ti->i", part[:-1], part[1:]) for part in scores])
-    before = summed(blocks, [np.einsum("ti,ti->i", part[:-1], part[:-1]) for part in scores])
-    rho, bandwidth = np.clip(after / np.maximum(before, 1e-300), -limit, limit), _bandwidth(blocks, scores)
-    S = []
-    for k, part in enumerate(scores):
-        ρ, white = rho[blocks.columns(k)], part.copy()
-        white[1:] -= ρ * part[:-1]
-        S.append(bartlett_long_run(white, bandwidth) / np.outer(1 - ρ, 1 - ρ))
-    return S, bandwidth
+    rho, bandwidth = neighbour_correlation(scores, limit), _bandwidth(blocks, scores)
+    return [bartlett_long_run(whitened(part, rho), bandwidth) / (1 - rho) ** 2 for part in scores], bandwidth
 
 
 def block_sandwiched(blocks: Blocks, inverse: FloatArray, S: Sequence[FloatArray], prior: FloatArray) -> FloatArray:

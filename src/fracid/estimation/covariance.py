@@ -48,9 +48,16 @@ ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x
 For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
 :math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
 
-An unknown at one of its bounds is held there, and an interval that depends on it says so (:attr:`Uncertainty.given`);
-directions that J does not see (singular values of the column-scaled J below 10⁻⁶ of the largest) are reported by the
-names that take part in them.
+Directions that J does not see (singular values of the column-scaled J below 10⁻⁶ of the largest) are reported by the
+names that take part in them; they are looked for with every column in, those of unknowns at a bound too.
+
+**Bounds.**  An interval ends where the parabola of the cost, all other unknowns at the best that their bounds allow,
+has risen by :math:`1.96^2 κ_i/2` with :math:`κ_i = [A^{-1}SA^{-1}]_{ii}/[A^{-1}]_{ii}`
+(:mod:`fracid.estimation.bounded`): 1.96 standard errors where no bound is on the way.  An unknown at a bound has an
+interval that begins there, and those of the others hold with it free.  Where a bound of another unknown stops it on the
+way, and the true value lies next to that bound, as friction that is not there does, the error across the valley counts
+too, on the one side that the bound does not mend: the rise is then an even mixture of :math:`χ^2_1` and
+:math:`χ^2_2` [SL]_, of which 95 % lie below 5.14 in place of 1.96².
 
 An encoder without dither leaves errors that are no noise: where it rests all are one.  What they do is known from the
 trajectory (:mod:`fracid.estimation.rounding`), and takes the place of S for outputs of which noise and rounding explain
@@ -62,6 +69,7 @@ References
 .. [H] P. Huber, Proc. 5th Berkeley Symposium 1 (1967) 221.
 .. [IK] G. Imbens, M. Kolesár, Review of Economics and Statistics 98 (2016) 701: widened standard errors.
 .. [NW] W. Newey, K. West, Econometrica 55 (1987) 703: the sandwich.
+.. [SL] S. Self, K.-Y. Liang, J. Amer. Statist. Assoc. 82 (1987) 605: likelihood ratios at a bound.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
 .. [Sa] F. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of a sum of squares.
 .. [K] J. Kent, Biometrika 69 (1982) 19: likelihood ratios of wrong likelihoods.
@@ -71,9 +79,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,34 +93,35 @@ from fracid.estimation.block_covariance import (
     block_widening,
     summed,
 )
-from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
+from fracid.estimation.block_jacobian import BlockJacobian
+from fracid.estimation.bounded import reach
+from fracid.estimation.derivatives import by_blocks, loss_of, rows_and_scores, rows_and_scores_by_recording
 from fracid.estimation.rounding import edges, half_widths
+from fracid.estimation.tangent import UNSEEN, Tangent, tangent
 from fracid.problem import Problem
-from fracid.problem.costs import Loss
 from fracid.qr import triangle
 from fracid.quantiles import NORMAL_95
-from fracid.signals.correlation import bartlett_long_run, neighbour_sums, products_by_lag, sokal_bandwidth
+from fracid.signals.correlation import (
+    bartlett_long_run,
+    neighbour_correlation,
+    neighbour_sums,
+    products_by_lag,
+    sokal_bandwidth,
+    whitened,
+)
 
 __all__ = [
     "METHODS",
     "Sandwich",
     "Uncertainty",
     "at_bound",
-    "by_blocks",
     "claimed_half_width",
-    "column_norms",
     "half_width",
-    "jacobian",
     "residual_bandwidth",
-    "rows_and_scores",
-    "rows_and_scores_by_recording",
     "sandwich",
     "uncertainty",
     "widening",
 ]
-
-_Seen = tuple[list[FloatArray], list[FloatArray] | BlockJacobian]
-"""Errors and Jacobian of each recording, shapes (n_samples, n_outputs) and (n_samples, n_outputs, n_free)."""
 
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
@@ -122,13 +129,11 @@ LEAST_SHIFT = 1e-4
 METHODS = {
     "sandwich": "sandwich with the prewhitened Newey-West long-run covariance",
     "white": "sigma² (J'J)⁻¹, right only where the residuals are white",
+    "walk": "the cost at the ends of the interval, the others refitted, its limit scaled by the sandwich",
     "profile": "profile likelihood, its threshold scaled by the sandwich",
     "bootstrap": "moving-block bootstrap of the residuals",
 }
 """What an interval's method is called, and what it is."""
-
-UNSEEN = 1e-6
-"""Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
 
 TAKEN = 0.75
 """More than this part of a variance the fit is never thought to have taken out of the residuals."""
@@ -136,17 +141,11 @@ TAKEN = 0.75
 PART = 1e-2
 """Who has less than this of the largest share in an unseen direction takes no part in it."""
 
+BESIDE_A_BOUND = 5.14
+"""In place of 1.96²: 95 % of an even mixture of χ² of one and of two degrees of freedom."""
+
 WHITENED = 0.97
 """Limit of the correlation that is taken out before S is estimated [AM]_."""
-
-BOUND = 1e-3
-"""An unknown further from its bounds than this part of its range lies at none."""
-
-DEPENDS = 1.1
-"""An interval that would be so many times as wide, were an unknown not at its bound, depends on it."""
-
-TOUCHING = 1.0
-"""Nor does one that is further than this many of the standard errors that it has when it is free."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +153,7 @@ class Uncertainty:
     """Standard errors of the unknowns, and what the data say nothing about."""
 
     standard_error: FloatArray
-    """1.96 of them to each side hold 95 %; NaN where it cannot be known or the unknown lies at a bound,
-    shape (n_unknowns,)."""
+    """1.96 of them to each side hold 95 %, were there no bounds; NaN where it cannot be known, shape (n_unknowns,)."""
     at_bound: NDArray[np.bool_]
     """Shape (n_unknowns,)."""
     confounded: tuple[tuple[str, ...], ...]
@@ -175,13 +173,27 @@ class Uncertainty:
     """Of all recordings."""
     widening: FloatArray = field(default_factory=lambda: np.ones(1))
     """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
-    given: tuple[tuple[str, ...], ...] = ()
-    """Unknowns at a bound on which the interval of each depends, by name; empty where none lies at one."""
+    ends: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    """Of the 95 % intervals, shape (n_unknowns, 2); NaN where there is none."""
+    rise: FloatArray = field(default_factory=lambda: np.empty(0))
+    """By how much V rises to both ends, shape (n_unknowns, 2); empty where many recordings share the work."""
+    walked: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
+    """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
-        se = float((self.standard_error if method == "sandwich" else self.white)[i])
-        return (float(x[i]) - NORMAL_95 * se, float(x[i]) + NORMAL_95 * se) if math.isfinite(se) else None
+        if method == "sandwich":
+            low, high = self.ends[i].tolist() if len(self.ends) else (math.nan, math.nan)
+        else:
+            half = NORMAL_95 * float(self.white[i])
+            low, high = float(x[i]) - half, float(x[i]) + half
+        return (low, high) if math.isfinite(low) and math.isfinite(high) else None
+
+    def method(self, i: int) -> str | None:
+        """How the interval of unknown i was made: a key of :data:`METHODS`; None where there is none."""
+        if not np.all(np.isfinite(self.ends[i])):
+            return None
+        return "walk" if len(self.walked) and self.walked[i] else "sandwich"
 
     @property
     def effective_samples(self) -> FloatArray:
@@ -217,7 +229,7 @@ class Sandwich:
 
 
 def uncertainty(
-    problem: Problem, x: FloatArray, *, jobs: int = 1, derivatives: list[FloatArray] | None = None
+    problem: Problem, x: FloatArray, *, jobs: int = 1, near: Tangent | None = None
 ) -> Uncertainty | Failure:
     """Find the covariance at the minimum x, or say why there is none.
 
@@ -228,8 +240,8 @@ def uncertainty(
         Its minimum; elsewhere the result means nothing.
     jobs : int
         Threads.
-    derivatives : list of array, optional
-        Of the errors of each recording by all unknowns, shape (n_samples, n_outputs, n_unknowns); found if left out.
+    near : Tangent, optional
+        Errors and derivatives there; found if left out.
 
     Returns
     -------
@@ -256,68 +268,96 @@ def uncertainty(
         return Failure(
             FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
         )
-    active, estimator, seen = _held(problem, x, jobs, derivatives)
-    error = np.full(len(x), np.nan)
-    if active.all():
-        return Uncertainty(error, active, (), 0.0, 1.0, error)
-    if isinstance(estimator, Failure):
-        return estimator
-    free = estimator.free
-    directions = _unseen(problem, x, estimator)
-    identifiable = ~np.any(directions != 0, axis=0)
-    white, covariance = np.full(len(x), np.nan), np.full((len(x), len(x)), np.nan)
-    error[free[identifiable]] = np.sqrt(np.diag(estimator.covariance))[identifiable]
-    white[free[identifiable]] = np.sqrt(np.diag(estimator.white))[identifiable]
-    covariance[np.ix_(free[identifiable], free[identifiable])] = estimator.covariance[
-        np.ix_(identifiable, identifiable)
-    ]
-    null_space = np.zeros((len(directions), len(x)))
-    null_space[:, free] = directions
+    everything = np.arange(len(x))
+    if problem.blocks is not None:
+        errors, J = problem.errors(x), by_blocks(problem, x, everything, jobs=jobs)
+        if isinstance(errors, Failure):
+            return errors
+        if isinstance(J, Failure):
+            return J
+        estimator = _block_sandwich(problem, errors, J, everything)
+        touching = (x <= problem.space.lower) | (x >= problem.space.upper)
+        ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(estimator.covariance)), (-1.0, 1.0))
+        known = _spread_out(problem, x, estimator, touching, ends)
+    else:
+        here = tangent(problem, x, jobs=jobs) if near is None else near
+        if isinstance(here, Failure):
+            return here
+        touching = here.touching
+        free = np.flatnonzero(~(problem.absent(x) & touching))  # an element that is not there has nothing to tell
+        if not len(free):
+            return Failure(FailureReason.AT_BOUND, "all free parameters are of elements that are not there")
+        estimator = _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
+        ends, rise = _ends(here, estimator)
+        whole = np.full((len(x), 2), np.nan)
+        whole[free] = rise
+        known = replace(_spread_out(problem, x, estimator, touching, ends), rise=whole)
+    return known
+
+
+def _spread_out(
+    problem: Problem, x: FloatArray, estimator: Sandwich, touching: NDArray[np.bool_], ends: FloatArray
+) -> Uncertainty:
+    """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
+    free, directions = estimator.free, _unseen(problem, x, estimator)
+    at = np.flatnonzero(~np.any(directions != 0, axis=0))
+    seen, n = free[at], len(x)
+    error, white, wider, limits = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.full((n, 2), np.nan)
+    covariance, null_space = np.full((n, n), np.nan), np.zeros((len(directions), n))
+    error[seen] = np.sqrt(np.diag(estimator.covariance))[at]
+    white[seen] = np.sqrt(np.diag(estimator.white))[at]
+    covariance[np.ix_(seen, seen)] = estimator.covariance[np.ix_(at, at)]
+    wider[free], null_space[:, free] = estimator.widening, directions
+    limits[seen] = np.clip(ends[at], problem.space.lower[seen, None], problem.space.upper[seen, None])
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
-    samples, wider = sum(e.samples for e in problem.experiments), np.ones(len(x))
-    wider[free] = estimator.widening
-    return Uncertainty(
-        error,
-        active,
-        confounded,
-        estimator.bandwidth,
-        estimator.condition,
-        white,
-        covariance,
-        null_space,
-        samples,
-        wider,
-        _given(problem, x, active, seen, jobs),
-    )
+    samples = sum(e.samples for e in problem.experiments)
+    return Uncertainty(error, touching, confounded, estimator.bandwidth, estimator.condition, white, covariance,
+                       null_space, samples, wider, limits)  # fmt: skip
 
 
-def _given(
-    problem: Problem, x: FloatArray, active: NDArray[np.bool_], seen: _Seen, jobs: int
-) -> tuple[tuple[str, ...], ...]:
-    r"""On which of the unknowns at a bound the interval of each other one depends.
+def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
+    """Of the 95 % intervals of the free unknowns, and by how much V rises to them, shapes (n_free, 2)."""
+    free, space = estimator.free, here.problem.space
+    delta = here.step()[free]  # to the least of the parabola: next to nothing at a minimum
+    R, low, high = here.R[:, free], (space.lower - here.x)[free] - delta, (space.upper - here.x)[free] - delta
+    y = here.y + R @ delta
+    inverse, covariance = np.diag(estimator.inverse), np.diag(estimator.covariance)
+    kappa = np.divide(covariance, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+    ends, rise = np.empty((len(free), 2)), np.outer(0.5 * NORMAL_95**2 * kappa, (1.0, 1.0))
+    for k, i in enumerate(free):
+        for side, sign in enumerate((-1, 1)):
+            far, stopped = reach(R, y, low, high, k, sign, rise[k, side])
+            if stopped:
+                rise[k, side] *= BESIDE_A_BOUND / NORMAL_95**2
+                far, _ = reach(R, y, low, high, k, sign, rise[k, side])
+            end = here.x[i] + delta[k] + sign * far
+            ends[k, side] = max(end, here.x[i]) if side else min(end, here.x[i])
+    return ends, rise
 
-    Were unknown j free, the variance of i, :math:`(A^{-1})_{ii}`, would grow by :math:`b_i^2/s`, with
-    :math:`b = A^{-1} a_j` and :math:`s = a_{jj} - a_j' A^{-1} a_j`, what the others do not see of j.
+
+def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
+    """Which unknowns lie at a bound, shape (n_unknowns,): closer than what the data could tell apart.
+
+    Examples
+    --------
+    >>> import fracid, numpy as np
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.3}, step=1e-2, end=4.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
+    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
+    >>> wide = Free(start=rig.parameter("b_alpha").value, lower=0.0, upper=10.0)
+    >>> dry = Free(start=0.0, lower=0.0, upper=10.0)
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, {"b_alpha": wide, "coulomb_alpha": dry},
+    ...                   initial_state="held")
+    >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
+    {'b_alpha': False, 'coulomb_alpha': True}
     """
-    given: list[tuple[str, ...]] = [()] * len(x)
-    errors, J = seen
-    if isinstance(J, BlockJacobian):  # not asked of hundreds of recordings
-        return ()
-    at, free = np.flatnonzero(active), np.flatnonzero(~active)
-    beyond = jacobian(problem, x, at, jobs=jobs) if len(at) else Failure(FailureReason.NOTHING_FREE, "")
-    if isinstance(beyond, Failure) or not len(free):
-        return () if not len(at) else tuple(given)
-    rows, _ = rows_and_scores(problem, errors, [np.concatenate(both, axis=-1) for both in zip(J, beyond, strict=True)])
-    size = np.linalg.norm(rows, axis=0)
-    A = (rows / np.where(size > 0, size, 1.0)).T @ (rows / np.where(size > 0, size, 1.0))
-    n = len(free)
-    inverse = np.linalg.pinv(A[:n, :n], rcond=UNSEEN**2, hermitian=True)
-    for j, a in zip(at, A[n:, :n], strict=True):
-        b = inverse @ a
-        left = max(1.0 - float(a @ b), UNSEEN)
-        for i in np.flatnonzero(b**2 / left > (DEPENDS**2 - 1) * np.diag(inverse)):
-            given[free[i]] += (problem.names[j],)
-    return tuple(given)
+    at = (x <= problem.space.lower) | (x >= problem.space.upper)
+    if problem.blocks is not None or problem.cost_function.loss is None:
+        return np.asarray(at)
+    here = tangent(problem, x, jobs=jobs)
+    return np.asarray(at) if isinstance(here, Failure) else here.touching
 
 
 def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> Sandwich | Failure:
@@ -346,21 +386,17 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     >>> sandwich(problem, problem.start, np.array([1])).covariance.shape
     (1, 1)
     """
-    linearisation = _seen(problem, x, free, jobs)
-    return linearisation if isinstance(linearisation, Failure) else _sandwich(problem, *linearisation, free)
-
-
-def _seen(
-    problem: Problem, x: FloatArray, free: NDArray[np.intp], jobs: int, derivatives: list[FloatArray] | None = None
-) -> _Seen | Failure:
-    """Errors of each recording at x and their derivatives by the unknowns `free`."""
-    errors = problem.errors(x)
-    if isinstance(errors, Failure):
-        return errors
-    if derivatives is not None:
-        return errors, [j[..., free] for j in derivatives]
-    J = jacobian(problem, x, free, jobs=jobs) if problem.blocks is None else by_blocks(problem, x, free, jobs=jobs)
-    return J if isinstance(J, Failure) else (errors, J)
+    if problem.blocks is not None:
+        errors, J = problem.errors(x), by_blocks(problem, x, free, jobs=jobs)
+        if isinstance(errors, Failure):
+            return errors
+        if isinstance(J, Failure):
+            return J
+        return _block_sandwich(problem, errors, J, free)
+    here = tangent(problem, x, jobs=jobs)
+    if isinstance(here, Failure):
+        return here
+    return _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
 
 
 def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:
@@ -391,11 +427,7 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     return Sandwich(free, inverse, covariance, white, directions, bandwidth, condition, wider)
 
 
-def _sandwich(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray] | BlockJacobian, free: NDArray[np.intp]
-) -> Sandwich:
-    if isinstance(J, BlockJacobian):
-        return _block_sandwich(problem, errors, J, free)
+def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
     rows, scores = rows_and_scores(problem, errors, J)
     prior, level = _prior_curvature(problem, errors, free)
     norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
@@ -404,19 +436,17 @@ def _sandwich(
         tall /= norm
     _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
     nonzero = singular > UNSEEN * max(singular[0], 1e-300)
-    rounding = edges(problem, errors, J, _loss(problem).psi)
+    rounding = edges(problem, errors, J, loss_of(problem).psi)
     if rounding is not None:
         _leave_out(problem, errors, J, rounding.alone, scores, norm)
     S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
-    S, S0 = (
-        S + np.diag(2 * level * prior) / scale,
-        (_white_noise(problem, errors, J) + np.diag(2 * level * prior)) / scale,
-    )
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
+    known = np.diag(2 * level * prior) / scale
+    S0 = _white_noise(problem, errors, J) / scale + known
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
-    covariance = np.outer(wider, wider) * (inverse @ S @ inverse)
+    covariance = np.outer(wider, wider) * (inverse @ (S + known) @ inverse)
     if rounding is not None:  # of which the trajectory tells, not few samples
         covariance += inverse @ (rounding.white / scale) @ inverse
         narrower = half_widths(tuple(t / norm @ inverse for t in rounding.tables), np.diag(covariance)) / NORMAL_95
@@ -434,109 +464,10 @@ def _leave_out(
     scores: list[FloatArray], norm: FloatArray,
 ) -> None:  # fmt: skip
     """Take those outputs whose errors are noise and rounding alone, 1 of each recording's, out of the scores."""
-    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
+    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     for s, e, j, w, explained in zip(scores, errors, J, weights, outputs, strict=True):
         if explained.any():
             s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
-
-
-def at_bound(problem: Problem, x: FloatArray, *, jobs: int = 1) -> NDArray[np.bool_]:
-    """Which unknowns their bounds hold, shape (n_unknowns,).
-
-    A search stops a little before a bound.  How little is told by what the data know: 1e-3 of a wide range can be
-    many standard errors, and a value that far from zero is not zero.
-
-    Examples
-    --------
-    >>> import fracid, numpy as np
-    >>> from fracid.problem import Experiment, Free, Problem
-    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
-    >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.3}, step=1e-2, end=4.0)
-    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((401, 2))
-    >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
-    >>> wide = Free(start=rig.parameter("b_alpha").value, lower=0.0, upper=10.0)
-    >>> dry = Free(start=0.0, lower=0.0, upper=10.0)
-    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": 1.0}, {"b_alpha": wide, "coulomb_alpha": dry},
-    ...                   initial_state="held")
-    >>> {n: bool(held) for n, held in zip(problem.names, at_bound(problem, problem.start))}
-    {'b_alpha': False, 'coulomb_alpha': True}
-    """
-    near, away = _near(problem, x)
-    doubtful = np.any(near & (away > 0)) and problem.cost_function.loss is not None
-    return _held(problem, x, jobs)[0] if doubtful else near
-
-
-def _near(problem: Problem, x: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Which unknowns are near a bound for their range, and how far off it each is, shapes (n_unknowns,)."""
-    space = problem.space
-    width, away = space.upper - space.lower, np.minimum(x - space.lower, space.upper - x)
-    return np.asarray(away <= np.where(np.isfinite(width), BOUND * width, 0.0)), away
-
-
-def _held(
-    problem: Problem, x: FloatArray, jobs: int, derivatives: list[FloatArray] | None = None
-) -> tuple[NDArray[np.bool_], Sandwich | Failure, _Seen]:
-    """Which unknowns their bounds hold, shape (n_unknowns,), and of all others the sandwich, or why there is none.
-
-    The last are errors and Jacobian of those others.
-    """
-    near, away = _near(problem, x)
-    some = np.flatnonzero(~near | (away > 0))
-    if not len(some):
-        return near, Failure(FailureReason.AT_BOUND, "all unknowns lie at a bound"), ([], [])
-    linearisation = _seen(problem, x, some, jobs, derivatives)
-    if isinstance(linearisation, Failure):
-        return near, linearisation, ([], [])
-    errors, J = linearisation
-    estimator = _sandwich(problem, errors, J, some)
-    blind = np.any(_unseen(problem, x, estimator) != 0, axis=0)
-    active = near.copy()
-    active[some] &= blind | (away[some] <= TOUCHING * np.sqrt(np.diag(estimator.covariance)))
-    interior = ~active[some]
-    if interior.all() or not interior.any():
-        return active, estimator, (errors, J)
-    J = J.of(interior) if isinstance(J, BlockJacobian) else [j[..., interior] for j in J]
-    return active, _sandwich(problem, errors, J, some[interior]), (errors, J)
-
-
-def rows_and_scores(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
-    rows, scores = rows_and_scores_by_recording(problem, errors, J)
-    return _joined(rows), scores
-
-
-def rows_and_scores_by_recording(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """The same, the rows of each recording alone; its J may have columns of its own."""
-    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
-    scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
-    return rows, scores
-
-
-def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
-    """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
-    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    for w, e, j in zip(weights, errors, J, strict=True):
-        rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
-        yield np.column_stack([rows, (np.sqrt(w / curvature) * loss.psi(e)).ravel()])
-
-
-def _joined(parts: list[FloatArray]) -> FloatArray:
-    """All below each other; one alone is not copied."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def _loss(problem: Problem) -> Loss:
-    """ρ, which only a user's own cost has not."""
-    loss = problem.cost_function.loss
-    assert loss is not None
-    return loss
 
 
 def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
@@ -555,7 +486,11 @@ def _white_squares(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[float, list[list[FloatArray]]]:
     """The variance of a residual, and by what each output of each recording counts."""
-    loss, weights, balance = _loss(problem), problem.criterion.sample_weights(errors), problem.criterion.balance(errors)
+    loss, weights, balance = (
+        loss_of(problem),
+        problem.criterion.sample_weights(errors),
+        problem.criterion.balance(errors),
+    )
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
     return power, [
         [(j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o] for o in range(j.shape[1])]
@@ -571,7 +506,7 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     priors = [problem.unknowns[i].prior for i in free]
     if not any(priors):
         return np.zeros(len(free)), 0.0
-    loss, weights = _loss(problem), problem.criterion.sample_weights(errors)
+    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
     level = total / problem.criterion.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
@@ -604,86 +539,16 @@ def _sparse(directions: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
 
 
-def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> list[FloatArray] | Failure:
-    """∂e/∂x of each recording by central differences, shape (n_samples, n_outputs, n_free); runs go on threads.
-
-    Beside runs that fail (a minimum next to det M = 0) the difference is one-sided.  Of what no small step brings in
-    (:meth:`fracid.problem.Problem.absent`) it is 0.
-    """
-    steps, absent = _steps(problem, x), problem.absent(x)
-    here = problem.errors(x)
-    if isinstance(here, Failure):
-        return here
-    J = [np.empty((*e.shape, len(free))) for e in here]
-
-    def differentiate(column: int) -> Failure | None:
-        if absent[free[column]]:
-            for j in J:
-                j[..., column] = 0.0
-            return None
-        step = steps * (np.arange(len(x)) == free[column])
-        plus, minus = problem.errors(x + step), problem.errors(x - step)
-        if isinstance(plus, Failure) and isinstance(minus, Failure):
-            return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {plus}")
-        one_sided = isinstance(plus, Failure) or isinstance(minus, Failure)
-        high, low = (here if isinstance(side, Failure) else side for side in (plus, minus))
-        for j, p, m in zip(J, high, low, strict=True):
-            j[..., column] = (p - m) / (np.sum(step) if one_sided else 2 * np.sum(step))
-        return None
-
-    with ThreadPoolExecutor(jobs) as pool:
-        reasons = [why for why in pool.map(differentiate, range(len(free))) if why]
-    return reasons[0] if reasons else J
-
-
-def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> BlockJacobian | Failure:
-    """The same of a problem of many recordings (:attr:`fracid.problem.Problem.blocks`), without its zeros."""
-    assert problem.blocks is not None
-    by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
-    if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
-        return last if len(free) == len(by) else last.of(np.isin(by, free))
-    here = problem.errors(x)
-    if isinstance(here, Failure):
-        return here
-    J = block_jacobian(problem.errors, here, x, _steps(problem, x), problem.blocks, free, jobs=jobs)
-    problem.last_derivatives.clear()
-    if not isinstance(J, Failure):
-        problem.last_derivatives[x.tobytes()] = (free, J)
-    return J
-
-
-def _steps(problem: Problem, x: FloatArray) -> FloatArray:
-    """Of the differences, within the bounds, shape (n_unknowns,)."""
-    steps = 1e-5 * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    room = np.minimum(problem.space.upper - x, x - problem.space.lower)
-    return np.asarray(np.where(room > 0, np.minimum(steps, 0.5 * room), steps))
-
-
-def column_norms(problem: Problem, x: FloatArray, *, jobs: int = 1) -> FloatArray | Failure:
-    """How much each unknown moves all samples, ‖∂e/∂x_i‖, shape (n_unknowns,)."""
-    everything = np.arange(len(x))
-    if problem.blocks is not None:
-        blocks = by_blocks(problem, x, everything, jobs=jobs)
-        return blocks if isinstance(blocks, Failure) else blocks.norms
-    J = jacobian(problem, x, everything, jobs=jobs)
-    return J if isinstance(J, Failure) else np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in J]), axis=0)
-
-
 def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
-    """S over all recordings, column by column whitened before and coloured after [AM]_, and the bandwidth."""
-    after = sum(np.einsum("ti,ti->i", s[:-1], s[1:]) for s in scores)
-    rho = np.clip(after / np.maximum(sum(np.einsum("ti,ti->i", s[:-1], s[:-1]) for s in scores), 1e-300),
-                  -WHITENED, WHITENED)  # fmt: skip
-    bandwidth = sokal_bandwidth(_joined(scores))
-    S = sum((bartlett_long_run(_whitened(s, rho), bandwidth) for s in scores), np.zeros((len(rho), len(rho))))
-    return S / np.outer(1 - rho, 1 - rho), bandwidth
+    """S over all recordings, whitened before and coloured after [AM]_, and the bandwidth.
 
-
-def _whitened(scores: FloatArray, rho: FloatArray) -> FloatArray:
-    """s_t − ρ s_{t−1}, column by column."""
-    white = scores.copy()
-    white[1:] -= rho * scores[:-1]
-    return white
+    By one correlation for all columns: by one for each, what nearly parallel columns of J have in common would not
+    cancel, and in a valley that is all.
+    """
+    rho = neighbour_correlation(scores, WHITENED)
+    bandwidth = sokal_bandwidth(scores[0] if len(scores) == 1 else np.concatenate(scores))
+    S = sum((bartlett_long_run(whitened(s, rho), bandwidth) for s in scores), np.zeros(2 * scores[0].shape[1:]))
+    return S / (1 - rho) ** 2, bandwidth
 
 
 def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> FloatArray:
@@ -755,13 +620,11 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
 
 
 def claimed_half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
-    """Half the interval; infinite where the data do not see the unknown, so that nothing is claimed of it."""
-    if isinstance(precision, Failure) or precision.at_bound[i] or np.isfinite(precision.standard_error[i]):
-        return half_width(precision, x, i)
-    return np.inf
+    """The half-width; infinite where the data do not see the unknown, so that nothing is claimed of it."""
+    return half_width(precision, x, i) or (0.0 if isinstance(precision, Failure) else np.inf)
 
 
 def half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
-    """Half of the 95 % interval of free parameter i; 0 where there is none."""
+    """The longer side of the 95 % interval of free parameter i; 0 where there is none."""
     interval = None if isinstance(precision, Failure) else precision.interval(x, i)
-    return 0.0 if interval is None else (interval[1] - interval[0]) / 2
+    return 0.0 if interval is None else max(interval[1] - float(x[i]), float(x[i]) - interval[0])

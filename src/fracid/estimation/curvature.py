@@ -40,7 +40,8 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.block_covariance import block_bread, summed
-from fracid.estimation.covariance import UNSEEN, by_blocks, jacobian, rows_and_scores, rows_and_scores_by_recording
+from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_scores, rows_and_scores_by_recording
+from fracid.estimation.tangent import UNSEEN
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 from fracid.qr import triangle

@@ -14,7 +14,7 @@ from fracid.arrays import FloatArray, IntArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import SMALLEST, Failure
 from fracid.estimation.block_jacobian import BlockJacobian
-from fracid.estimation.covariance import by_blocks, jacobian, rows_and_pulls
+from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_pulls
 from fracid.problem import Problem
 
 __all__ = ["chord_of_one", "derivatives_of_each", "nearly_equal_minimum", "nearly_equal_shift"]

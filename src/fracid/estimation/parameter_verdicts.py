@@ -42,7 +42,8 @@ from fracid.arrays import FloatArray
 from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
-from fracid.estimation.covariance import Uncertainty, column_norms, uncertainty
+from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.derivatives import column_norms
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
@@ -142,23 +143,7 @@ def identifiability(
     if isinstance(known, Failure):
         return {n: Verdict(n, "unknown", str(known)) for n in problem.names}
     view = _View(problem, x, known, profiles or {}, jobs)
-    return {n: _given(view, i, next(verdict for rule in RULES for verdict in rule(view, i)))
-            for i, n in enumerate(problem.names)}  # fmt: skip
-
-
-def _given(view: _View, i: int, verdict: Verdict) -> Verdict:
-    """A verdict with the bounds on which its interval depends."""
-    at = view.known.given[i] if view.known.given else ()
-    if not at or verdict.kind != "identifiable":
-        return verdict
-    values = " and ".join(f"{n} = {_bound(view, view.names.index(n)):.4g}" for n in at)
-    return replace(verdict, reason="; ".join(filter(None, (verdict.reason, f"given that {values}"))))
-
-
-def _bound(view: _View, i: int) -> float:
-    """The bound that holds an unknown."""
-    space, value = view.problem.space, view.x[i]
-    return float(min(space.lower[i], space.upper[i], key=lambda bound: abs(bound - value)))
+    return {n: next(verdict for rule in RULES for verdict in rule(view, i)) for i, n in enumerate(problem.names)}
 
 
 class _View:
@@ -172,8 +157,9 @@ class _View:
         self._powers: FloatArray | None = None
 
     def half(self, i: int) -> float:
-        """Half the sandwich's interval."""
-        return NORMAL_95 * float(self.known.standard_error[i])
+        """The longer side of the interval, were no bound to cut it; infinite where there is none."""
+        tangent = NORMAL_95 * float(np.nan_to_num(self.known.standard_error[i]))
+        return max(half_width(self.known, self.x, i), tangent) or math.inf
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
@@ -323,7 +309,7 @@ def _of_a_springpot(view: _View, i: int) -> Iterator[Verdict]:
     if u.kind != "parameter" or u.target not in {model.parameter_names[k] for _, k in model.complements}:
         return
     half, own = view.half(i), view.known.at_bound[i]
-    low, high = (x < 0.1, x > 0.9) if own else (x - half <= 0, x + half >= 1)  # at a bound there is no interval
+    low, high = (x < 0.1, x > 0.9) if own else (x - half <= 0, x + half >= 1)  # no interval reaches beyond a bound
     if other := " or a ".join(["spring"] * low + ["dashpot"] * high):
         which = f"is at its bound, {x:.2g}" if own else f"has the interval {x:.2g} ± {half:.2g}"
         reason = (

@@ -65,6 +65,8 @@ class Estimate(CardDisplay):
     """Why, and what to do."""
     white95: tuple[float, float] | None = None
     """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
+    interval_method: str | None = None
+    """How the interval was made: a key of :data:`fracid.estimation.covariance.METHODS`; None where there is none."""
 
     @property
     def verdict(self) -> str:
@@ -78,11 +80,6 @@ class Estimate(CardDisplay):
         title = f"Estimate {rounded(factor * self.value, half)} {typeset_unit(shown)}".rstrip()
         rows = (("verdict", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
-
-    @property
-    def interval_method(self) -> str | None:
-        """How the interval was made: a key of :data:`fracid.estimation.covariance.METHODS`."""
-        return None if self.interval95 is None else "sandwich"
 
 
 @dataclass(frozen=True)

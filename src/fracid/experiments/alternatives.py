@@ -39,7 +39,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange

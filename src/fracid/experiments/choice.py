@@ -14,7 +14,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import search
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
 from fracid.experiments.criteria import CRITERIA, Objective, objective_named
@@ -133,7 +133,7 @@ def design(
     watching = observer or Observer()
     if isinstance(source, Project):
         watching.stage("search")
-    subject = subject_of(source, space, free=free, orders=orders, of=of, jobs=jobs)
+    subject = subject_of(source, space, free=free, orders=orders, jobs=jobs)
     subject.check(space)
     places = subject.places(of)
     with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
@@ -169,7 +169,7 @@ def design(
 
 def subject_of(
     source: Source, space: DesignSpace, *, free: Sequence[str] = (), orders: Mapping[str, float] | None = None,
-    of: Sequence[str] = (), jobs: int = 1,
+    jobs: int = 1,
 ) -> Subject:  # fmt: skip
     """What a design is about, from whatever is there.
 
@@ -183,12 +183,12 @@ def subject_of(
     if free or orders:
         raise InputError("free and orders are of a model alone; a run and a project have their own.")
     if isinstance(source, Fit):
-        return subject_of_problem(source.problem, source.x, space, precision=source.uncertainty, also=of, jobs=jobs)
+        return subject_of_problem(source.problem, source.x, space, precision=source.uncertainty, jobs=jobs)
     if isinstance(source, SavedRun):
         return subject_of_problem(source.problem, source.x, space, name=source.folder.name,
-                                  table=_tables(source.project), also=of, jobs=jobs)  # fmt: skip
+                                  table=_tables(source.project), jobs=jobs)  # fmt: skip
     if isinstance(source, Problem):
-        return subject_of_problem(source, source.start, space, also=of, jobs=jobs)
+        return subject_of_problem(source, source.start, space, jobs=jobs)
     if isinstance(source, Project):
         rng = np.random.default_rng(source.seed)
         result, _ = search(source.problem, optimiser_from_name(source.optimiser), rng, jobs=jobs, starts=source.starts)
@@ -198,7 +198,7 @@ def subject_of(
             raise InputError(f"{source.path}: no run reached its end: {result.best.reason}. There is no model to plan "
                              "with.")  # fmt: skip
         return subject_of_problem(source.problem, result.best.point, space, name=source.path.stem,
-                                  table=_tables(source), also=of, jobs=jobs)  # fmt: skip
+                                  table=_tables(source), jobs=jobs)  # fmt: skip
     raise InputError(f"{type(source).__name__} is nothing to design from; expected a fit, a run that fracid.load_run "
                      "read, a project or a model.")  # fmt: skip
 

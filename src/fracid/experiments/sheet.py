@@ -26,7 +26,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, unwritable
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
 from fracid.figures import draw

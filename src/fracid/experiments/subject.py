@@ -23,12 +23,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.cards import listed
 from fracid.errors import Failure, InputError, unknown_name
-from fracid.estimation.covariance import Uncertainty, jacobian, uncertainty
+from fracid.estimation.covariance import Uncertainty, uncertainty
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, nothing, of_samples
 from fracid.experiments.space import Candidate, DesignSpace
@@ -199,7 +198,7 @@ class Subject:
 
 def subject_of_problem(
     problem: Problem, x: FloatArray, space: DesignSpace, *, precision: Uncertainty | Failure | None = None,
-    name: str = "", table: Mapping[str, Any] | None = None, also: Sequence[str] = (), jobs: int = 1,
+    name: str = "", table: Mapping[str, Any] | None = None, jobs: int = 1,
 ) -> Subject:  # fmt: skip
     """What a fit knows: its values, its noise, its recordings' information.
 
@@ -216,8 +215,6 @@ def subject_of_problem(
         What the plan is for.
     table : mapping, optional
         The project file's tables.
-    also : sequence of str
-        Values that stay free although they lie at a bound.
     jobs : int
         Threads.
 
@@ -235,8 +232,7 @@ def subject_of_problem(
         reason = next(r for r in (precision, errors, J) if isinstance(r, Failure))
         raise InputError(f"There is nothing to design with: {reason}.")
     unknowns = problem.unknowns
-    shared = np.array([u.experiment is None and (not precision.at_bound[i] or u.target in also)
-                       for i, u in enumerate(unknowns)])  # fmt: skip
+    shared = np.array([u.experiment is None for u in unknowns]) & ~problem.absent(x)
     if not shared.any():
         raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
     noise, encoder_alone = _noises(problem, errors, space)
@@ -263,23 +259,8 @@ def subject_of_problem(
     return Subject(
         _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
         noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
-        name or problem.model.name, table or {}, _notes(problem, precision, shared),
+        name or problem.model.name, table or {},
     )  # fmt: skip
-
-
-def _notes(problem: Problem, precision: Uncertainty, shared: NDArray[np.bool_]) -> tuple[str, ...]:
-    """That a value is held at its bound on which the intervals of others depend: a new recording may free it."""
-    notes = []
-    held = [u.name for i, u in enumerate(problem.unknowns)
-            if u.experiment is None and precision.at_bound[i] and not shared[i]]  # fmt: skip
-    for name in held:
-        others = [problem.names[i] for i, given in enumerate(precision.given) if shared[i] and name in given]
-        if others:
-            notes.append(
-                f"{name} lies at its bound and is held there, on which the intervals of {listed(others)} depend. A "
-                f"recording that frees it leaves them wider; name {name} too, and it stays free."
-            )
-    return tuple(notes)
 
 
 def subject_of_model(

@@ -69,6 +69,10 @@ BRIDGED = 0.25
 MOTOR = "torque_per_volt"
 """What an input is seen by."""
 
+SHARP = (1e-3, 0.2)
+"""Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on it.
+"""
+
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
 
@@ -479,6 +483,7 @@ class _Page:
             lines.append(self._friction(f"b_{joint}", own[f"b_{joint}"], reach, self._meaning(f"b_{joint}")))
             lines.append(self._friction(f"coulomb_{joint}", 1e-2 * reach, reach, dry))
             lines.append(self._presliding(joint))
+        lines.append(_range("slip_speed", own["slip_speed"], *SHARP, self._meaning("slip_speed")))
         if self.arm:
             lines.append(self._friction("drag_theta", 0.0, most, self._meaning("drag_theta")))
             meaning = self._meaning("cable_stiffness")

@@ -14,8 +14,8 @@ from fracid.report.sentences import (
     counted,
     digits,
     end_of,
-    half_digits,
     in_letters,
+    interval,
     joined,
     letter,
     number,
@@ -51,9 +51,9 @@ def environment_of_pages() -> Environment:
         loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=_seen,
     )  # fmt: skip
-    words = (counted, digits, end_of, in_letters, in_words, joined, letter, linked, number, search_sentence, unbroken,
-             unit, whisker, with_error)  # fmt: skip
-    jinja.filters |= {word.__name__: word for word in words} | {"half": half_digits}
+    words = (counted, digits, end_of, in_letters, in_words, interval, joined, letter, linked, number, search_sentence,
+             unbroken, unit, whisker, with_error)  # fmt: skip
+    jinja.filters |= {word.__name__: word for word in words}
     return jinja
 
 

@@ -19,11 +19,25 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from fracid.units import GREEK, in_letters, to_second_digit, typeset_unit
-from fracid.units import half_width as width_beside
+from fracid.units import GREEK, in_letters, interval_beside, to_second_digit, typeset_unit
 
-__all__ = ["counted", "described", "digits", "end_of", "half_digits", "half_width", "in_letters", "joined", "letter",
-           "number", "raised", "search_sentence", "state_letter", "unit", "with_error"]  # fmt: skip
+__all__ = [
+    "counted",
+    "described",
+    "digits",
+    "end_of",
+    "half_width",
+    "in_letters",
+    "interval",
+    "joined",
+    "letter",
+    "number",
+    "raised",
+    "search_sentence",
+    "state_letter",
+    "unit",
+    "with_error",
+]  # fmt: skip
 
 
 def letter(name: str) -> str:
@@ -116,16 +130,19 @@ def digits(estimate: Mapping[str, Any]) -> str:
     return number(value, ".6g") if value is None or not half else _typeset(to_second_digit(value, half))
 
 
-def half_digits(estimate: Mapping[str, Any]) -> str:
-    """Half of the 95 % interval, two digits of it.
+def interval(estimate: Mapping[str, Any]) -> str:
+    """The 95 % interval beside its value: ± half of it, or both ends.
 
     Examples
     --------
-    >>> half_digits({"interval95": [-0.0155, 0.0245]}), half_digits({"interval95": None})
-    ('0.020', '–')
+    >>> interval({"value": 0.005, "interval95": [-0.015, 0.025]}), interval({"value": 0.0, "interval95": None})
+    ('± 0.020', '–')
     """
-    half = half_width(estimate)
-    return number(half) if not half else _typeset(width_beside(half, estimate.get("value") or 0.0))
+    ends = estimate.get("interval95")
+    if ends is None or estimate.get("value") is None:
+        return number(None)
+    words = interval_beside(estimate["value"], *ends).split()
+    return " ".join(word if word in "±…" else _typeset(word) for word in words)
 
 
 def with_error(value: float | None, error: float | None) -> str:

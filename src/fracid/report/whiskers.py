@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from fracid.report.charts import round_step
-from fracid.report.sentences import digits, half_digits, half_width, letter, number
+from fracid.report.sentences import digits, half_width, interval, letter, number
 
 __all__ = ["OrderAxis", "order_axis", "orders_drawn", "whisker"]
 
@@ -93,7 +93,7 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], axis: OrderAxis | None
 def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
     if half_width(e) is not None:
-        return f"{digits(e)} ± {half_digits(e)}"
+        return f"{digits(e)} {interval(e)}"
     return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
 
 

@@ -89,6 +89,7 @@ class DiscretisationBlock(Block):
     cost_second_order: Number
     orders: dict[str, Number]
     shift: dict[str, Number]
+    largest: Number = 0.0
     warning: str
     refinement: str = ""
 

@@ -122,9 +122,12 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
     found = []
     for i in claimable(problem):
         interval = None if isinstance(precision, Failure) else precision.interval(x, i)
-        half = math.inf if interval is None else (interval[1] - interval[0]) / 2
-        name = problem.unknowns[i].target
-        found.append(OrderFound(name, float(x[i]), half, integers_of(problem, name)))
+        name, value = problem.unknowns[i].target, float(x[i])
+        order = OrderFound(name, value, math.inf, integers_of(problem, name))
+        if interval is not None:  # its side towards the integer that it may be
+            below = bool(order.integers) and order.nearest < value
+            order = replace(order, half=value - interval[0] if below else interval[1] - value)
+        found.append(order)
     return tuple(found)
 
 

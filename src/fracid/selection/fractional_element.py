@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
-from fracid.estimation.covariance import jacobian
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation

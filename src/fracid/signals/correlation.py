@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,6 +104,32 @@ def power_spectrum(x: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
 
     f, S = periodogram(x, fs=1 / step, detrend="constant")
     return np.asarray(f), np.asarray(S)
+
+
+def neighbour_correlation(scores: Sequence[FloatArray], limit: float) -> float:
+    """The correlation of neighbours, of all pieces and columns together, between −limit and limit.
+
+    Examples
+    --------
+    >>> t = np.arange(1000.0)[:, None]
+    >>> round(neighbour_correlation([np.cos(t), np.sin(t)], 0.97), 3)  # cos 1
+    0.54
+    """
+    after, before = (sum(float(np.vdot(s[:-1], s[lag : len(s) - 1 + lag])) for s in scores) for lag in (1, 0))
+    return float(np.clip(after / max(before, 1e-300), -limit, limit))
+
+
+def whitened(scores: FloatArray, rho: float) -> FloatArray:
+    """s_t − ρ s_{t−1}.
+
+    Examples
+    --------
+    >>> whitened(np.array([[1.0], [0.5], [0.25]]), 0.5).ravel().tolist()
+    [1.0, 0.0, 0.0]
+    """
+    white = scores.copy()
+    white[1:] -= rho * scores[:-1]
+    return white
 
 
 def sokal_bandwidth(scores: FloatArray) -> float:

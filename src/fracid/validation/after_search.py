@@ -23,8 +23,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, by_blocks, jacobian
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
+from fracid.estimation.derivatives import by_blocks, jacobian
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95

@@ -1,12 +1,13 @@
 """The discretisation check: does the step make the orders?
 
-The equations are solved again at half the step, and there with ``pi2``, of second order; the orders are then
-re-estimated from x.  An order that shifts by more than its CI half-width is in part an artefact of the scheme:
-explicit Euler's anti-damping, for one, shifts the orders.  A cost of ``pi2`` that changes by more than 5 % at half the
-step means that the step is too coarse (steep dry friction).
+The equations are solved again at half the step, and there with ``pi2``, of second order; all free parameters are then
+re-estimated from x.  One that shifts by more than its CI half-width is in part an artefact of the scheme: explicit
+Euler's anti-damping, for one, shifts the orders.  A cost of ``pi2`` that changes by more than 5 % at half the step
+means that the step is too coarse (steep dry friction).
 
-Where the step is the fit's to choose, :func:`finer_step` halves it, and refines the minimum there, until the check is
-quiet: as long as each half step makes what it complains of smaller, and no further than :data:`FINEST` steps a sample.
+Where the step is the fit's to choose, :func:`finer_step` halves it, and refines the minimum there, until no parameter
+shifts by more than a fifth of its half-width, which costs a 95 % interval less than one of its hundredths: as long as
+each half step makes what the check complains of smaller, and no further than :data:`FINEST` steps a sample.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
+from fracid.estimation.minimum import settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
+from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -29,7 +32,16 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
 
-__all__ = ["COARSE_STEP", "Discretisation", "Refined", "coarse_step", "discretisation_check", "finer_step"]
+__all__ = [
+    "COARSE_STEP",
+    "Discretisation",
+    "Refined",
+    "coarse_step",
+    "discretisation_check",
+    "finer_step",
+    "halved",
+    "is_rough",
+]
 
 
 @dataclass(frozen=True)
@@ -40,6 +52,8 @@ class Refined:
     best: Evaluation
     uncertainty: Uncertainty | Failure
     check: Discretisation
+    near: Tangent | None
+    """There, where its derivatives are known."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +70,8 @@ class Discretisation:
     """The orders refined with pi2 at half the step, all other unknowns with them; empty for a user's own cost."""
     shift: Mapping[str, float]
     """How far that moved them."""
+    largest: float = 0.0
+    """The largest shift of an order or a parameter that all recordings share, in CI half-widths."""
     warning: str = ""
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
     refinement: str = ""
@@ -71,6 +87,9 @@ class Discretisation:
 COARSE_STEP = "step"
 """The code of a finding of the discretisation check, whose sentence stands there."""
 
+QUIET = 0.2
+"""CI half-widths by which half the step may move a parameter."""
+
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
 
@@ -82,11 +101,13 @@ HELPS = 0.7
 
 
 def discretisation_check(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, *, substeps: int = 1
-) -> Discretisation:
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, *, substeps: int = 1,
+    near: Tangent | None = None,
+) -> Discretisation:  # fmt: skip
     """Score at half the step and with the second-order method, and refine the orders there.
 
     On coarser recordings `substeps` are those of a fit, for each coarse sample; half of them correct the coarse steps.
+    The derivatives of `near`, the tangent at x, serve at half the step.
     """
     if is_coarse(problem):
         return _corrected_check(problem, x, known, jobs, substeps)
@@ -95,14 +116,22 @@ def discretisation_check(
     after = second.evaluate(x)
     costs = (problem.cost(x), half.cost(x), after.cost)
     if after.reason:
-        return Discretisation(*costs, {}, {}, f"With pi2 at half the step the best run fails: {after.reason}.")
+        return Discretisation(*costs, {}, {}, warning=f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    shift = nearly_equal_shift(problem, x, second, jobs)
+    return _judged(problem, x, known, costs, _minimum_beside(problem, x, second, jobs, near))
+
+
+def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None) -> FloatArray:
+    """The minimum of a problem that is nearly another one, from x, that one's."""
+    if near is not None:
+        there = settled(other, x, jobs=jobs, near=replace(near, problem=other))
+        if not isinstance(there, Failure):
+            return there.x
+    shift = nearly_equal_shift(problem, x, other, jobs)
     if shift is None:
-        shift = uninterrupted(refined(second, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point - x
-    finer = np.clip(x + shift, problem.space.lower, problem.space.upper)
-    return _judged(problem, x, known, costs, finer)
+        return uninterrupted(refined(other, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
+    return np.clip(x + shift, problem.space.lower, problem.space.upper)
 
 
 def _corrected_check(
@@ -112,7 +141,9 @@ def _corrected_check(
     finer = corrected(replace(problem, method="pi2"), x, 2 * substeps, jobs, rounds=1)
     here = problem.cost(x)
     if isinstance(finer, Failure):
-        return Discretisation(here, np.inf, np.inf, {}, {}, f"With pi2 at half the step the best run fails: {finer}.")
+        return Discretisation(
+            here, np.inf, np.inf, {}, {}, warning=f"With pi2 at half the step the best run fails: {finer}."
+        )
     there = finer[0].cost(x)
     return _judged(problem, x, known, (here, there, there), finer[1].point)
 
@@ -135,7 +166,11 @@ def _judged(
     if moved:
         remedy = f"substeps = {_substeps(problem)}" if problem.method == "pi2" else 'method = "pi2"'
         warning += f" Type {remedy} in [fit]."
-    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, warning)
+    shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
+    largest = max(
+        (abs(float(finer[i] - x[i])) / half for i in shared if (half := half_width(known, x, i))), default=0.0
+    )
+    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning)
     if _costs_differ(problem.method, check):
         warning = (
             f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
@@ -154,29 +189,61 @@ def _substeps(problem: Problem) -> int:
     return 2 if is_coarse(problem) else 2 * problem.substeps
 
 
-def finer_step(problem: Problem, x: FloatArray, check: Discretisation, jobs: int) -> Refined | None:
+def finer_step(
+    problem: Problem, x: FloatArray, check: Discretisation, jobs: int, near: Tangent | None = None
+) -> Refined | None:
     """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps."""
-    before, coarse, best = check, problem, None
-    steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
-    while check.warning and 2 * problem.substeps <= FINEST and 4 * problem.substeps * steps <= MOST_STEPS:
-        halved = replace(problem, substeps=2 * problem.substeps)
-        near = nearly_equal_minimum(problem, x, halved, jobs)
-        problem.last_derivatives.clear()
-        problem = halved
-        minimum = uninterrupted(refined(problem, x, jobs, Watch())).best if near is None else problem.evaluate(near)
-        if minimum.reason:
+    best, found = None, Refined(problem, problem.evaluate(x), Failure(FailureReason.NO_FIT, ""), check, near)
+    while found.check.warning or found.check.largest > QUIET:
+        finer = halved(found, jobs)
+        if finer is None or not _helps(problem.method, found.check, finer.check):
             break
-        known = uncertainty(problem, minimum.point, jobs=jobs)
-        finer = discretisation_check(problem, minimum.point, known, jobs)
-        if not _helps(problem.method, check, finer):
-            break
-        check, x = finer, minimum.point
         sentence = (
-            f"The step was halved to {problem.substeps} a sample; at {coarse.substeps} a sample "
-            f"{_complaint(coarse, before)}."
+            f"The step was halved to {finer.problem.substeps} a sample; at {problem.substeps} a sample "
+            f"{_complaint(problem, check)}."
         )
-        best = Refined(problem, minimum, known, replace(check, refinement=sentence))
+        best = found = replace(finer, check=replace(finer.check, refinement=sentence))
     return best
+
+
+def halved(at: Refined, jobs: int) -> Refined | None:
+    """The minimum at half the step of another one; None where its run fails, or takes too many steps."""
+    problem, x = at.problem, at.best.point
+    other = replace(problem, substeps=2 * problem.substeps)
+    if other.substeps > FINEST or 2 * max(other.simulator.steps(e) for e in other.experiments) > MOST_STEPS:
+        return None
+    minimum, near = _minimum_of(problem, x, other, jobs, at.near)
+    problem.last_derivatives.clear()
+    if minimum.reason:
+        return None
+    known = uncertainty(other, minimum.point, jobs=jobs, near=near)
+    return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near)
+
+
+def is_rough(near: Tangent) -> bool:
+    """Whether what the step does wrong is as large as noise: then the cost has bumps of its own.
+
+    A change of the rows by one standard error, which half the step makes, changes twice the log likelihood by 1, up or
+    down, as the samples that cross a steep friction fall.
+    """
+    finer = replace(near.problem, substeps=2 * near.problem.substeps).evaluate(near.x).residuals
+    if finer is None or near.evaluation.residuals is None:
+        return False
+    change = finer - near.evaluation.residuals
+    return float(change @ change) > near.unit
+
+
+def _minimum_of(
+    problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None
+) -> tuple[Evaluation, Tangent | None]:
+    """The minimum of `other`, nearly `problem`, from x, that one's; with the tangent there, where one is given."""
+    if near is not None:
+        far = near.evaluation.cost * (1 + COARSE) < other.cost(x)  # there its derivatives are others
+        there = settled(other, x, jobs=jobs, near=None if far else replace(near, problem=other))
+        if not isinstance(there, Failure):
+            return there.evaluation, there
+    point = nearly_equal_minimum(problem, x, other, jobs)
+    return uninterrupted(refined(other, x, jobs, Watch())).best if point is None else other.evaluate(point), None
 
 
 def _costs_differ(method: str, check: Discretisation) -> bool:
@@ -189,7 +256,7 @@ def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
     if not coarse.orders and not _costs_differ(method, coarse):
         return True  # its run at half the step failed
     before, after = (
-        abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else max(map(abs, check.shift.values()))
+        abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else check.largest
         for check in (coarse, finer)
     )
     return after <= HELPS * before
@@ -199,8 +266,9 @@ def _complaint(problem: Problem, check: Discretisation) -> str:
     """What the check had to say, in few words."""
     if _costs_differ(problem.method, check):
         return f"half the step changes the cost from {check.cost:.3g} to {check.cost_half_step:.3g}"
-    moved = ", ".join(f"{n} by {shift:+.2g}" for n, shift in check.shift.items())
-    return f"half the step moves {moved}" if moved else "the run at half the step fails"
+    if not check.orders and not check.largest:
+        return "the run at half the step fails"
+    return f"half the step moves a value by {check.largest:.2g} times its CI half-width"
 
 
 def coarse_step(problem: Problem, check: Discretisation) -> Iterator[Finding]:

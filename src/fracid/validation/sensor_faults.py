@@ -48,7 +48,8 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, jacobian, rows_and_scores
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
+from fracid.estimation.derivatives import jacobian, rows_and_scores
 from fracid.findings import Finding
 from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem

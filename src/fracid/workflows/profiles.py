@@ -203,7 +203,7 @@ def _intervals(
             rows[name]["bootstrap"] = replicates.interval(i)
         if name in profiles.profiles:
             rows[name]["profile"] = profiles.profiles[name].interval95
-    return {"methods": METHODS, "unknowns": rows}
+    return {"methods": {n: sentence for n, sentence in METHODS.items() if n != "walk"}, "unknowns": rows}
 
 
 def _written(likelihood: Profiles, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:

@@ -1,0 +1,137 @@
+r"""Where an interval ends off the tangent: the cost itself at both ends, all other unknowns refitted.
+
+The covariance is that of the tangent.  In a valley that bends, beside a bound or a kink, the cost is no parabola as far
+as an interval reaches.  :func:`walked` looks: with one unknown at the end of its interval and the others at their least
+there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.Uncertainty.rise`), so the height
+
+.. math::  h(v) = \sqrt{(V_i(v) - V(\hat x))/L}
+
+should be 1.  Where it is off by more than a tenth, the end is moved to where it is: by the secant of h, which is a line
+where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, one run each.  If a
+point lies lower than the minimum, that was none, and the search goes on from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from fracid.errors import Failure
+from fracid.estimation.bounded import lowest
+from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.minimum import settled
+from fracid.estimation.tangent import Tangent
+from fracid.optimise import Evaluation
+
+__all__ = ["walked"]
+
+OFF = 0.1
+"""A height that is off by less leaves the interval of the tangent."""
+
+CLOSE = 0.03
+"""A height that is off by less ends the walk."""
+
+POINTS = 6
+"""Of one walk, at most."""
+
+LOWER = 0.05
+"""Part of its limit by which V is lower at a lower point."""
+
+
+def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int = 1) -> Uncertainty | Evaluation:
+    """The intervals of some unknowns where the cost ends them, or a point that is lower than the minimum.
+
+    Parameters
+    ----------
+    here : Tangent
+        At the minimum.
+    known : Uncertainty
+        There.
+    which : iterable of int
+        Unknowns; those without an interval stay so.
+    jobs : int
+        Threads.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.estimation.covariance import uncertainty
+    >>> from fracid.problem import Experiment, Free, Problem
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=3.0)
+    >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((751, 2))
+    >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
+    >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> here = settled(problem, problem.start)
+    >>> found = walked(here, uncertainty(problem, here.x, near=here), [0])
+    >>> found.method(0), bool(found.ends[0, 0] < 0.95 < found.ends[0, 1])
+    ('sandwich', True)
+    """
+    sides = [
+        (i, side) for i in which for side in (0, 1) if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side])
+    ]
+    with ThreadPoolExecutor(jobs) as pool:
+        found = list(pool.map(lambda where: _end(here, known, *where), sides))
+    lower = [point for point in found if isinstance(point, Evaluation)]
+    if lower:
+        return min(lower, key=lambda e: e.cost)
+    ends, moved = known.ends.copy(), np.zeros(len(here.x), dtype=bool)
+    for (i, side), end in zip(sides, found, strict=True):
+        if isinstance(end, float) and end != ends[i, side]:
+            ends[i, side], moved[i] = end, True
+    return replace(known, ends=ends, walked=moved)
+
+
+def _end(here: Tangent, known: Uncertainty, i: int, side: int) -> float | Evaluation:
+    """Where the interval of unknown i ends on one side; a lower point, if one is on the way."""
+    space, value, end = here.problem.space, float(here.x[i]), float(known.ends[i, side])
+    limit = float(known.rise[i, side])
+    room = float(abs((space.upper if side else space.lower)[i] - value))
+    sign, distance = (1 if side else -1), abs(end - value)
+    inside, outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
+    if distance == 0:
+        return end
+    for point in range(POINTS):
+        there = _refitted(here, i, value + sign * distance)
+        if there is None:  # the runs fail there
+            outside, distance = (distance, math.inf), 0.5 * (inside[0] + distance)
+            continue
+        rise = there.value - here.value
+        if rise < -LOWER * limit:
+            return there.evaluation
+        height = math.sqrt(max(rise, 0.0) / limit)
+        if abs(height - 1) <= (OFF if point == 0 else CLOSE) or (distance == room and height <= 1):
+            return end if point == 0 else value + sign * distance
+        if height < 1:
+            inside = (distance, height)
+        else:
+            outside = (distance, height)
+        distance = min(room, _next(inside, outside))
+    return value + sign * distance
+
+
+def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
+    """Where the height is 1, were it a line between two points; at most three times as far as was seen."""
+    if not math.isfinite(outside[1]):
+        return (
+            3 * inside[0]
+            if not math.isfinite(outside[0]) and inside[1] < 1 / 3
+            else min(inside[0] / inside[1], 0.5 * (inside[0] + outside[0]))
+        )
+    slope = (outside[1] - inside[1]) / (outside[0] - inside[0])
+    return inside[0] + (1 - inside[1]) / slope
+
+
+def _refitted(here: Tangent, i: int, value: float) -> Tangent | None:
+    """The minimum over all other unknowns with unknown i at a value; None where the runs fail."""
+    space = here.problem.space
+    others = np.arange(len(here.x)) != i
+    delta = np.where(others, 0.0, value - here.x)
+    ahead = here.y + here.R @ delta
+    delta[others] = lowest(here.R[:, others], ahead, *((end - here.x)[others] for end in (space.lower, space.upper)))
+    found = settled(here.problem, here.x + delta, held=[i], near=here)
+    return None if isinstance(found, Failure) else found
