@@ -17,7 +17,7 @@ from fracid.models.friction import RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.selection.comparison import Comparison, Row, Score, _verdict, compare, mean_rmse
-from fracid.selection.ladder import held, ladder, unseen
+from fracid.selection.ladder import OWN, assignment, held, ladder, unseen
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
@@ -102,14 +102,14 @@ def test_evidence_of_a_cost_of_ones_own_is_refused_before_anything_is_fitted():
 
 def test_each_rung_frees_more_friction_and_holds_the_ones_below_exactly():
     found = ladder(problem(swing(dry=5e-5)), rungs=RUNGS)
-    rungs = ["viscous", "Coulomb", "presliding", "LuGre", "drag", "springpot"]
-    assert found.frictions == tuple(" + ".join(rungs[: k + 1]) for k in range(len(rungs)))
+    rungs = ["viscous", "Coulomb", "drag", "presliding", "LuGre", "springpot"]
+    assert found.frictions == (*(" + ".join(rungs[: k + 1]) for k in range(len(rungs))), OWN)
     for s in found.structures:
         for name in s.below:
             lower = found[name]
             assert set(lower.problem.names) < set(s.problem.names)
             x = lower.problem.start * 1.02  # anywhere
-            values = dict(zip(lower.problem.names, x.tolist(), strict=True))
+            values = assignment(lower.problem, x)
             coarse = 5e-3 if "springpot" in s.top and s.top != lower.top else 0.0  # its order starts otherwise
             assert s.problem.cost(s.embed(values)) == pytest.approx(lower.problem.cost(x), rel=coarse, abs=0.0)
 
@@ -187,7 +187,7 @@ def test_what_only_a_recording_that_is_not_fitted_sees_is_found_there():
 
 def test_friction_to_keep_stays_as_the_problem_has_it():
     found = ladder(problem(swing(), parameters=INERTIA | {"b_alpha": 2e-5}), keep=["b_alpha"])
-    assert found.frictions[:2] == ("Coulomb", "Coulomb + presliding")
+    assert found.frictions[:2] == ("Coulomb", "Coulomb + drag")
     assert {s.problem.parameters["b_alpha"] for s in found.structures} == {2e-5}
 
 
@@ -201,8 +201,13 @@ def test_a_ladder_that_cannot_be_is_refused_in_words():
     bare = Model("decay", decay, ("x",), ("q",), {"x": 0}, ("u",), (Parameter("rate", "1/s", 1.0, "of decay"),), "", "")
     e = Experiment("one", 0.1, np.exp(-np.arange(20) / 10)[:, None], np.zeros((1, 1)))
     own = Problem(bare, (e,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("x",), initial_state="held")
-    with pytest.raises(InputError, match=r"decay has no friction by the names b_…, coulomb_…"):
-        ladder(own)
+    assert [s.name for s in ladder(own).structures] == ["decay, orders 1", "decay, orders free"]
+    none = Problem(replace(bare, integer_orders={"q": None}), (e,), own.orders, outputs=("x",), initial_state="held")
+    with pytest.raises(InputError, match=r"gives q no integer value .* name one, \[\[alternative\]\] in the project"):
+        ladder(none)
+    plain = replace(bare, orders=(1.0,))
+    with pytest.raises(InputError, match="decay has no order that the recordings see, so there is nothing to compare"):
+        ladder(Problem(plain, (e,), {}, {"rate": Free(1.0, 0.1, 3.0)}, outputs=("x",), initial_state="held"))
 
 
 def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():
@@ -215,10 +220,10 @@ def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():
     run = fracid.simulate(own, orders={"q": 1.0}, initial={"x": 1.0}, step=2e-2, end=8.0)
     e = Experiment("one", 2e-2, run.states[:, :1], np.zeros((1, 1)), initial={"x": 1.0})
     found = ladder(Problem(own, (e,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("x",), initial_state="held"))
-    assert found.frictions == ("viscous", "viscous + drag")
+    assert found.frictions == ("viscous", "viscous + drag", OWN)  # that has viscous friction as it is, 0.1 1/s
     assert found.notes[0] == (
-        "The model slide has no parameter of the rungs Coulomb (coulomb_…), presliding (presliding_…), LuGre "
-        "(presliding_damping_… or stiction_… or stribeck_speed_…), cable (cable_… or spring_…)."
+        "The model slide has no parameter of the rungs Coulomb (coulomb_…), cable (cable_… or spring_…), presliding "
+        "(presliding_…), LuGre (presliding_damping_… or stiction_… or stribeck_speed_…)."
     )
 
 
@@ -280,6 +285,80 @@ def test_scores_are_those_of_the_residual():
     assert score.fit_percent["alpha"] == pytest.approx(found.fit_percent["alpha"], abs=1e-2)
     itae = COSTS["itae"].value(e.time, found.residual("alpha")[:, None])
     assert score.itae["alpha"] == pytest.approx(itae, rel=1e-3)
+
+
+def nested(found, hierarchy):
+    """Pairs of rows of which the second can be all that the first is."""
+    return [(found[n], found[s.name]) for s in hierarchy.structures for n in s.below]
+
+
+def test_the_project_s_own_structure_is_a_row_that_costs_what_its_fit_finds_and_no_row_costs_more_than_one_in_it():
+    p = problem(swing(dry=5e-5), parameters=INERTIA | {"b_alpha": 2e-5, "coulomb_alpha": Free(1e-5, 0.0, 1e-3)})
+    found, hierarchy = compare(p), ladder(p)
+    assert [s.name for s in hierarchy.structures if s.given] == [f"{OWN}, orders free"]
+    own, fit = found[f"{OWN}, orders free"], fracid.identify(p)
+    assert own.cost <= (1 + 1e-6) * fit.cost
+    assert own.values["mu"] == pytest.approx(fit.orders["mu"].value, abs=1e-4)
+    assert own.values["b_alpha" if "b_alpha" in own.values else "coulomb_alpha"] == pytest.approx(
+        fit.parameters["coulomb_alpha"].value, rel=1e-2)  # fmt: skip
+    pairs = nested(found, hierarchy)
+    assert (own.name, "viscous + Coulomb, orders free") in [(a.name, b.name) for a, b in pairs]
+    for simpler, richer in pairs:
+        assert richer.cost <= (1 + 1e-3) * simpler.cost, (simpler.name, richer.name)
+
+
+def test_a_project_that_is_a_rung_is_no_row_of_its_own_and_rungs_that_are_picked_are_alone():
+    free = {"b_alpha": Free(1e-5, 0.0, 1e-3), "coulomb_alpha": Free(1e-5, 0.0, 1e-3)}
+    rung = ladder(problem(swing(dry=5e-5), parameters=INERTIA | free))
+    assert [s.name for s in rung.structures if s.given] == ["viscous + Coulomb, orders free"]
+    assert OWN not in rung.frictions
+    picked = problem(swing(dry=5e-5), parameters=INERTIA | {"b_alpha": 2e-5})
+    assert OWN in ladder(picked).frictions
+    assert ladder(picked, rungs=["viscous", "Coulomb"]).frictions == ("viscous", "viscous + Coulomb")
+
+
+def test_a_bound_that_stops_the_fit_of_the_project_is_opened_for_every_structure_and_said():
+    narrow = {"b_alpha": Free(1e-6, 0.0, 2e-6), "coulomb_alpha": Free(1e-5, 0.0, 1e-3)}
+    p = problem(swing(dry=5e-5), parameters=INERTIA | narrow)
+    found, fit = compare(p, rungs=["viscous", "Coulomb"]), fracid.identify(p)
+    assert fit.parameters["b_alpha"].value > 5e-6
+    row = found["viscous + Coulomb, orders free"]
+    assert row.cost <= (1 + 1e-3) * fit.cost
+    assert row.values["b_alpha"] == pytest.approx(fit.parameters["b_alpha"].value, rel=0.02)
+    assert any(
+        note.startswith("b_alpha was stopped by its upper bound, 2e-06 N m s/rad: opened to") for note in found.notes
+    )
+
+
+@pytest.mark.broad
+def test_every_structure_counts_what_it_frees_wherever_its_values_end():
+    p = problem(swing(dry=5e-5))
+    rungs = ["viscous", "Coulomb", "presliding", "LuGre"]
+    found, hierarchy = compare(p, rungs=rungs), ladder(p, rungs=rungs)
+    for row in found.rows:
+        assert row.parameters == len(hierarchy[row.name].problem.names), row.name
+        if row.fractional:
+            assert row.parameters == found[row.name.replace("free", "1")].parameters + 1
+
+
+def test_a_model_without_friction_is_compared_as_it_is_with_its_orders_integer_and_free():
+    def spring(t, x, u, p, out):
+        out[0] = x[1]
+        out[1] = -p[0] * x[0]
+
+    model = Model("spring", spring, ("x", "v"), ("q", "q"), {"x": 0}, (), (Parameter("k", "1/s^2", 20.0, ""),), "", "")
+    run = fracid.simulate(model, orders={"q": 0.96}, parameters={"k": 25.0}, initial={"x": 1.0}, step=1e-2, end=5.0)
+    y = run.states[:, :1] + 1e-3 * np.random.default_rng(1).standard_normal((501, 1))
+    e = Experiment("one", 1e-2, y, np.zeros((1, 0)), units={"x": "m"})
+    p = Problem(
+        model, (e,), {"q": Free(1.0, 0.5, 1.2)}, {"k": Free(20.0, 1.0, 90.0)}, outputs=("x",), initial_state="held"
+    )
+    for rungs in (None, ["viscous"], RUNGS):
+        found = compare(p, rungs=rungs)
+        assert [row.name for row in found.rows] == ["spring, orders 1", "spring, orders free"]
+    assert found.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
+    assert found.rows[1].in_sample["one"].rmse["x"] == pytest.approx(1e-3, rel=0.1)
+    assert "orders explain more in sample" in found.verdict
 
 
 @pytest.mark.broad
@@ -368,16 +447,16 @@ def test_cut_short_and_gone_on_with_it_ends_the_same_and_repeats_nothing(tmp_pat
         if progress.done == 3:
             raise KeyboardInterrupt
 
-    with Journal(tmp_path / "journal.jsonl", {}) as journal, pytest.raises(Unfinished, match="3 of 4 fits"):
+    with Journal(tmp_path / "journal.jsonl", {}) as journal, pytest.raises(Unfinished, match="3 of 5 fits"):
         judged(p, validation=other, journal=journal, progress=stop)
     before = (tmp_path / "journal.jsonl").read_text(encoding="utf-8").splitlines()
     assert len(before) == 1 + 3
-    assert {total for _, total in told} == {4}
+    assert {total for _, total in told} == {5}  # the project as it stands, and four structures
     with Journal(tmp_path / "journal.jsonl", {}) as journal:
         ended = judged(p, validation=other, journal=journal)
     after = (tmp_path / "journal.jsonl").read_text(encoding="utf-8").splitlines()
     assert after[:4] == before
-    assert len(after) == 1 + 4
+    assert len(after) == 1 + 5
     assert ended.to_json() == plain().to_json()
 
 

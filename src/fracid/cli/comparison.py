@@ -102,11 +102,12 @@ def compare(
 ) -> None:
     """Compare friction structures, with orders 1 and with orders free.
 
-    Fits friction models of growing complexity, from viscous to presliding, drag and cable, in the same way to the
-    recordings with use = "fit".  Judges each by its prediction of those with use = "validate", where only the initial
-    state and the parameters of that recording alone are refitted.  Writes compare.json, compare.csv and figures.
-    After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of any structure reaches the
-    end of the recordings.
+    Fits friction models of growing complexity, from viscous to drag, cable and presliding, and the project's own
+    structure, in the same way to the recordings with use = "fit"; a model without friction as it is, beside
+    the alternatives that the project names.  Judges each by its prediction of those with use = "validate", where only
+    the initial state and the parameters of that recording alone are refitted.  Writes compare.json, compare.csv and
+    figures.  After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of any structure
+    reaches the end of the recordings.
     """
     from fracid.workflows.comparison import run_comparison
 

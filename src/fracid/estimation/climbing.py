@@ -29,7 +29,7 @@ from fracid.optimise import Result
 from fracid.problem import Problem
 from fracid.problem.unknowns import Free
 
-__all__ = ["climbed", "embedded", "entries", "late_rungs", "on_the_whole", "on_windows", "without"]
+__all__ = ["by_windows", "climbed", "embedded", "entries", "late_rungs", "on_the_whole", "on_windows", "without"]
 
 ROUGH: Mapping[str, Any] = {"tolerance": 1e-2, "budget": 12}
 """Least squares on the windows from each entry of an element."""
@@ -84,11 +84,16 @@ def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result
         below = growing(simple, simple.start, jobs, watch).best
         values = dict(zip(simple.names, below.point.tolist(), strict=True)) | _off(problem, elements)
         ends.append(("the simpler structure", refined(problem, embedded(problem, values), jobs, watch)))
-    values = dict(problem.parameter_starts)
+    return [*ends, ("windows", by_windows(problem, jobs, watch))]
+
+
+def by_windows(problem: Problem, jobs: int, watch: Watch, **options: Any) -> Result:
+    """The climb on windows, rung by rung, and from its top least squares on the whole record."""
+    late, values = late_rungs(problem), dict(problem.parameter_starts)
     for k, names in enumerate(((), *late.values())):
         later = [n for rung in list(late)[k:] for n in late[rung]]
         values |= on_windows(without(problem, later), values, names, jobs, watch)
-    return [*ends, ("windows", on_the_whole(problem, values, jobs, watch))]
+    return on_the_whole(problem, values, jobs, watch, **options)
 
 
 def on_windows(

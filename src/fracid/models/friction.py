@@ -102,5 +102,6 @@ BY_NAME = {
 }  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""
 
-RUNGS = ("viscous", "Coulomb", "presliding", "LuGre", "drag", "cable", "tilt", "play", "springpot", "elastic arm")
-"""Every model's first rungs, from the ground up; rungs of a model's own follow."""
+RUNGS = ("viscous", "Coulomb", "drag", "cable", "tilt", "presliding", "LuGre", "play", "springpot", "elastic arm")
+"""Every model's first rungs, from the ground up; a model's own follow.  What is climbed to comes last: where the spring
+of a cable is missing, presliding is found in its place."""

@@ -104,7 +104,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
                     x, y, ls="", marker="o", ms=13, mfc="none", mec="black", mew=1.0, label="the paper's structure"
                 )
     _log(axes)
-    short = [frictions[0], *(f"+ {f.split(' + ')[-1]}" for f in frictions[1:])]
+    short = [f"+ {f.rpartition(' + ')[2]}" if " + " in f else f for f in frictions]
     axes.set_xticks(range(len(frictions)), [appearance.plain(name) for name in short])
     axes.tick_params(axis="x", rotation=90)  # side by side, six names are wider than a column
     axes.set_xlim(-0.4, len(frictions) - 0.6)

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from fracid.safety.json_files import from_json, short_text
 from fracid.safety.schema import AS_NULL, Block, Coherent, Infinite, Interval, Number, Unknown, fault_of, lacking
-from fracid.schemas.result import AlternativeBlock, ClaimWord
+from fracid.schemas.result import AlternativeBlock, ClaimWord, OpenedBoundBlock
 
 __all__ = [
     "AmplitudeBlock",
@@ -20,6 +20,7 @@ __all__ = [
     "FittedBlock",
     "RowBlock",
     "ScoreBlock",
+    "StartBlock",
     "WindowBlock",
     "fault_of_fitted",
 ]
@@ -160,6 +161,13 @@ class EvidenceBlock(Block):
     log_evidence: Number
     cost: Number
     reason: str
+
+
+class StartBlock(Block):
+    """The fit of the project as it stands, as the journal of a comparison has it: where every structure may start."""
+
+    values: dict[str, float]
+    opened: list[OpenedBoundBlock] = Field([])
 
 
 class FittedBlock(Block):

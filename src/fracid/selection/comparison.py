@@ -3,8 +3,8 @@ r"""A fair trial of the fractional model: the ladder of structures, fitted alike
 Every structure of :mod:`fracid.selection.ladder` is
 
 1. **fitted** to the same recordings by the same search: least squares on a growing horizon from the problem's start
-   (and more starts, if asked), and from the optima of the structures that it holds, so that a richer one is never worse
-   for a bad search;
+   (and more starts, if asked), from the optima of the structures that it holds, so that a richer one is never worse
+   for a bad search, and from the fit of the project as it stands;
 2. **scored in sample** by the root mean square error and the fit of each output, ITAE, and Schwarz's criterion with the
    samples that correlated residuals are worth (:mod:`fracid.selection.bic`);
 3. **scored on recordings not fitted**: those with ``use = "validate"``, or each in turn (*leave one out*).  There the
@@ -56,7 +56,7 @@ from fracid.arrays import FloatArray
 from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError, unknown_name
-from fracid.estimation.climbing import late_rungs, on_the_whole, on_windows, without
+from fracid.estimation.climbing import by_windows, embedded, late_rungs, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
@@ -71,7 +71,7 @@ from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
 from fracid.safety.json_files import from_json, json_number
 from fracid.safety.schema import as_json
-from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBlock, RowBlock, ScoreBlock
+from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBlock, RowBlock, ScoreBlock, StartBlock
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, schwarz
@@ -79,7 +79,8 @@ from fracid.selection.claim import LACKS, NO_RUN, OrderFound, claim_of
 from fracid.selection.doubts import claimed
 from fracid.selection.integer_alternatives import integer_alternatives
 from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
-from fracid.selection.ladder import BUILT_IN, Ladder, Structure, ladder
+from fracid.selection.ladder import Ladder, Structure, assignment, ladder
+from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
 from fracid.signals.correlation import effective_samples
@@ -99,6 +100,9 @@ MARGIN = 0.02
 
 SAME = 1e-3
 """A cost that is higher by less than this part is as low."""
+
+GIVEN = "the project as it stands"
+"""From whose fit every structure may start."""
 
 WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
@@ -137,7 +141,7 @@ class Row:
     cost: float
     """The problem's own, on the fitted recordings; infinite where every run fails."""
     parameters: int
-    """How many the fitted recordings tell, initial states included."""
+    """How many are free, initial states included; what the fitted recordings do not see is not."""
     bic: float
     """Schwarz's criterion, less that of the best row."""
     orders: Mapping[str, tuple[float, tuple[float, float] | None]]
@@ -282,7 +286,7 @@ def compare(
     validation: Sequence[Experiment] = (),
     leave_one_out: bool = False,
     keep: Collection[str] = (),
-    rungs: Collection[str] = BUILT_IN,
+    rungs: Collection[str] | None = None,
     amplitude: bool = False,
     evidence: bool = False,
     seed: int | None = None,
@@ -304,8 +308,9 @@ def compare(
         Whether each recording, fitted or not, is held out once while all others are fitted.
     keep : collection of str
         Parameters of friction that stay as the problem has them.
-    rungs : collection of str
-        Which rungs of the ladder are climbed (:data:`fracid.models.friction.RUNGS`).
+    rungs : collection of str, optional
+        Which rungs of the ladder are climbed (:data:`fracid.models.friction.RUNGS`); those up to LuGre's but
+        for a tilt's, and the project's own structure, if left out.
     amplitude : bool
         Whether the orders of the paper's structure and of the best fractional one are tested for a drift with
         amplitude (:mod:`fracid.selection.amplitude`).
@@ -323,8 +328,8 @@ def compare(
     Raises
     ------
     InputError
-        If there is no ladder, one recording is too few, a problem in memory is to be sent to processes, or there is no
-        evidence: the cost is a user's own, or a free parameter has no bounds.
+        If there is nothing to compare, one recording is too few, a problem in memory is to be sent to processes, or
+        there is no evidence: the cost is a user's own, or a free parameter has no bounds.
     Unfinished
         As :func:`fracid.tasks.tasks.run_tasks` does.
 
@@ -341,19 +346,22 @@ def compare(
     >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
     'Orders make no difference, an integer-order model predicts as well'
     """
-    origin = _origin(problem, validation, (tuple(sorted(keep)), tuple(rungs)), executor)
+    only = tuple(sorted(keep)), None if rungs is None else tuple(rungs)
+    origin = _origin(problem, validation, only, executor)
     base, others, _ = origin.load()
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
     seed, starts = 1 if seed is None else seed, starts or 1
     folds = _folds(base, others, leave_one_out)
-    study = _Study(origin, folds, leave_one_out, seed, starts, Execution(executor, jobs, journal, progress))
+    optimiser = problem.optimiser if isinstance(problem, Project) else "multistart"
+    study = _Study(origin, folds, leave_one_out, optimiser, seed, starts,
+                   Execution(executor, jobs, journal, progress))  # fmt: skip
     if evidence:
         for s in study.ladder(WHOLE).structures:
             require_evidence(s.problem)
     fitted = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
-    notes = tuple(_of_long_recordings(base))
+    notes = (*_of_long_recordings(base), *(b.sentence for b in study.origin.opened))
     fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
     if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
         fitted, notes = study.fit_again(fitted, substeps), (
@@ -399,23 +407,28 @@ def _folds(problem: Problem, others: Sequence[Experiment], leave_one_out: bool) 
     return {WHOLE: ()} | {name: (name,) for name in names}
 
 
+_Only = tuple[tuple[str, ...], tuple[str, ...] | None]
+"""Parameters to keep, rungs to climb."""
+
+
 @dataclass(frozen=True, eq=False)
 class _InMemory:
     """A problem as it is given; for threads."""
 
     problem: Problem
     validation: tuple[Experiment, ...]
-    only: tuple[tuple[str, ...], tuple[str, ...]]
-    """Parameters to keep, rungs to climb."""
+    only: _Only
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     """Models of integer order beside the ladder."""
     substeps: int | None = None
     """Steps a sample; None for the problem's."""
+    opened: tuple[OpenedBound, ...] = ()
+    """The bounds that the fit of the project opened: they are open for every structure."""
     folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
 
-    def at(self, substeps: int) -> _InMemory:
-        """The same at a finer step."""
-        return replace(self, substeps=substeps, folds={})
+    def but(self, **changes: Any) -> _InMemory:
+        """The same at a finer step, or with bounds opened."""
+        return replace(self, folds={}, **changes)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         return self.problem, self.validation, self.alternatives
@@ -428,15 +441,16 @@ class _OfFile:
     path: str
     preset: str | None
     sha256: str
-    only: tuple[tuple[str, ...], tuple[str, ...]]
-    """Parameters to keep, rungs to climb."""
+    only: _Only
     trust: bool
     substeps: int | None = None
     """Steps a sample; None for the problem's."""
+    opened: tuple[OpenedBound, ...] = ()
+    """As of the other."""
 
-    def at(self, substeps: int) -> _OfFile:
-        """The same at a finer step."""
-        return replace(self, substeps=substeps)
+    def but(self, **changes: Any) -> _OfFile:
+        """The same at a finer step, or with bounds opened."""
+        return replace(self, **changes)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         project = load_project(self.path, preset=self.preset, trust=self.trust)
@@ -448,7 +462,7 @@ class _OfFile:
 def _origin(
     problem: Problem | Project,
     validation: Sequence[Experiment],
-    only: tuple[tuple[str, ...], tuple[str, ...]],
+    only: _Only,
     executor: str,
 ) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
@@ -484,7 +498,7 @@ def _fold(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out:
 
 def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
     problem, validation, alternatives = origin.load()
-    problem = problem if origin.substeps is None else replace(problem, substeps=origin.substeps)
+    problem = reopened(replace(problem, substeps=origin.substeps or problem.substeps), origin.opened)
     every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
@@ -500,6 +514,33 @@ _fold_of_file = lru_cache(maxsize=32)(_made)
 # --- one structure -------------------------------------------------------------------------------------
 
 
+def _fit_project(
+    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, optimiser: str, seed: int, starts: int,
+    jobs: int, before: dict[str, float] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Where every structure may start: the project as it stands, searched as a fit of it is, and its bounds opened.
+
+    `before` has its minimum at a coarser step; a fit at this one would not know that, and may come to another.
+    """
+    given, watch, opened = _fold(origin, held_out, leave_one_out).ladder.given, Watch(), tuple[OpenedBound, ...]()
+    if given.names:
+        entry = OPTIMISERS[optimiser]
+        if given.cost_function.loss is None:
+            entry = OPTIMISERS["differential-evolution"]
+        elif entry.keeps_its_own:
+            entry = OPTIMISERS["multistart"]
+        ends = [search(given, entry, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)[0].best]
+        if before is not None:
+            ends.append(_descended(given, embedded(given, before), jobs, watch))
+        within = min(ends, key=_cost)
+        wider, best = open_bounds(given, within, jobs=jobs)
+        opened, given = opened_bounds(given, within.cost, wider, best), wider
+    else:
+        best = given.evaluate(given.start)
+    values = assignment(given, best.point) if math.isfinite(best.cost) else {}
+    return as_json(StartBlock, {"values": values, "opened": [vars(bound) for bound in opened]})
+
+
 def _fit_structure(
     origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
     below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
@@ -507,7 +548,8 @@ def _fit_structure(
 ) -> dict[str, Any]:  # fmt: skip
     """Fit one structure and score it: a task, whose result is plain JSON.
 
-    `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
+    `below` has where it may start, each with all values: the minima of the structures that it holds, and the fit of the
+    project.  `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
     fold = _fold(origin, held_out, leave_one_out)
     structure, others = fold.ladder[name], fold.held_out
@@ -535,7 +577,7 @@ def _fit_structure(
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": effective_samples(errors),
-        "parameters": len(values) - (0 if isinstance(precision, Failure) else len(precision.confounded)),
+        "parameters": len(values),
         "at_bound": at_bound,
         "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
@@ -548,24 +590,33 @@ def _fit_structure(
 def _fitted(
     structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, jobs: int
 ) -> tuple[Evaluation, str]:
-    """The lowest that the search comes to, from the problem's start and from the structures below."""
+    """The lowest that the search comes to, from the structures below and from its own start, or by windows.
+
+    All go a few steps, and the lowest on: rich friction creeps to its minimum.
+    """
     problem, watch = structure.problem, Watch()
-    if late_rungs(problem) and problem.cost_function.loss is not None and below:
-        return _climbed(structure, below, jobs)
-    optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
-    result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
-    ends = [(result.best, f"from its own start, {result.outcome.value}")]
-    for origin, values in below.items():
-        x = structure.embed(values)
-        evaluation = problem.evaluate(x)
-        if not math.isfinite(evaluation.cost):
-            continue
-        onward = _descended(problem, x, jobs, watch, budget=WARM)
-        ends.append((min(evaluation, onward, key=_cost), f"from the optimum of {origin}"))
-    best, how = min(ends, key=lambda end: end[0].cost)
-    if how != ends[0][1] or problem.cost_function.loss is None:
-        best = min(best, _descended(problem, best.point, jobs, watch), key=_cost)
-    return best, how
+    if not problem.names:
+        return problem.evaluate(problem.start), "nothing is free"
+    begun = [_begun(problem, structure.embed(values), f"from the optimum of {origin}", jobs, watch)
+             for origin, values in below.items()]  # fmt: skip
+    if structure.given and GIVEN in below:  # its own search is that
+        pass
+    elif late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
+        begun += _climbed(structure, jobs, watch)
+    else:
+        optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
+        result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
+        lowest = min((end.cost for end, _ in begun), default=math.inf)
+        if result.best.cost <= lowest and problem.cost_function.loss is not None:
+            return result.best, f"from its own start, {result.outcome.value}"
+        begun = [(result.best, f"from its own start, {result.outcome.value}"), *begun]
+    best, how = min(begun, key=lambda end: _cost(end[0]))
+    return min(best, _descended(problem, best.point, jobs, watch), key=_cost), how
+
+
+def _begun(problem: Problem, x: FloatArray, how: str, jobs: int, watch: Watch) -> tuple[Evaluation, str]:
+    """A few steps of least squares."""
+    return min(problem.evaluate(x), _descended(problem, x, jobs, watch, budget=WARM), key=_cost), how
 
 
 def _refitted(
@@ -586,8 +637,8 @@ def _refitted(
     ends = [(near, how)]
     if problem.cost_function.loss is not None and problem.names:  # the finer step has shifted the phase
         ends.append((growing(problem, own, jobs, watch).best, how))
-    if late_rungs(problem) and problem.cost_function.loss is not None and below:
-        return min(*ends, _climbed(structure, below, jobs), key=lambda end: end[0].cost)
+    if late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
+        ends += _climbed(structure, jobs, watch)
     for origin, simpler in below.items():
         x = structure.embed(simpler)
         onward = _descended(problem, x, jobs, watch)
@@ -595,33 +646,15 @@ def _refitted(
     return min(ends, key=lambda end: end[0].cost)
 
 
-def _climbed(structure: Structure, below: Mapping[str, Mapping[str, float]], jobs: int) -> tuple[Evaluation, str]:
-    """The lowest that a structure with rich friction comes to, from the optima below and by windows.
-
-    All go a few steps, and the lowest on: rich friction creeps to its minimum.
-    """
-    problem, watch, ends = structure.problem, Watch(), []
-
-    def began(x: FloatArray, how: str) -> None:
-        ends.append((min(problem.evaluate(x), _descended(problem, x, jobs, watch, budget=WARM), key=_cost), how))
-
-    for origin, values in below.items():
-        began(structure.embed(values), f"from the optimum of {origin}")
-    late = late_rungs(problem)
-    names = late.get(structure.top, ())
-    if not names:  # a drag or a cable came in last: it may matter more than all that came before
+def _climbed(structure: Structure, jobs: int, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
+    """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that."""
+    problem, late = structure.problem, late_rungs(structure.problem)
+    if structure.top not in late:  # a drag or a cable came in last: it may matter more than all that came before
         simple = without(problem, [n for rung in late.values() for n in rung])
-        lowest = growing(simple, simple.start, jobs, watch).best
-        began(
-            structure.embed(dict(zip(simple.names, lowest.point.tolist(), strict=True))), "from the simpler structure"
-        )
-    if names and not structure.fractional:
-        (origin, values), *_ = below.items()
-        start = dict(zip(problem.names, structure.embed(values).tolist(), strict=True))
-        shared = on_windows(problem, start, names, jobs, watch)
-        ends.append((on_the_whole(problem, shared, jobs, watch, budget=WARM).best, f"from {origin} by windows"))
-    best, how = min(ends, key=lambda end: _cost(end[0]))
-    return min(best, _descended(problem, best.point, jobs, watch), key=_cost), how
+        x = structure.embed(assignment(simple, growing(simple, simple.start, jobs, watch).best.point))
+        yield _begun(problem, x, "from the simpler structure", jobs, watch)
+    elif not structure.fractional:
+        yield by_windows(problem, jobs, watch, budget=WARM).best, "by windows"
 
 
 def _cost(evaluation: Evaluation) -> float:
@@ -669,12 +702,16 @@ class _Study:
     origin: _InMemory | _OfFile
     folds: Mapping[str, tuple[str, ...]]
     leave_one_out: bool
+    optimiser: str
+    """The project's."""
     seed: int
     starts: int
     execution: Execution
     done: int = 0
     earlier: int = 0
     """Of the fits that are done, those that were in the journal before."""
+    given: Mapping[str, dict[str, float]] = field(default_factory=dict)
+    """Fold → all values of the project as it stands, fitted; nothing where no run of it ends."""
     began: float = field(default_factory=time.perf_counter)
 
     def ladder(self, fold: str) -> Ladder:
@@ -682,7 +719,8 @@ class _Study:
 
     def fit(self) -> dict[tuple[str, str], dict[str, Any]]:
         """(Fold, structure) → what :func:`_fit_structure` gave."""
-        self.total = sum(len(self.ladder(fold).structures) for fold in self.folds)
+        self.total = sum(1 + len(self.ladder(fold).structures) for fold in self.folds)
+        self._fit_project("", {})
         fits: dict[tuple[str, str], dict[str, Any]] = {}
         for wave in self._waves():
             tasks = [Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave]
@@ -702,9 +740,10 @@ class _Study:
 
     def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
         """All fits once more, at a finer step, each from its minimum."""
-        coarse, self.origin = self.ladder(WHOLE).structures[0].problem.substeps, self.origin.at(substeps)
+        coarse, self.origin = self.ladder(WHOLE).given.substeps, self.origin.but(substeps=substeps)
         again = dict(fits)
-        self.total += sum(fit["cost"] is not None for fit in fits.values())
+        self.total += len(self.folds) + sum(fit["cost"] is not None for fit in fits.values())
+        self._fit_project(f"again, with {substeps} steps a sample", self.given)
         for wave in self._waves():
             tasks = {
                 (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
@@ -716,23 +755,45 @@ class _Study:
             again |= {pair: results[task.key] for pair, task in tasks.items()}
         return again
 
+    def _fit_project(self, again: str, before: Mapping[str, dict[str, float]]) -> None:
+        """Fit the project as it stands, in each fold, and open the bounds that stop it for every structure."""
+        jobs = max(1, self.execution.jobs // len(self.folds))
+        tasks = {
+            fold: Task(" | ".join(filter(None, (GIVEN, fold, again))), (
+                self.origin, held_out, self.leave_one_out, self.optimiser, self.seed, self.starts, jobs,
+                before.get(fold) or None,
+            )) for fold, held_out in self.folds.items()
+        }  # fmt: skip
+        results = self._run_fits([*tasks.values()], again, _fit_project)
+        found = {fold: StartBlock.model_validate(results[task.key]) for fold, task in tasks.items()}
+        self.given = {fold: block.values for fold, block in found.items()}
+        if opened := tuple(OpenedBound(**dict(b)) for b in found[WHOLE].opened):
+            self.origin = self.origin.but(opened=(*self.origin.opened, *opened))
+
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
         waves: dict[int, list[tuple[str, Structure]]] = {}
         for fold in self.folds:
-            hierarchy = self.ladder(fold)
-            for s in hierarchy.structures:
-                waves.setdefault(hierarchy.frictions.index(s.friction) + s.fractional, []).append((fold, s))
+            hierarchy, level = self.ladder(fold), dict[str, int]()
+            waiting = [*hierarchy.structures]
+            while waiting:
+                s = next(s for s in waiting if set(s.below) <= set(level))
+                waiting.remove(s)
+                level[s.name] = 1 + max((level[n] for n in s.below), default=-1)
+                waves.setdefault(level[s.name], []).append((fold, s))
         return iter(waves[k] for k in sorted(waves))
 
     def _arguments(
         self, fold: str, s: Structure, fits: Mapping[tuple[str, str], dict[str, Any]], beside: int
     ) -> tuple[Any, ...]:
-        below = {n: fits[fold, n]["values"] for n in s.below if fits[fold, n]["cost"] is not None}
+        hierarchy = self.ladder(fold)
+        minima = {n: fits[fold, n]["values"] for n in s.below if fits[fold, n]["cost"] is not None}
+        below = {n: assignment(p := hierarchy[n].problem, np.array([values[u] for u in p.names]))
+                 for n, values in minima.items()} | ({GIVEN: self.given[fold]} if self.given[fold] else {})  # fmt: skip
         return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
                 max(1, self.execution.jobs // beside))  # fmt: skip
 
-    def _run_fits(self, tasks: list[Task], note: str = "") -> dict[str, Any]:
+    def _run_fits(self, tasks: list[Task], note: str = "", work: Callable[..., Any] = _fit_structure) -> dict[str, Any]:
         before = self.earlier
 
         def over_all(p: Progress) -> None:
@@ -740,7 +801,7 @@ class _Study:
             self._tell(self.done + p.done, note)
 
         part = Part("fits", self.done, self.total)
-        results = replace(self.execution, progress=over_all, part=part).run(_fit_structure, tasks)
+        results = replace(self.execution, progress=over_all, part=part).run(work, tasks)
         self.done += len(tasks)
         return results
 

@@ -8,11 +8,11 @@ rung                            what is free beside the constants     parameters
 ==============================  ====================================  ==================================================
 viscous                         :math:`b\,v`                          ``b_…``
 viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_…``
-… + presliding                  :math:`σ_0 z` in its place            ``presliding_…``: Dahl's model
-… + LuGre                       :math:`g(v)`, :math:`σ_1 \dot z` too  ``stiction_…``, ``stribeck_speed_…``,
-                                                                      ``presliding_damping_…``
 … + drag                        :math:`d\,v|v|` too                   ``drag_…``
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
+… + presliding                  :math:`σ_0 z` in tanh's place         ``presliding_…``: Dahl's model
+… + LuGre                       :math:`g(v)`, :math:`σ_1 \dot z` too  ``stiction_…``, ``stribeck_speed_…``,
+                                                                      ``presliding_damping_…``
 … + play                        the gap of a gear                     ``play_…``
 … + springpot                   :math:`c\,D^ν θ` too                  ``springpot_…``, ``springpot_order_…``
 … + elastic arm                 a spring between hub and arm          ``arm_stiffness`` and its like
@@ -28,8 +28,11 @@ it is 0.  All else that the problem leaves free stays so: inertias, rests (each 
 Orders are free as the problem has them; where it fixes all, all are freed.  Ranges are widened to hold 0, and 1 for
 orders, so that each rung holds the ones below it, and can never fit worse.
 
-A project may name models of integer order (``[[alternative]]``), which are structures beside the ladder's.  A model
-that has no friction is then there with its orders as they are, and at their integers.
+**The project's own structure**, with what it frees and fixes, is there too, with every order 1 and with orders free,
+where no rung is the same: who has found a friction model compares from there.  Not where rungs are picked.  A model
+that has no friction is there as it is alone.
+
+A project may name models of integer order (``[[alternative]]``), which are structures beside all these.
 
 What the fitted recordings do not see (the friction of a clamped arm, a motor's constant in a free release) is 0 if it
 is friction, else it keeps its start; it is no parameter of the fit, and that is said.  A rung of which the recordings
@@ -40,13 +43,16 @@ All structures are solved by one method, of second order or better: a scheme of 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.climbing import embedded
 from fracid.models import Model
 from fracid.models.friction import BY_NAME, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
@@ -55,9 +61,11 @@ from fracid.solver.methods import METHODS
 
 __all__ = [
     "ORDER",
+    "OWN",
     "PAPER",
     "Ladder",
     "Structure",
+    "assignment",
     "has_friction",
     "held",
     "ladder",
@@ -68,7 +76,10 @@ __all__ = [
 PAPER = ("viscous", True)
 """The paper's structure: its friction, and that its orders are free."""
 
-BUILT_IN = RUNGS[: RUNGS.index("cable") + 1]
+OWN = "as in the project"
+"""What the friction of the project's own structure is called."""
+
+BUILT_IN = ("viscous", "Coulomb", "drag", "cable", "presliding", "LuGre")
 """The rungs that are climbed where nobody says: each fit takes longer than the one below."""
 
 ORDER = Free(1.0, 0.5, 1.2)
@@ -95,6 +106,8 @@ class Structure:
     """The same with it: a recording that is not fitted may see more."""
     below: tuple[str, ...]
     """Names of the structures that it holds, one rung down or with orders 1."""
+    given: bool = False
+    """Whether it is the project as it stands."""
 
     @property
     def name(self) -> str:
@@ -112,7 +125,9 @@ class Structure:
         return (self.friction, self.fractional) == PAPER
 
     def embed(self, values: Mapping[str, float]) -> FloatArray:
-        """The unknowns at which it is the structure below that has these `values`, shape (n_unknowns,).
+        """The unknowns at which it is, within its bounds, the structure that has these `values`, shape (n_unknowns,).
+
+        Friction that they do not mention is off, orders are integer.
 
         Examples
         --------
@@ -126,9 +141,8 @@ class Structure:
         """
         orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
         kinds = self.problem.model.friction
-        friction = {u.name: kinds[u.target].off for u in self.problem.unknowns if u.target in kinds}
-        assignment = friction | {n: v for n, v in orders.items() if v is not None} | {**values}
-        return np.array([assignment.get(u.name, u.range.start) for u in self.problem.unknowns])
+        simplest = {n: kind.off for n, kind in kinds.items()} | {n: v for n, v in orders.items() if v is not None}
+        return embedded(self.problem, {**simplest, **values})
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
@@ -147,6 +161,8 @@ class Ladder:
     structures: tuple[Structure, ...]
     notes: tuple[str, ...]
     """What was left out or changed, in sentences."""
+    given: Problem
+    """The project as it stands, solved as all structures are."""
 
     def __getitem__(self, name: str) -> Structure:
         """The structure of that name; an InputError names those that there are."""
@@ -170,7 +186,7 @@ def ladder(
     problem: Problem,
     *,
     keep: Collection[str] = (),
-    rungs: Collection[str] = BUILT_IN,
+    rungs: Collection[str] | None = None,
     others: Sequence[Experiment] = (),
     alternatives: Mapping[str, Problem] | None = None,
 ) -> Ladder:
@@ -182,8 +198,9 @@ def ladder(
         With the recordings that are fitted.
     keep : collection of str
         Parameters of friction that stay as the problem has them, on all rungs.
-    rungs : collection of str
-        Which rungs are climbed; a model's own always are.
+    rungs : collection of str, optional
+        Which rungs are climbed, a model's own always are; up to LuGre's but for a tilt's, with the project's own
+        structure, if left out, and all with it if all are named.
     others : sequence of Experiment
         Recordings that are not fitted; a rung of which only they see something is there too.
     alternatives : mapping, optional
@@ -196,7 +213,7 @@ def ladder(
     Raises
     ------
     InputError
-        If the model has no friction by the names of the module's table, or `keep` names what it does not have.
+        If no order is there to be compared, or `keep` or `rungs` name what there is not.
 
     Examples
     --------
@@ -214,15 +231,19 @@ def ladder(
     for name in keep:
         if name not in problem.model.parameter_names:
             raise unknown_name("parameter to keep", name, problem.model.parameter_names)
-    for name in rungs:
+    for name in rungs or ():
         if name not in RUNGS:
             raise unknown_name("rung", name, RUNGS)
     problem, notes = _solved_well(problem)
+    given = held(problem, unseen(problem, 0.0))
     beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, ()) for n, p in (alternatives or {}).items())
-    if beside and not has_friction(problem.model):
-        return Ladder((*_as_it_is(problem), *beside), tuple(notes))
+    if not has_friction(problem.model):
+        found = _as_it_is(problem, problem.model.name, ())
+        _require_both((*found, *beside), problem)
+        return Ladder(_marked((*found, *beside), given), tuple(notes), given)
     notes += _not_1(problem)
-    names, missing = _rungs(problem, keep, {*rungs} | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
+    chosen = {*(BUILT_IN if rungs is None else rungs)}
+    names, missing = _rungs(problem, keep, chosen | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
     blind |= _offsets(problem, [n for rung in names.values() for n in rung])
@@ -238,7 +259,10 @@ def ladder(
     kinds = problem.model.friction
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not depend on {n}: {_instead(top, n)}." for n in alone]
-    return Ladder((*_structures(problem, names, blind), *beside), tuple(notes))
+    found = tuple(_structures(problem, names, blind))
+    if rungs is None or chosen >= {*RUNGS}:
+        found = _with_own(problem, found)
+    return Ladder(_marked((*found, *beside), given), tuple(notes), given)
 
 
 def _offsets(problem: Problem, names: Collection[str]) -> set[str]:
@@ -301,11 +325,6 @@ def _rungs(
     names = [rung for rung in dict.fromkeys((*RUNGS, *(kind.rung for kind in kinds.values()))) if rung in on]
     every = {rung: [n for n, kind in kinds.items() if kind.rung == rung] for rung in names}
     rungs = {rung: tuple(n for n in names if n not in keep) for rung, names in every.items()}
-    if not has_friction(problem.model):
-        raise InputError(
-            f"The model {problem.model.name} has no friction by the names {', '.join(p + '…' for p in BY_NAME)}, "
-            "so there is no ladder: name the parameters of its friction so."
-        )
     absent = [f"{rung} ({' or '.join(_beginnings(rung))})" for rung, names in every.items() if not names]
     missing = [f"The model {problem.model.name} has no parameter of the rungs {', '.join(absent)}."] if absent else []
     return {rung: names for rung, names in rungs.items() if names}, missing
@@ -327,13 +346,76 @@ def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: s
             yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, tuple(below))
 
 
-def _as_it_is(problem: Problem) -> Iterator[Structure]:
-    """A model without a ladder, with every order at its integer, where each has one, and as the problem has them."""
-    name, integer = problem.model.name, replace(problem, orders=_integers(problem))
+def _as_it_is(problem: Problem, name: str, rungs: Sequence[Structure]) -> tuple[Structure, ...]:
+    """What the project frees, with every order at its integer, where each has one, and with orders free.
+
+    Each holds the richest rung of its kind whose unknowns it has.
+    """
+    found: list[Structure] = []
     has_integers = all(problem.model.integer_order(n) is not None for n in problem.orders)
-    for fractional, whole in (*[(False, integer)] * has_integers, (True, problem)):
-        below = (name_of(name, False),) * (fractional and has_integers)
-        yield Structure(name, fractional, held(whole, unseen(whole, 0.0)), whole, below)
+    for fractional, orders in (*[(False, _integers(problem))] * has_integers, (True, _free_orders(problem))):
+        whole = replace(problem, orders=orders)
+        this = held(whole, unseen(whole, 0.0))
+        if this.order_indices or not fractional:
+            lower = [s.name for s in rungs if s.fractional is fractional and {*s.problem.names} <= {*this.names}]
+            found.append(Structure(name, fractional, this, whole, (*lower[-1:], *(s.name for s in found))))
+    return tuple(found)
+
+
+def _with_own(problem: Problem, rungs: tuple[Structure, ...]) -> tuple[Structure, ...]:
+    """The rungs and the project's own structure; the first rung of a kind that has all its unknowns holds it."""
+    own = tuple(s for s in _as_it_is(problem, OWN, rungs) if not any(_same(s.problem, r.problem) for r in rungs))
+    above: dict[str, str] = {}
+    for s in own:
+        richer = (r for r in rungs if r.fractional is s.fractional and {*s.problem.names} <= {*r.problem.names})
+        above |= {r.name: s.name for r in islice(richer, 1)}
+    return tuple(replace(r, below=(*r.below, above[r.name])) if r.name in above else r for r in rungs) + own
+
+
+def _marked(structures: tuple[Structure, ...], given: Problem) -> tuple[Structure, ...]:
+    """The same, the one that is the project as it stands being said to be it."""
+    return tuple(replace(s, given=_same(given, s.problem)) for s in structures)
+
+
+def _same(one: Problem, other: Problem) -> bool:
+    """Whether two problems are one model with the same unknowns; bounds may differ, and what does nothing."""
+    if one.names != other.names:
+        return False
+    cost = one.cost(one.start)
+    return math.isclose(other.cost(embedded(other, assignment(one, one.start))), cost, rel_tol=1e-9)
+
+
+def assignment(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """Every order and parameter by name, those that are fixed too, and every unknown.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
+    >>> problem = Problem(rig, (still,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, {"C4": 0.2}, initial_state="held")
+    >>> values = assignment(problem, np.array([0.9]))
+    >>> values["lambda"], values["mu"], values["C4"], values["b_alpha"]
+    (1.0, 0.9, 0.2, 0.0003)
+    """
+    own = {p.name: p.value for p in problem.model.parameters}
+    found = dict(zip(problem.names, x.tolist(), strict=True))
+    return {**own, **problem.parameter_starts, **problem.order_starts, **found}
+
+
+def _require_both(structures: tuple[Structure, ...], problem: Problem) -> None:
+    """Refuse a model of which nothing can be compared."""
+    model = problem.model
+    if not any(s.fractional for s in structures):
+        raise InputError(
+            f"The model {model.name} has no order that the recordings see, so there is nothing to compare: name the "
+            "order of a state in its orders."
+        )
+    if all(s.fractional for s in structures):
+        raise InputError(
+            f"The model {model.name} gives {' and '.join(problem.orders)} no integer value (integer_orders), so there "
+            "is no integer-order model to compare with: name one, [[alternative]] in the project."
+        )
 
 
 def _integers(problem: Problem) -> dict[str, float | Free | Tied]:
@@ -354,11 +436,15 @@ def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[s
     rests = _rests(problem, parameters, [n for rung in on for n in rungs[rung]])
     parameters |= rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
+    return replace(problem, orders=_free_orders(problem), parameters=parameters, per_recording=own)
+
+
+def _free_orders(problem: Problem) -> dict[str, float | Free | Tied]:
+    """Orders free as the problem has them, in ranges that hold their integers; all of them where it fixes all."""
     orders = {n: _holding(v, problem.model.solved_at(n)) for n, v in problem.orders.items()}
-    if not any(isinstance(v, Free) for v in orders.values()):
-        orders = {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n))
-                  for n, v in orders.items()}  # fmt: skip
-    return replace(problem, orders=orders, parameters=parameters, per_recording=own)
+    if any(isinstance(v, Free) for v in orders.values()):
+        return orders
+    return {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n)) for n, v in orders.items()}
 
 
 def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied], on: Collection[str]) -> dict[str, Free]:

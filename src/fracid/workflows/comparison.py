@@ -17,11 +17,11 @@ from fracid.models.friction import RUNGS
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
 from fracid.safety.text import file_stems
-from fracid.schemas.comparison import AmplitudeBlock, EvidenceBlock, fault_of_fitted
+from fracid.schemas.comparison import AmplitudeBlock, EvidenceBlock, StartBlock, fault_of_fitted
 from fracid.schemas.result import AlternativeBlock
 from fracid.schemas.run_record import StudyLine
-from fracid.selection.comparison import Comparison, compare
-from fracid.selection.ladder import BUILT_IN, ladder
+from fracid.selection.comparison import GIVEN, Comparison, compare
+from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
@@ -94,7 +94,7 @@ def run_comparison(
     leave_one_out, amplitude, evidence, keep
         As of :func:`fracid.compare`.
     rungs : sequence of str, optional
-        Of the ladder (:data:`fracid.models.friction.RUNGS`); ``all`` for all, up to the cable's if left out.
+        Of the ladder (:data:`fracid.models.friction.RUNGS`), or ``all``; as :func:`fracid.compare` has it if left out.
     starts, seed
         In place of the project's.
     preset, jobs, trust, observer, command
@@ -123,7 +123,7 @@ def run_comparison(
     folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
     options: dict[str, Any] = {
         "leave_one_out": leave_one_out, "amplitude": amplitude, "evidence": evidence, "keep": sorted(keep),
-        "rungs": list(RUNGS if "all" in rungs else rungs or BUILT_IN),
+        "rungs": list(RUNGS if "all" in rungs else rungs) or None,
         "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
     }  # fmt: skip
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
@@ -157,7 +157,8 @@ def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:
-    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "evidence", "keep", "rungs", "seed")}
+    choices = {name: options[name] for name in ("leave_one_out", "amplitude", "evidence", "keep", "seed")}
+    choices["rung"] = options["rungs"]
     place = None if executor == "threads" else executor
     more = {"multi_start": options["starts"], "preset": project.preset, "executor": place}
     return command_of("compare", project.path, {"out": out, **choices, **more, "trust": bool(project.own_code)})
@@ -173,6 +174,8 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
             return fault_of(result, AmplitudeBlock)
         if key.startswith("evidence |"):
             return fault_of(result, EvidenceBlock)
+        if key.startswith(GIVEN):
+            return fault_of(result, StartBlock)
         if key.startswith("alternatives |"):
             return "" if result.get("alternative") is None else fault_of(result["alternative"], AlternativeBlock)
         if key.startswith("step |"):
