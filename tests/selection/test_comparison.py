@@ -315,6 +315,10 @@ def test_a_project_that_is_a_rung_is_no_row_of_its_own_and_rungs_that_are_picked
     picked = problem(swing(dry=5e-5), parameters=INERTIA | {"b_alpha": 2e-5})
     assert OWN in ladder(picked).frictions
     assert ladder(picked, rungs=["viscous", "Coulomb"]).frictions == ("viscous", "viscous + Coulomb")
+    with_dry = replace(picked, parameters=INERTIA | {"b_alpha": Free(1e-5, 0.0, 1e-3), "coulomb_alpha": 5e-5})
+    found = ladder(with_dry)  # it has the unknowns of the viscous rung, and another dry friction
+    assert found[f"{OWN}, orders 1"].below == ("viscous, orders 1",)
+    assert f"{OWN}, orders 1" in found["viscous + Coulomb, orders 1"].below
 
 
 def test_a_bound_that_stops_the_fit_of_the_project_is_opened_for_every_structure_and_said():
@@ -359,6 +363,9 @@ def test_a_model_without_friction_is_compared_as_it_is_with_its_orders_integer_a
     assert found.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
     assert found.rows[1].in_sample["one"].rmse["x"] == pytest.approx(1e-3, rel=0.1)
     assert "orders explain more in sample" in found.verdict
+    only_order = compare(replace(p, parameters={"k": 25.0}))
+    assert [row.parameters for row in only_order.rows] == [0, 1]  # of the integer-order model nothing is free
+    assert only_order.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
 
 
 @pytest.mark.broad

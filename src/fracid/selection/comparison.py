@@ -628,6 +628,8 @@ def _refitted(
     Else the lowest from there, and from the structures below at the finer step.
     """
     problem, watch, own = structure.problem, Watch(), structure.embed(values)
+    if not problem.names:
+        return problem.evaluate(own), how
     nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
     before = replace(problem, substeps=coarse).cost(own)
     near = min(problem.evaluate(own), _descended(problem, own, jobs, watch), key=_cost)
@@ -863,7 +865,7 @@ def _choose_step(
     values: Mapping[str, float], half_widths: dict[str, float], jobs: int,
 ) -> dict[str, Any]:  # fmt: skip
     problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
-    if problem.cost_function.loss is None:
+    if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
     return {"substeps": quiet_substeps(problem, np.array([values[n] for n in problem.names]), half_widths, jobs=jobs)}
 

@@ -363,11 +363,11 @@ def _as_it_is(problem: Problem, name: str, rungs: Sequence[Structure]) -> tuple[
 
 
 def _with_own(problem: Problem, rungs: tuple[Structure, ...]) -> tuple[Structure, ...]:
-    """The rungs and the project's own structure; the first rung of a kind that has all its unknowns holds it."""
+    """The rungs and the project's own structure; the first rung of a kind that has its unknowns and more holds it."""
     own = tuple(s for s in _as_it_is(problem, OWN, rungs) if not any(_same(s.problem, r.problem) for r in rungs))
     above: dict[str, str] = {}
     for s in own:
-        richer = (r for r in rungs if r.fractional is s.fractional and {*s.problem.names} <= {*r.problem.names})
+        richer = (r for r in rungs if r.fractional is s.fractional and {*s.problem.names} < {*r.problem.names})
         above |= {r.name: s.name for r in islice(richer, 1)}
     return tuple(replace(r, below=(*r.below, above[r.name])) if r.name in above else r for r in rungs) + own
 
