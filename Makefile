@@ -6,9 +6,10 @@ READY := .venv/.ready
 unexport PYTHONDONTWRITEBYTECODE
 SITE := .venv/.site
 PEERS := .venv-bench/.ready
+RIVALS := .venv-rivals/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-all test-slow lint docs bench orders coverage designs claims benchmarks-public bench-peers scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint docs bench orders coverage designs claims benchmarks-public bench-peers rivals scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -74,6 +75,16 @@ bench-peers: $(PEERS)
 $(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
 	$(PYTHON) -m venv .venv-bench
 	.venv-bench/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/peers.txt
+	touch $@
+
+# Whose intervals hold, and who claims what is not so?  fracid, SciPy and MuJoCo on the same files; MuJoCo lives in a
+# venv of its own.  Goes on where it was cut short.  Writes its part of docs/honesty.md.
+rivals: $(RIVALS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-rivals/bin/python benchmarks/rivals.py --write
+
+$(RIVALS): pyproject.toml constraints.txt benchmarks/rivals.txt
+	$(PYTHON) -m venv .venv-rivals
+	.venv-rivals/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . -r benchmarks/rivals.txt
 	touch $@
 
 # Up to 10^7 steps: time, memory, error.  Writes its part of docs/work-precision.md.

@@ -106,7 +106,7 @@ def pendulum(family: Family, rate: int, rng: np.random.Generator, file: Path) ->
     angles = [count * np.round((x[at, s] + r) / count + level * rng.standard_normal(at.size))
               for s, r in zip((0, 2), rest, strict=True)]  # fmt: skip
     columns = {"time": sample / rate, **({"theta": angles[0]} if family.arm else {}), "alpha": angles[1]}
-    _write(file, columns)
+    write_csv(file, columns)
     names = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed",
              "drag_theta", "drag_alpha", "torque_per_volt")  # fmt: skip
     return {n: getattr(rig, n) for n in names} | {
@@ -155,7 +155,7 @@ def mass(rate: int, rng: np.random.Generator, file: Path) -> dict[str, float]:
     k, c = m * omega**2, 2 * damping * m * omega ** (2 - nu)
     time_ = np.arange(round(rng.uniform(8, 15) * rate)) / rate
     y = step_response(m, c, k, nu, time_)
-    _write(file, {"time": time_, "F": np.ones(time_.size), "y": y + 0.01 / k * rng.standard_normal(time_.size)})
+    write_csv(file, {"time": time_, "F": np.ones(time_.size), "y": y + 0.01 / k * rng.standard_normal(time_.size)})
     truth = {"m": m, "k": k, "c": c, "nu": nu}
     (file.parent / "mass.py").write_text(MASS, encoding="utf-8")
     off = {n: truth[n] * rng.uniform(0.7, 1.4) for n in ("m", "k", "c")}
@@ -186,7 +186,7 @@ def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
 
-def _write(file: Path, columns: dict[str, np.ndarray]) -> None:
+def write_csv(file: Path, columns: dict[str, np.ndarray]) -> None:
     np.savetxt(file, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments="",
                fmt="%.9g", encoding="utf-8")  # fmt: skip
 
@@ -212,7 +212,9 @@ def answer(name: str, seed: int, folder: str) -> dict[str, Any]:
         return out | {"failed": f"{type(error).__name__}: {last(str(error))}", "seconds": time.process_time() - began}
     (recording,) = fit["recordings"].values()
     if not own:
-        truth |= as_drafted(truth, fit["parameters"]["C4"]["value"], recording["from"])
+        truth |= as_drafted(truth, fit["parameters"]["C4"]["value"]) | {
+            "release_time": truth["release"] - recording["from"]
+        }
     printed = {**fit["orders"], **fit["parameters"], **recording["parameters"]}
     values = {n: valued(e, truth[n]) for n, e in printed.items() if e["free"] and n in truth}
     unknown = [n for n, e in printed.items() if e["free"] and n not in truth]
@@ -224,10 +226,9 @@ SCALED = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_thet
           "drag_alpha", "torque_per_volt", "cable_stiffness")  # fmt: skip
 
 
-def as_drafted(truth: dict[str, float], C4: float, begin: float) -> dict[str, float]:
-    """The truth for the gravity of the draft, and for the sample that it begins with."""
-    scale = C4 / truth["C4"]
-    return {n: scale * truth[n] for n in SCALED} | {"release_time": truth["release"] - begin}
+def as_drafted(truth: dict[str, float], C4: float) -> dict[str, float]:
+    """The truth for the gravity of the draft."""
+    return {n: C4 / truth["C4"] * truth[n] for n in SCALED if n in truth}
 
 
 def valued(e: dict[str, Any], truth: float) -> dict[str, Any]:
