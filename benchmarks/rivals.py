@@ -288,7 +288,7 @@ def main() -> None:
     print(f"{text}\n\n{folder}")
     if asked.write:
         page = PAGE.read_text(encoding="utf-8")
-        place = re.compile(r"(<!-- rivals: begin -->\n).*?(<!-- rivals: end -->)", re.DOTALL)
+        place = re.compile(r"(<!-- beside others: begin -->\n).*?(<!-- beside others: end -->)", re.DOTALL)
         PAGE.write_text(place.sub(lambda at: f"{at[1]}\n{ABOVE}\n\n{text}\n\n{at[2]}", page), encoding="utf-8")
 
 
