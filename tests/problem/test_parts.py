@@ -1,9 +1,12 @@
 """Each part of a problem on its own: x to values, values to a run, errors to a cost."""
 
+import math
+
 import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import InputError
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -56,3 +59,9 @@ def test_the_criterion_is_the_root_mean_square_of_all_recordings_with_the_prior_
     evaluation = p.criterion(np.array([0.1 * z]), [np.full((50, 2), 1.0), np.full((50, 2), 7.0)])
     assert evaluation.cost == pytest.approx(cost)
     assert np.sqrt(np.sum(evaluation.residuals**2) / 2) == pytest.approx(cost)
+
+
+@pytest.mark.parametrize("step", [math.nan, math.inf, 0.0, -0.01, "0.01", None])
+def test_a_step_that_no_clock_has_is_refused(step):
+    with pytest.raises(InputError, match=r"a: step = .* is not possible; expected a number of seconds above 0"):
+        Experiment("a", step, np.zeros((9, 1)), np.zeros((1, 1)))

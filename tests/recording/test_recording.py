@@ -783,3 +783,17 @@ def test_a_part_that_begins_at_the_release_still_knows_it():
     held = Recording.of("swing", t, {"alpha": np.where(t < 4, 0.5, 0.5 * np.cos(6 * (t - 4)))})
     assert held.trim("release").report.release == held.report.release == pytest.approx(4.0, abs=0.02)
     assert held.trim(5.0).report.release is None
+
+
+@pytest.mark.parametrize("what", [np.ones((9, 2)), {"t": [1.0]}, 3, None])
+def test_what_is_no_path_is_called_by_its_kind_and_not_quoted(what):
+    with pytest.raises(InputError, match=f"A {type(what).__name__} is no path of a file; expected e.g. 'release.csv'"):
+        load_recording(what)
+
+
+def test_of_hundreds_of_columns_that_nobody_named_some_are_looked_at(tmp_path):
+    rows = np.random.default_rng(1).standard_normal((40, 260))
+    np.savetxt(tmp_path / "bus.csv", np.column_stack([np.arange(40) / 100, rows]), delimiter=",", fmt="%.4f")
+    recording = inspect_recording(tmp_path / "bus.csv")
+    assert len(recording.signals) == 200
+    assert "Left out as beyond 200 signals: 60 columns; name those that are meant." in recording.report.reading

@@ -24,7 +24,7 @@ def test_a_new_folder_is_made_with_its_environment(tmp_path):
     folder = open_folder(tmp_path / "a" / "b")
     environment = json.loads((folder / "environment.json").read_text())
     assert environment["versions"] == versions()
-    assert set(environment) == {"versions", "platform", "processor", "command", "directory", "started"}
+    assert set(environment) == {"versions", "platform", "processor", "command", "directory", "started", "code"}
 
 
 def test_an_earlier_run_is_cleared_of_its_own_files_alone(tmp_path):

@@ -86,6 +86,16 @@ def test_with_other_versions_what_was_found_may_be_off_by_so_much(capsys, sent, 
     assert "The version of numpy (1.0, now" in said["verdict"]
 
 
+@pytest.mark.parametrize("before", ["0" * 64, ""])
+def test_with_another_source_of_the_same_version_the_code_differs_and_fracid_is_not_at_fault(sent, before):
+    edited(sent / "result.json", moved(1e-3))
+    edited(sent / "run.json", lambda state: state.update(code=before))
+    found = fracid.reproduce(sent)
+    assert not found.reproduced
+    assert found.verdict.endswith("The code of fracid: not as before.")
+    assert "fault of fracid" not in found.verdict
+
+
 @pytest.mark.broad
 def test_another_processor_is_told(sent):
     edited(sent / "environment.json", lambda said: said.update(processor="a slide rule"))

@@ -32,6 +32,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -281,6 +282,8 @@ def _place(path: Path, choose: random.Random) -> str:
 
 def judge(number: int, good: Path, scratch: Path) -> str:
     """Run one input; return how it ended, or what went wrong after an exclamation mark."""
+    if number % 10:
+        writing._rendered = _drawn
     folder, (typed, *_) = spoilt(number, good, scratch / "in")
     words = typed.split()
     mine = folder / (words[1] if words[-2] != "--out" else words[-1])
@@ -345,8 +348,8 @@ def _where(error: BaseException) -> str:
     return "at " + " ".join(ours[-3:])
 
 
-def limited(number: int, good: Path, scratch: Path) -> str:
-    """Run one input in a process of its own, which dies where it takes too much."""
+def limited(run: Callable[[], str], scratch: Path, seconds: float = SECONDS) -> str:
+    """Run one input in a process of its own, which dies where it takes too much; its folder, ``in``, is removed."""
     end, pipe = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -355,13 +358,11 @@ def limited(number: int, good: Path, scratch: Path) -> str:
         try:
             idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             soft = resource.getrusage(resource.RUSAGE_SELF)
-            limit = int(soft.ru_utime + soft.ru_stime + SECONDS) + 1
+            limit = int(soft.ru_utime + soft.ru_stime + seconds) + 1
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             signal.alarm(600)  # a hang that takes no processor time
-            if number % 10:
-                writing._rendered = _drawn
-            outcome = judge(number, good, scratch)
+            outcome = run()
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - idle
             if used > MEMORY:
                 outcome = f"! used {used / 2**30:.2f} GiB"
@@ -391,7 +392,7 @@ def fuzz(good: Path, numbers: range, seconds: float) -> tuple[Counter[str], dict
         for number in numbers:
             if time.monotonic() > end:
                 break
-            outcome = limited(number, good, Path(scratch))
+            outcome = limited(partial(judge, number, good, Path(scratch)), Path(scratch))
             ended["failed" if outcome.startswith("!") else outcome] += 1
             if outcome.startswith("!"):
                 failures[number] = outcome[2:]

@@ -2,12 +2,14 @@
 
 import ctypes
 import faulthandler
+import stat
 import time
 
 import numpy as np
 import pytest
 
 import fuzz
+import fuzz_folders
 from fracid.errors import DataError
 from fuzz_inputs import READERS, input_of
 
@@ -99,3 +101,28 @@ def test_no_hostile_file_breaks_a_reader(reader, tmp_path):
     tally, _ = fuzz.fuzz(reader, range(20_000), 16, keep=tmp_path)
     assert tally.failures == {}
     assert tally.inputs > 30  # a slow machine takes whole searches at 5 a second
+
+
+# --- folders of folders ---------------------------------------------------------------------------------
+
+
+def test_a_tree_is_found_again_by_its_number_and_holds_all_kinds(tmp_path):
+    kinds = set()
+    for number in range(40):
+        trees = []
+        for place in ("one", "two"):
+            scratch = tmp_path / f"{number}" / place
+            scratch.mkdir(parents=True)
+            words = [word.replace(str(scratch), "") for word in fuzz_folders.planted(number, scratch)]
+            paths = sorted((scratch / "in").rglob("*"))
+            trees.append((words, [(str(path.relative_to(scratch)), path.lstat().st_mode) for path in paths]))
+            kinds |= {stat.S_IFMT(mode) for _, mode in trees[-1][1]}
+        assert trees[0] == trees[1]
+    assert kinds == {stat.S_IFDIR, stat.S_IFREG, stat.S_IFLNK, stat.S_IFIFO, stat.S_IFSOCK}
+
+
+@pytest.mark.slow(minutes=3)
+def test_no_tree_of_anything_at_all_breaks_a_command():
+    ended, failures = fuzz_folders.fuzz(range(10_000), seconds=180)
+    assert failures == {}
+    assert sum(ended.values()) > 100

@@ -11,6 +11,7 @@ import pytest
 
 import fracid
 from fracid.tasks import ending
+from program import RELEASE
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGHUP")
 
@@ -121,6 +122,45 @@ def test_a_fit_ended_at_any_stage_says_so_in_a_sentence_and_goes_on(name, stage,
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (again.returncode, "Traceback" in again.stderr) == (0, False)
     assert json.loads((tmp_path / "run" / "result.json").read_text())["outcome"].startswith("converged")
+
+
+OUTPUTS = {
+    "full": ("{fracid} > /dev/full", {}, 1),
+    "full, as JSON": ("{fracid} --json > /dev/full", {}, 1),
+    "closed": ("{fracid} >&-", {}, 0),
+    "closed, errors too": ("{fracid} >&- 2>&-", {}, 0),
+    "a pipe whose reader is gone": ("set -o pipefail; {fracid} | true", {}, 1),
+    "without Greek": ("{fracid}", {"PYTHONIOENCODING": "ascii"}, 0),
+    "of the C locale": ("{fracid} --json", {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, 0),
+}
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("kind", OUTPUTS)
+def test_output_that_cannot_be_written_ends_no_work_and_is_no_fault_of_fracid(kind, tmp_path):
+    words, environment, code = OUTPUTS[kind]
+    (tmp_path / "swing.csv").write_text("t,alpha [°]\n" + "".join(f"{k / 100},{(k // 9) % 2}\n" for k in range(99)))
+    words = words.format(fracid=f"{sys.executable} -m fracid check swing.csv")
+    ended = subprocess.run(["bash", "-c", words], cwd=tmp_path, env=os.environ | environment, capture_output=True,
+                           text=True, check=False)  # fmt: skip
+    assert (ended.returncode, "Traceback" in ended.stderr, "fault" in ended.stderr) == (code, False, False)
+    assert ("No space left on device" in ended.stderr) == ("full" in kind)
+    assert json.loads(ended.stdout)["name"] == "swing" if "locale" in kind else True
+    assert ("alpha [\\u00b0]" in ended.stdout) == (kind == "without Greek")
+
+
+@pytest.mark.broad
+def test_a_fit_whose_output_finds_no_room_is_written_to_its_end(tmp_path):
+    time = np.arange(0, 2, 0.02)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "swing.csv", np.column_stack([time, 0 * time, 0.35 * np.cos(8 * time) + noise]),
+               delimiter=",", header="time,theta,alpha", comments="")  # fmt: skip
+    (tmp_path / "rig.toml").write_text(RELEASE)
+    words = f"{sys.executable} -m fracid fit rig.toml --out run > /dev/full"
+    ended = subprocess.run(["bash", "-c", words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, "Traceback" in ended.stderr) == (1, False)
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["finished"]
+    assert (tmp_path / "run" / "report.html").exists()
 
 
 def prints_and_ends(done):

@@ -96,6 +96,10 @@ class Experiment(CardDisplay):
             if values is not None:
                 refuse_masked(f"{self.name}: {name}", values)
                 object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
+        if not (isinstance(self.step, int | float) and 0.0 < self.step < math.inf):
+            raise InputError(
+                f"{self.name}: step = {self.step!r} is not possible; expected a number of seconds above 0."
+            )
 
     @classmethod
     def of(

@@ -27,6 +27,9 @@ from fracid.recording.readers.table import Table
 __all__ = ["channel_with_unit", "choose_channels", "hold_blanks", "refuse_shared"]
 
 
+MOST_SIGNALS = 200
+"""That are looked at where none is named: each takes milliseconds, and a rig has a dozen."""
+
 # ---------------------------------------------------------------------------- channels
 
 
@@ -47,7 +50,10 @@ def choose_channels(
     indices = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
     if not indices:
         raise DataError(_no_signal(table, blank))
+    indices, beyond = indices[:MOST_SIGNALS], len(indices) - MOST_SIGNALS
     sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in indices)}."]
+    if beyond > 0:
+        sentences.append(f"Left out as beyond {MOST_SIGNALS} signals: {beyond} columns; name those that are meant.")
     sentences += _left_out(table)
     for group, why in [
         (blank, "blank where time is stamped"),

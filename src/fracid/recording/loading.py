@@ -152,7 +152,10 @@ def inspect_recording(
     'unfit'
     """
     if not isinstance(path, str | PathLike):
-        raise InputError(f"{path!r} is no path of a file; expected e.g. 'release.csv'.")
+        raise InputError(
+            f"A {type(path).__name__} is no path of a file; expected e.g. 'release.csv'. Of arrays: "
+            "fracid.Recording.of(name, time, signals)."
+        )
     path = Path(path)
     before = _state(path)
     table = read_table(path, variable)

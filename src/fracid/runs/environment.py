@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import platform
 from functools import cache
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from fracid.safety.door import text_of
+from fracid.safety.door import bytes_of, text_of
 
-__all__ = ["machine", "versions"]
+__all__ = ["code", "machine", "versions"]
 
 _PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
 
@@ -29,6 +30,21 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             numbers[package] = "unknown"
     return numbers
+
+
+@cache
+def code() -> str:
+    """Hash of fracid's own source: between two versions it changes often, and a result may with it.
+
+    Examples
+    --------
+    >>> len(code())
+    64
+    """
+    package, digest = Path(__file__).parents[1], sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(sha256(str(path.relative_to(package)).encode() + bytes_of(path)).digest())
+    return digest.hexdigest()
 
 
 def machine() -> dict[str, str]:

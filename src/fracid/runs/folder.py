@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import FracidError, InputError, unwritable
-from fracid.runs.environment import machine, versions
+from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.schema import as_json, read_as
 from fracid.schemas.result import ResultBlock
@@ -106,6 +106,8 @@ class RunState:
     inputs: Mapping[str, str]
     """All that it reads from outside, with hashes; see :func:`inputs_of`."""
     finished: bool = False
+    code: str = ""
+    """Hash of fracid's source; of a run that another source went on with both, which no source has."""
 
 
 @dataclass(frozen=True)
@@ -173,13 +175,14 @@ def open_run(
     >>> run_state(folder).finished
     True
     """
-    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}))
+    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}), code=code())
     _refuse_strangers(folder)
     with FolderLock(folder):
         if resume:
             before = run_state(folder)
             _refuse_another(folder, before, now)
-            now = replace(now, options=before.options)  # where the project was, too: its journals go by that
+            both = " and ".join(dict.fromkeys((before.code, now.code)))
+            now = replace(now, options=before.options, code=both)  # where the project was, too: its journals go by that
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
             open_folder(folder, command)
@@ -376,7 +379,7 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
                 path.unlink(missing_ok=True)
             began = datetime.now(UTC).isoformat(timespec="seconds")
             typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
-            environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), **typed})
+            environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), "code": code(), **typed})
             write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
         except OSError as error:
             raise _unwritable(folder, error) from None

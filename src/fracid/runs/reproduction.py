@@ -31,6 +31,7 @@ from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 
 if TYPE_CHECKING:
+    from fracid.runs.folder import RunState
     from fracid.runs.saved import SavedRun
 
 __all__ = ["ELSEWHERE", "Difference", "Reproduction", "compared", "reproduce"]
@@ -95,7 +96,7 @@ class Reproduction(CardDisplay):
     @property
     def verdict(self) -> str:
         """In words."""
-        but = f" {_listed(self.changed)}: not as they were." if self.changed else ""
+        but = f" {_listed(self.changed)}: not as before." if self.changed else ""
         if self.identical:
             return f"Identical: all {self.values} values are the same to the last bit.{but}"
         count = f"{len(self.differences)} of {self.values} values differ, {self.how_far}"
@@ -104,8 +105,8 @@ class Reproduction(CardDisplay):
         if self.changed:
             return f"Not reproduced: {count}; {ELSEWHERE:g} is allowed.{but}"
         return (
-            f"Not reproduced: {count}, with the same data, seed, versions and machine. That is a fault of fracid: "
-            "please report it, with both results."
+            f"Not reproduced: {count}, with the same data, seed, versions, code and machine. That is a fault of "
+            "fracid: please report it, with both results."
         )
 
     @property
@@ -183,7 +184,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
         raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
     with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
         fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
-    return compared(run.result, result_of(fit, run.project, {}), _changed(run, state.inputs))
+    return compared(run.result, result_of(fit, run.project, {}), _changed(run, state))
 
 
 def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
@@ -196,12 +197,12 @@ def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+def _changed(run: SavedRun, state: RunState) -> dict[str, tuple[str, str]]:
     """Versions, code and machine that are not as they were; the data cannot be others, :func:`load_run` looks."""
-    from fracid.runs.environment import machine
+    from fracid.runs.environment import code, machine
     from fracid.runs.folder import inputs_of
 
-    now = inputs_of(run.project)
+    now, inputs = inputs_of(run.project), state.inputs
     changes = {
         what: (str(inputs[what]), now[what])
         for what in now
@@ -211,6 +212,8 @@ def _changed(run: SavedRun, inputs: Mapping[str, str]) -> dict[str, tuple[str, s
         there = read_as(run.folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
     except OSError:
         there = {}
+    if state.code != code():
+        changes["the code of fracid"] = state.code, code()
     here = machine()
     return changes | {
         f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]

@@ -7,6 +7,7 @@
 :func:`own_text`     a file of fracid's own, that it was installed with
 :func:`appended`     to add to its end, or to lock it: a plain file of this folder, no link that leads to another's
 :func:`descriptor`   the same, to write anywhere in it
+:func:`nowhere`      what keeps nothing
 :func:`write_whole`  a new content, all of it or none; a link in its place is replaced and not followed
 ===================  ================================================================================================
 
@@ -22,12 +23,14 @@ import threading
 from contextlib import suppress
 from io import BufferedReader, FileIO
 from pathlib import Path
+from typing import TextIO
 
 __all__ = [
     "MOST",
     "appended",
     "bytes_of",
     "descriptor",
+    "nowhere",
     "opened",
     "own_text",
     "text_of",
@@ -170,6 +173,18 @@ def _refuse_unplain(status: os.stat_result, path: str) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
     if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "it is no plain file but a pipe or a device", path)
+
+
+def nowhere() -> TextIO:
+    """Open what takes any text and keeps none: in place of a closed standard output, whose number a file would get.
+
+    Examples
+    --------
+    >>> with nowhere() as file:
+    ...     file.write("one")
+    3
+    """
+    return open(os.devnull, "w", encoding="utf-8")
 
 
 def write_text(path: Path, text: str) -> None:

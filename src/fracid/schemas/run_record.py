@@ -20,6 +20,7 @@ class RunBlock(Block):
     options: dict[str, Any]
     inputs: dict[str, str]
     finished: bool
+    code: str = ""
 
 
 class FitOptions(Block):
@@ -40,6 +41,7 @@ class EnvironmentBlock(Block):
     versions: dict[str, str] = Field({})
     platform: str = ""
     processor: str = ""
+    code: str = ""
     command: list[str] = Field([])
     directory: str = ""
     started: str = ""

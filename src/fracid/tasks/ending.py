@@ -4,22 +4,27 @@ What is done is on the disk by then, and what is written is whole or not there, 
 nothing that could be waited for.  A process that is just being started has yet to be told what it is for; were its
 parent to end meanwhile, it would end in a traceback.
 
-A closed pipe, as of ``fracid fit rig.toml | head``, ends nothing: what is printed from then on is dropped, the files of
-the run are written to their end, and the exit code is 1.
+Output that cannot be written ends nothing: what is printed is dropped, the files of the run are written to their end,
+and the exit code is 1.  So it is with a closed pipe, ``fracid fit rig.toml | head``, and with a full disk, which is
+said.  Where standard output is closed from the start nobody wants it, and the code is that of the work.  What its
+encoding lacks is written out as JSON does it, ``\\u03bc``.
 """
 
 from __future__ import annotations
 
+import codecs
 import io
+import json
 import os
 import signal
-import stat
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 from typing import Any
+
+from fracid.safety.door import nowhere
 
 __all__ = ["ended_in_a_sentence", "quiet_when_closed", "undisturbed"]
 
@@ -49,30 +54,42 @@ def ended_in_a_sentence() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
-class _Pipe(io.FileIO):
-    """A pipe that drops what nobody reads any more."""
+class _Output(io.FileIO):
+    """A pipe or a file that drops what it cannot take."""
 
-    closed_by_reader = False
+    fault: OSError | None = None
 
     def write(self, data: Any) -> int:
         try:
             return super().write(data)
-        except BrokenPipeError:
-            self.closed_by_reader = True
+        except OSError as error:
+            self.fault = error
             return len(data)
+
+
+def _written_out(error: UnicodeError) -> tuple[str, int]:
+    """What an encoding lacks, as JSON has it."""
+    assert isinstance(error, UnicodeEncodeError)
+    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
+
+
+codecs.register_error("fracid", _written_out)
 
 
 @contextmanager
 def quiet_when_closed() -> Iterator[None]:
-    """Let work go on to its end when the reader of its output is gone; the exit code is then 1 in place of 0."""
-    pipes, before = list[_Pipe](), (sys.stdout, sys.stderr)
+    """Let work go on to its end when its output cannot be written; the exit code is then 1 in place of 0."""
+    outputs, before, left = list[_Output](), (sys.stdout, sys.stderr), ExitStack()
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if isinstance(stream, io.TextIOWrapper) and _is_pipe(stream):
+        if stream is None:
+            setattr(sys, name, left.enter_context(nowhere()))
+        elif isinstance(stream, io.TextIOWrapper) and (number := _number(stream)) is not None:
             stream.flush()
-            pipes.append(pipe := _Pipe(stream.fileno(), "w", closefd=False))
+            outputs.append(output := _Output(number, "w", closefd=False))
+            errors = "fracid" if stream.errors in ("strict", "surrogateescape") else stream.errors
             text = io.TextIOWrapper(
-                io.BufferedWriter(pipe), stream.encoding, stream.errors, line_buffering=stream.line_buffering,
+                io.BufferedWriter(output), stream.encoding, errors, line_buffering=stream.line_buffering,
                 write_through=stream.write_through,
             )  # fmt: skip
             setattr(sys, name, text)
@@ -80,20 +97,25 @@ def quiet_when_closed() -> Iterator[None]:
         yield
     except SystemExit as end:
         _flush()
-        if end.code in (0, None) and any(pipe.closed_by_reader for pipe in pipes):
+        faults = [output.fault for output in outputs if output.fault is not None]
+        for fault in faults:
+            if not isinstance(fault, BrokenPipeError):
+                sys.stderr.write(f"error: the output cannot be written: {fault.strerror}.\n")
+        if end.code in (0, None) and faults:
             raise SystemExit(1) from None
         raise
     finally:
         _flush()
         sys.stdout, sys.stderr = before
+        left.close()
 
 
-def _is_pipe(stream: io.TextIOWrapper) -> bool:
+def _number(stream: io.TextIOWrapper) -> int | None:
+    """Of the file that a stream writes to; None where there is none, and of a console of Windows."""
     try:
-        mode = os.fstat(stream.fileno()).st_mode
+        return None if sys.platform == "win32" and stream.isatty() else stream.fileno()
     except (OSError, ValueError):
-        return False
-    return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
+        return None
 
 
 def _flush() -> None:

@@ -113,10 +113,11 @@ def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
         if not what.startswith(("the version", "the code", "versions")):
             raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
     machines = [_read(folder / "environment.json") for folder in (run, again)]
+    named = {"platform": "the platform", "processor": "the processor", "code": "the code of fracid"}
     return changes | {
-        f"the {what}": (str(machines[0][what]), str(machines[1][what]))
-        for what in ("platform", "processor")
-        if what in machines[0] and machines[0][what] != machines[1][what]
+        words: (str(machines[0].get(what)), str(machines[1][what]))
+        for what, words in named.items()
+        if machines[0].get(what) != machines[1][what] and (what in machines[0] or what == "code")
     }
 
 

@@ -1,0 +1,210 @@
+# ruff: noqa: T201  (a command: it prints)
+"""Fuzzing of folders of folders: anything at all, under the names that fracid looks for, given to every command.
+
+::
+
+    python tests/safety/fuzz_folders.py --inputs 10000            the first ten thousand
+    python tests/safety/fuzz_folders.py --good FOLDER             with the files of good runs among them, made there
+    python tests/safety/fuzz_folders.py --again 1234              one input once more
+
+Input number n is a tree, one command and where it points to, all of which follow from n alone.  In the tree are files
+of any content, empty ones, some of gigabytes without a byte on the disk, folders within each other, links to files and
+folders within and without, to themselves and to nothing, pipes, sockets and devices.  The command must end with exit
+code 0, 1, 2 or 3 within 10 s of processor time and 1 GiB, with a line that can be printed where it refuses; and no file
+outside of the tree may be another one or new.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import random
+import socket
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from functools import partial
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fuzz import _fault_of
+from fuzz_runs import RAW, TEXTS, _called, _spoil, _where, limited, made
+
+__all__ = ["fuzz", "judge", "planted"]
+
+SECONDS = 10.0
+"""Of processor time, for one input."""
+
+NAMES = (
+    "result.json", "run.json", "environment.json", "project.toml", "rig.toml", "report.html", "index.html", "figures",
+    "compare.json", "noise.json", "posterior", "posterior.json", "profiles.json", "journal.jsonl", "evaluations.jsonl",
+    "starts", "runs", "run", ".lock", ".memo", "swing.csv", "swing.mat", "swing.npz", "swing.h5", "swing.parquet", "a",
+    "\udcff", "-rf", "x" * 255, "a\nb", "\x1b[2J", "my.py",
+)  # fmt: skip
+
+COMMANDS = (
+    ("report",), ("report",), ("resid",), ("draw",), ("export",), ("resume",), ("reproduce",), ("simulate",),
+    ("noise",), ("profile",), ("posterior",), ("fit", "--jobs", "1"), ("compare", "--jobs", "1"), ("check",), ("init",),
+    ("regress",), ("design",),
+)  # fmt: skip
+
+PROJECT = '[[recording]]\nfile = "{}"\nalpha = {{ column = 1 }}\n'
+
+
+def planted(number: int, scratch: Path, good: Path | None = None) -> list[str]:
+    """Make the tree of input n under ``in``, and what lies beside it; gives the command."""
+    choose = random.Random(number)
+    root = scratch / "in"
+    root.mkdir()
+    places = [root]
+    for _ in range(choose.choice((1, 3, 8, 20, 40))):
+        place = choose.choice(places) / choose.choice(NAMES)
+        if os.path.lexists(place):  # a pipe, which nobody reads, or a link to elsewhere
+            continue
+        with contextlib.suppress(OSError):  # the path is too long
+            if choose.random() < 0.35:
+                place.mkdir()
+                places.append(place)
+            else:
+                KINDS[choose.choice((*KINDS, "text", "good", "good"))](place, choose, scratch, good)
+    if choose.random() < 0.05:
+        deep = choose.choice(places)
+        with contextlib.suppress(OSError):
+            for _ in range(choose.choice((50, 400))):
+                deep = deep / "d"
+                deep.mkdir()
+    there = [root, *places, *(path for place in places for path in sorted(place.iterdir()))]
+    words = [*choose.choice(COMMANDS)]
+    out = ["--out", str(choose.choice(there))] if choose.random() < 0.3 else []
+    return [words[0], str(choose.choice(there)), *words[1:], *out]
+
+
+def _text(path: Path, choose: random.Random, _scratch: Path, _good: Path | None) -> None:
+    said = choose.choice((*TEXTS, *RAW, "{}", "[]", "0", PROJECT.format("swing.csv"), PROJECT.format("/dev/zero"),
+                          "t,alpha\n" + "0.1,0.2\n" * 50, "{}\n" * 100_000))  # fmt: skip
+    path.write_text(said, encoding="utf-8", errors="surrogateescape")
+
+
+def _copy(path: Path, choose: random.Random, _scratch: Path, good: Path | None) -> None:
+    """A file of a good run, spoilt or not; a text where there are none."""
+    if good is None:
+        return _text(path, choose, _scratch, good)
+    path.write_bytes(choose.choice([p for p in sorted(good.rglob("*.*")) if p.is_file()]).read_bytes())
+    if choose.random() < 0.5 and path.suffix in (".json", ".jsonl", ".toml"):
+        _spoil(path.parent, choose)
+    return None
+
+
+def _run(path: Path, choose: random.Random, _scratch: Path, good: Path | None) -> None:
+    """A good run, with something else in place of one of its files; a folder where there is none."""
+    path.mkdir()
+    for file in sorted((good / "run").iterdir()) if good is not None else ():
+        if file.is_file() and choose.random() < 0.95:
+            (path / file.name).write_bytes(file.read_bytes())
+
+
+def _link(path: Path, choose: random.Random, scratch: Path, _good: Path | None) -> None:
+    path.symlink_to(choose.choice((path, path.parent, scratch, scratch / "thesis", "nowhere", "/dev/zero", "/dev/full",
+                                   scratch / "thesis", "/", scratch / "outside")))  # fmt: skip
+
+
+def _large(path: Path, choose: random.Random, _scratch: Path, _good: Path | None) -> None:
+    with path.open("wb") as file:
+        file.truncate(choose.choice((70_000_000, 6 << 30)))
+
+
+def _socket(path: Path, *_: object) -> None:
+    with contextlib.chdir(path.parent), socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(path.name)
+
+
+def _crowd(path: Path, *_: object) -> None:
+    path.mkdir()
+    for k in range(2000):
+        (path / f"{k}.json").touch()
+
+
+KINDS = {
+    "text": _text, "good": _copy, "run": _run, "link": _link, "pipe": lambda path, *_: os.mkfifo(path),
+    "socket": _socket, "large": _large, "crowd": _crowd,
+    "bytes": lambda path, choose, *_: path.write_bytes(choose.randbytes(3000)),
+}  # fmt: skip
+
+
+def judge(number: int, scratch: Path, good: Path | None = None) -> str:
+    """Run one input; return how it ended, or what went wrong after an exclamation mark."""
+    words = planted(number, scratch, good)
+    before = _outside(scratch)
+    with warnings.catch_warnings(record=True) as heard, contextlib.chdir(scratch / "in"):
+        warnings.simplefilter("always")
+        try:
+            code, out, err = _called(words)
+        except Exception as error:
+            return f"! {words}: {type(error).__name__}: {str(error)[:200]} {_where(error)}"
+    told = err.strip().splitlines()
+    if heard:
+        return f"! {words}: warning: {heard[0].message}"
+    if code not in (0, 1, 2, 3):
+        return f"! {words}: exit code {code}: {err[-300:]}"
+    if code == 2 and (fault := _fault_of(told[-1] if told else "")):
+        return f"! {words}: {fault}"
+    if any(c in out + err for c in "\x1b\x07\u202e\x00"):
+        return f"! {words}: prints what commands a terminal"
+    if (now := _outside(scratch)) != before:
+        return f"! {words}: wrote outside: {sorted(set(now.items()) ^ set(before.items()))[:3]}"
+    return f"{words[0]} {code}"
+
+
+def _outside(scratch: Path) -> dict[str, tuple[int, int]]:
+    """All that lies beside the tree: sizes and dates."""
+    paths = [path for path in scratch.rglob("*") if scratch / "in" not in (path, *path.parents)]
+    return {str(path): (path.lstat().st_size, path.lstat().st_mtime_ns) for path in paths if not path.is_dir()}
+
+
+def fuzz(numbers: range, seconds: float, good: Path | None = None) -> tuple[Counter[str], dict[int, str]]:
+    """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
+    import fracid.plots
+    import fracid.report.page
+    import fracid.workflows.fit  # noqa: F401  (once, for all the processes)
+
+    ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
+    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+    with tempfile.TemporaryDirectory(dir=memory) as name:
+        scratch = Path(name)
+        (scratch / "thesis").write_text("mine")
+        (scratch / "outside").mkdir()
+        (scratch / "outside" / "report.html").write_text("mine, too")
+        for number in numbers:
+            if time.monotonic() > end:
+                break
+            outcome = limited(partial(judge, number, scratch, good), scratch, SECONDS)
+            ended["failed" if outcome.startswith("!") else outcome] += 1
+            if outcome.startswith("!"):
+                failures[number] = outcome[2:]
+    return ended, failures
+
+
+def main() -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description="Fuzz folders of folders; see the top of the file.")
+    parser.add_argument("--inputs", type=int, default=10_000)
+    parser.add_argument("--from", type=int, default=0, dest="first")
+    parser.add_argument("--seconds", type=float, default=3600)
+    parser.add_argument("--again", type=int, metavar="NUMBER")
+    parser.add_argument("--good", type=Path, help="good runs, made there if there are none")
+    asked = parser.parse_args()
+    if asked.good and not (asked.good / "noisy" / "noise.json").exists():
+        made(asked.good)
+    first, count = (asked.first, asked.inputs) if asked.again is None else (asked.again, 1)
+    ended, failures = fuzz(range(first, first + count), asked.seconds, asked.good)
+    print(f"{sum(ended.values())} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
+    for number, what in failures.items():
+        print(f"{number}: {what}")
+    sys.exit(1 if failures else 0)
+
+
+if __name__ == "__main__":
+    main()
