@@ -106,6 +106,7 @@ def test_no_hostile_file_breaks_a_reader(reader, tmp_path):
 # --- folders of folders ---------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_a_tree_is_found_again_by_its_number_and_holds_all_kinds(tmp_path):
     kinds = set()
     for number in range(40):
