@@ -81,7 +81,7 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.units import GREEK
-from fracid.validation.after_search import after, failed
+from fracid.validation.after_search import after, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
     COARSE_STEP,
@@ -369,7 +369,8 @@ class _Findings:
             found = tangent(problem, best.point, jobs=jobs) if own else settled(problem, best.point, jobs=jobs)
             if isinstance(found, Tangent):
                 self.near, self.result = found, replace(self.result, best=best if own else found.evaluation)
-        self.known = uncertainty(problem, self.result.best.point, jobs=jobs, near=self.near)
+        known = uncertainty(problem, self.result.best.point, jobs=jobs, near=self.near)
+        self.known = with_start(problem, self.result.best.point, known, jobs=jobs)
 
     def walk(self, jobs: int) -> Evaluation | None:
         """Look off the tangent where shared intervals end; a point that is lower than the minimum, if one is seen."""
@@ -405,8 +406,9 @@ class _Findings:
 
     def take(self, finer: Refined) -> None:
         """Go on at a finer step."""
-        self.problem, self.known, self.check, self.near = finer.problem, finer.uncertainty, finer.check, finer.near
+        self.problem, self.check, self.near = finer.problem, finer.check, finer.near
         self.result = replace(self.result, best=finer.best)
+        self.known = with_start(finer.problem, finer.best.point, finer.uncertainty)
 
     def with_quiet_step(self, jobs: int) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""

@@ -14,12 +14,13 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.minimum import settled
 from fracid.identification import identify
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording import Recording
 from fracid.solver.memory import compressed, full, short
-from fracid.validation.after_search import after, noisy_start
+from fracid.validation.after_search import after, noisy_start, with_start
 from fracid.validation.before_search import before
 from fracid.validation.reversed_signs import _most_moved
 from fracid.validation.sensor_faults import FORMS, misreadings
@@ -573,6 +574,23 @@ def test_an_after_thought_of_a_perfect_twin_has_nothing():
 
 
 # --- how it is carried ------------------------------------------------------------------------------------
+
+
+def test_an_interval_includes_the_noise_of_a_start_that_is_taken_from_a_sample():
+    """Over seeds the order scatters as its interval says, not as the residuals alone would have it."""
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=4e-3, end=6.0)
+    scores, alone = [], []
+    for seed in range(20):
+        y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(seed).standard_normal((1501, 2))
+        swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+        p = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+        here = settled(p, p.start)
+        known = uncertainty(p, here.x, near=here)
+        wider = with_start(p, here.x, known)
+        scores.append((here.x[0] - 0.95) / wider.standard_error[0])
+        alone.append((here.x[0] - 0.95) / known.standard_error[0])
+    assert 0.6 < np.std(scores) < 1.5 < np.std(alone)
 
 
 def test_a_finding_is_a_warning_of_the_fit_and_stands_in_its_json():

@@ -98,6 +98,7 @@ from fracid.estimation.bounded import reach
 from fracid.estimation.derivatives import by_blocks, loss_of, rows_and_scores, rows_and_scores_by_recording
 from fracid.estimation.rounding import edges, half_widths
 from fracid.estimation.tangent import UNSEEN, Tangent, tangent
+from fracid.optimise import Space
 from fracid.problem import Problem
 from fracid.qr import triangle
 from fracid.quantiles import NORMAL_95
@@ -177,6 +178,9 @@ class Uncertainty:
     """Of the 95 % intervals, shape (n_unknowns, 2); NaN where there is none."""
     rise: FloatArray = field(default_factory=lambda: np.empty(0))
     """By how much V rises to both ends, shape (n_unknowns, 2); empty where many recordings share the work."""
+    start: FloatArray = field(default_factory=lambda: np.empty(0))
+    """What the noise of a start that is taken from samples adds, one standard deviation; empty where nothing is added,
+    shape (n_unknowns,)."""
     walked: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
 
@@ -194,6 +198,16 @@ class Uncertainty:
         if not np.all(np.isfinite(self.ends[i])):
             return None
         return "walk" if len(self.walked) and self.walked[i] else "sandwich"
+
+    def with_start(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
+        """Wider by a start that moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
+        wider = np.nan_to_num(np.hypot(1.0, shift / self.standard_error), nan=1.0, posinf=1.0)
+        ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
+        return replace(
+            self, standard_error=self.standard_error * wider, covariance=self.covariance * np.outer(wider, wider),
+            ends=np.clip(ends, space.lower[:, None], space.upper[:, None]), start=shift,
+            rise=self.rise * wider[:, None] ** 2 if len(self.rise) else self.rise,
+        )  # fmt: skip
 
     @property
     def effective_samples(self) -> FloatArray:

@@ -38,7 +38,7 @@ from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
 from fracid.validation.sensor_faults import misread
 
-__all__ = ["after", "failed", "noisy_start"]
+__all__ = ["after", "failed", "noisy_start", "with_start"]
 
 FEW_SWINGS = 10
 """Beside an order that is not known, fewer are called too few."""
@@ -261,29 +261,62 @@ def noisy_start(
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    if isinstance(uncertainty, Failure) or problem.initial_state not in LOOSER:
+    shift = _start_shift(problem, x, uncertainty, jobs, parabola)
+    if shift is None or isinstance(uncertainty, Failure):
         return ()
-    quadratic = _parabola(problem, x, uncertainty, jobs) if parabola is None else parabola
-    noise = _noise_at_the_start(problem, x)
-    shift = (
-        None if isinstance(quadratic, Failure) or not noise else start_shift(problem, x, quadratic, noise, jobs=jobs)
-    )
-    if shift is None:
-        return ()
+    error = uncertainty.standard_error
+    alone = error if not len(uncertainty.start) else np.sqrt(np.maximum(error**2 - uncertainty.start**2, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        times = np.nan_to_num(shift / uncertainty.standard_error, nan=0.0, posinf=0.0)
+        times = np.nan_to_num(shift / alone, nan=0.0, posinf=0.0)
     beyond = np.flatnonzero(times > 1)
     if not len(beyond):
         return ()
     first = [i for i in beyond if problem.unknowns[i].kind == "order"] or [*beyond]
     i = max(first, key=lambda k: times[k])
-    sd = max(float(np.max(s)) for s in noise.values())
+    sd = max(float(np.max(s)) for s in _noise_at_the_start(problem, x).values())
+    included = "which ignores it" if not len(uncertainty.start) else "without it; the interval includes it"
     unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
     return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "CI half-widths",
         f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
-        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, which ignores it. Type "
+        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, {included}. Type "
         f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
         "in the recording's table."),)  # fmt: skip
+
+
+def with_start(
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1
+) -> Uncertainty | Failure:
+    """The intervals with what the noise of the samples that the start is taken from adds to them.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or Failure
+        There, of the residuals alone.
+    jobs : int
+        Threads.
+    """
+    shift = _start_shift(problem, x, known, jobs)
+    return known if shift is None or isinstance(known, Failure) else known.with_start(problem.space, x, shift)
+
+
+def _start_shift(
+    problem: Problem,
+    x: FloatArray,
+    known: Uncertainty | Failure,
+    jobs: int,
+    parabola: Curvature | Failure | None = None,
+) -> FloatArray | None:
+    """How far that noise moves each unknown, one standard deviation; None where no start is taken from samples."""
+    if isinstance(known, Failure) or problem.initial_state not in LOOSER:
+        return None
+    quadratic = _parabola(problem, x, known, jobs) if parabola is None else parabola
+    noise = _noise_at_the_start(problem, x)
+    if isinstance(quadratic, Failure) or not noise:
+        return None
+    return start_shift(problem, x, quadratic, noise, jobs=jobs)
 
 
 def _stopped_short(
