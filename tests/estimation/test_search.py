@@ -171,6 +171,63 @@ def test_every_start_that_fails_has_its_reason():
     assert won(made).cost == np.inf
 
 
+def dead_band(t, x, u, p, out):
+    v = u[0]
+    drive = v - p[2] if v > p[2] else (v + p[2] if v < -p[2] else 0.0)
+    out[0] = x[1]
+    out[1] = -p[0] * x[1] + p[1] * drive
+
+
+def motor_with_a_dead_band(standstill):
+    """Stairs of both signs after a standstill."""
+    ranges = {"a": (8.0, 0.0, 200.0), "g": (60.0, 0.0, 5000.0), "d": (1.2, 0.0, 10.0)}
+    model = fracid.Model(
+        name="dead", rhs=dead_band, states=("th", "w"), orders=(1.0, 1.0), outputs={"angle": 0}, inputs=("u",),
+        parameters=tuple(fracid.Parameter(n, "1", *v[:1], n, lower=0.0) for n, v in ranges.items()), zero="", source="",
+    )  # fmt: skip
+    t = np.arange(0, standstill + 9, 0.005)
+    stairs = np.array([3.0, 0.0, -5.0, 0.0, 1.5, 0.0, -2.2, 6.0, 0.0])
+    u = np.where(t < standstill, 0.0, stairs[np.clip((t - standstill + 1e-9).astype(int), 0, 8)])[:, None]
+    run = fracid.simulate(model, initial={}, step=0.005, end=t[-1], inputs=u, orders={})
+    noise = 1e-3 * np.random.default_rng(3).standard_normal(len(run.states))
+    e = Experiment("m", 0.005, run.states[:, [0]] + noise[:, None], u[: len(noise)], between={"u": "line"})
+    starts = {"a": 3.0, "g": 20.0, "d": 6.5}
+    parameters = {n: Free(starts[n], *v[1:]) for n, v in ranges.items()}
+    return Problem(model, (e,), {}, parameters, initial_state="rest")
+
+
+@pytest.mark.parametrize("standstill", [0.1, 1.0])
+def test_starts_are_told_apart_though_nothing_moves_at_first(standstill):
+    p = motor_with_a_dead_band(standstill)
+    assert next(horizons(p)) > standstill
+    result, made = search(p, MULTISTART, np.random.default_rng(1), starts=16)
+    assert dict(zip(p.names[:3], result.best.point, strict=False)) == pytest.approx(
+        {"a": 8.0, "g": 60.0, "d": 1.2}, rel=5e-3
+    )
+    assert all(s.evaluations > 1 for s in made)
+
+
+def escaping(t, x, u, p, out):
+    out[0] = -p[0] * x[0] + p[1] * x[0] ** 3
+
+
+def test_a_random_start_whose_run_fails_is_moved_and_not_lost():
+    """x' = −a x + b x³ escapes in finite time from 1 where b > a: on the first horizon, or on a later one."""
+    model = fracid.Model(
+        name="escaping", rhs=escaping, states=("x",), orders=(1.0,), outputs={"x": 0}, inputs=(), zero="", source="",
+        parameters=(fracid.Parameter("a", "1/s", 1.0, ""), fracid.Parameter("b", "1/s", 0.2, "")),
+    )  # fmt: skip
+    run = fracid.simulate(model, orders={}, initial={"x": 1.0}, step=0.01, end=8.0)
+    e = Experiment("x", 0.01, run.states, np.zeros((1, 0)))
+    free = {"a": Free(1.0, 0.0, 3.0), "b": Free(0.9, 0.0, 60.0)}
+    p = Problem(model, (e,), {}, free, initial_state="held")
+    scored = sobol_points(p.space, 88, np.random.default_rng(1))
+    assert np.mean([np.isinf(p.cost(x)) for x in scored]) > 0.6
+    _, made = search(p, MULTISTART, np.random.default_rng(1), starts=12)
+    assert len(made) == 12
+    assert not [s.ended for s in made if "fails" in s.ended or "failed" in s.ended]
+
+
 # --- all together ----------------------------------------------------------------------------------------
 
 SPACE = Space(("a",), np.array([-9.0]), np.array([9.0]), np.array([1.0]))
@@ -194,6 +251,13 @@ def test_a_search_that_falls_into_anothers_minimum_is_left():
     assert found.best.point[0] == pytest.approx(-1, abs=1e-4)
     assert found.evaluations == sum(p.evaluations for p in paths)
     assert all(paths[i].outcome is Outcome.CONVERGED for i in (0, 1))
+
+
+def test_searches_that_have_not_come_down_are_not_the_same_minimum():
+    """A plateau: residuals agree, and no search has found anything."""
+    paths = [Path() for _ in range(3)]
+    minimise(lambda x: Evaluation(x, 1.0, np.ones(3)), lockstep(descents(2.0, -3.0, 2.5), paths))
+    assert [p.joined for p in paths] == [None, None, None]
 
 
 def test_what_is_to_be_kept_is_not_left():

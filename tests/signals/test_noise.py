@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from fracid.signals.noise import noise_level, white_noise
+from fracid.signals.noise import white_noise
+from fracid.signals.resolution import noise_level
 
 TIME = np.arange(20_000) / 1000
 MOTIONS = {"rest": 0 * TIME, "line": TIME, "parabola": TIME**2, "swing": np.exp(-0.2 * TIME) * np.cos(7 * TIME)}

@@ -15,6 +15,7 @@ from fracid.signals.swing import (
     final_value,
     half_swings,
     quickening,
+    release_time,
     swing_count,
     swing_period,
     swing_start,
@@ -109,3 +110,40 @@ def test_the_middle_of_few_swings_is_that_of_whole_ones(swings, phase):
     angle = 80.0 * np.exp(-0.05 * turns) * np.cos(2 * np.pi * turns + phase) + 3.0
     counts = np.radians(np.round(angle / 0.7) * 0.7)
     assert np.degrees(final_value(counts)) == pytest.approx(3.0, abs=3.0)
+
+
+def _released(degrees, rate, held):
+    """A pendulum, held and let go [rad]."""
+    step = 1 / rate
+    angle, speed, path = math.radians(degrees), 0.0, []
+    for k in range(round((held + 8) * 1000)):
+        path.append(angle)
+        if k >= 1000 * held:
+            speed += 1e-3 * (-36 * math.sin(angle) - 0.15 * speed)
+            angle += 1e-3 * speed
+    alpha = np.array(path)[:: 1000 // rate]
+    return step * np.arange(len(alpha)), alpha
+
+
+@pytest.mark.parametrize("rate", [50, 250, 1000])
+@pytest.mark.parametrize(("degrees", "noise"), [(10, 0.1), (30, 0.8), (75, 0.8), (75, 2.0), (120, 2.0)])
+def test_a_release_is_found_in_noise(degrees, noise, rate):
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        held = round(rng.uniform(0.6, 2.5), 1)
+        t, alpha = _released(degrees, rate, held)
+        release, reason = release_time(t, alpha + math.radians(noise) * rng.standard_normal(len(alpha)))
+        assert release == pytest.approx(held, abs=0.12), reason
+
+
+@pytest.mark.parametrize("rate", [50, 250, 1000])
+@pytest.mark.parametrize("noise", [0.1, 0.8, 2.0])
+def test_noise_makes_no_release_of_a_swing_that_nobody_held(noise, rate):
+    t = np.arange(0, 10, 1 / rate)
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        size, phase = rng.uniform(10, 120), rng.uniform(0, 2 * np.pi)
+        swing = size * np.cos(6 * t + phase)
+        for degrees in (swing, swing * np.exp(-t / 4), swing + 200 * t, size * np.sin(phase + t * (2 + t)), 0 * t):
+            x = np.radians(degrees + noise * rng.standard_normal(t.size))
+            assert release_time(t, x)[0] is None

@@ -337,17 +337,19 @@ def _begins_in_motion(fit: Fit) -> bool:
 
 
 def _starts(fit: Fit) -> str:
-    """How many starts ended where, and which one won."""
-    from fracid.estimation.starts import SAME_COST, final_cost, won
+    """How many starts ran to the end and reached the lowest cost, which one won, and what became of the others."""
+    from fracid.estimation.starts import SAME_COST, won
 
     best = won(fit.starts)
     if best is None or best.cost is None:
         return f"none of {len(fit.starts)} reached the end"
-    costs = [final_cost(s, fit.starts) for s in fit.starts]
-    lowest = sum(cost is not None and cost <= SAME_COST * best.cost for cost in costs)
-    dropouts = sum(cost is None for cost in costs)
-    note = f", {dropouts} were left for their cost" if dropouts else ""
-    return f"{lowest} of {len(costs)} came to the lowest cost{note}; the lowest came from the start {best.origin!r}"
+    lowest = sum(s.cost is not None and s.cost <= SAME_COST * best.cost for s in fit.starts)
+    joined = sum(s.cost is None and s.joined is not None for s in fit.starts)
+    dropped = sum(s.cost is None and s.joined is None for s in fit.starts)
+    notes = [f", {joined} joined another before the end" if joined else ""]
+    notes += [f", {dropped} were left for their cost" if dropped else ""]
+    reached = f"{lowest} of {len(fit.starts)} starts reached the lowest cost{''.join(notes)}"
+    return f"{reached}; the lowest came from the start {best.origin!r}"
 
 
 def _without_integers(fit: Fit) -> str:

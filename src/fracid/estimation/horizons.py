@@ -49,6 +49,9 @@ LEAP = 4.0
 MANY = 200
 """Swings that tell a frequency so well that of long records a horizon may leap."""
 
+STILL = 0.5
+"""Of the first horizon: a standstill that leaves less motion on it shifts all horizons."""
+
 PATIENCE = 2
 """Horizons before a start may be called hopeless."""
 
@@ -111,6 +114,7 @@ class _Way:
     ended: str = "left when the search was interrupted"
     evaluations: int = 0
     joined: str | None = None
+    came_down: bool = False
 
     def record(self) -> Start:
         return Start(self.origin, self.start, self.first_cost, self.x, self.cost, self.ended, self.evaluations,
@@ -118,28 +122,72 @@ class _Way:
 
 
 def grown_horizon(
-    problem: Problem, points: list[tuple[str, FloatArray]], jobs: int, watch: Watch
-) -> tuple[Result, tuple[Start, ...]]:
-    """Fit from several points on horizons that grow, and keep those that promise most at each."""
+    problem: Problem, points: list[tuple[str, FloatArray]], jobs: int, watch: Watch,
+    spare: Sequence[tuple[str, FloatArray]] = (),
+) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    """Fit from several points on horizons that grow, and keep those that promise most at each.
+
+    A start whose run fails, other than the first, is moved to the next of the `spare` points.
+    """
     ways = [_Way(origin, x, x) for origin, x in points]
     live, whole, baseline = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
-    for number, horizon in enumerate([*horizons(problem), whole]):
+    parts, others = [*horizons(problem), whole], iter(spare)
+    for number, horizon in enumerate(parts):
         last = horizon == whole
-        at = problem if last else problem.until(horizon)
-        options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
-        paths = [Path() for _ in live]
-        descents = [_descent(at, w.x, **options) for w in live]
-        part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
-        result = minimised(at, lockstep(descents, paths), jobs, watch, part)
-        for way, path in zip(live, paths, strict=True):
-            _advance(way, path, live, number == 0, last, f"{horizon:.3g} s")
+        result, paths = _on_part(problem, live, horizon, whole, jobs, watch, first=number == 0)
+        for k in range(1, len(live)):
+            if result.interrupted or _best_cost(paths[k]) < np.inf:
+                continue
+            end, paths[k] = _moved(problem, live[k], others, parts[: number + 1], whole, jobs, watch, paths[k])
+            if end is not None:
+                best = min(result.best, end.best, key=lambda e: e.cost)
+                result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
         if result.interrupted and not last:
-            nearest = live[int(np.argmin([np.inf if p.best is None else p.best.cost for p in paths]))]
+            nearest = live[int(np.argmin([_best_cost(p) for p in paths]))]
             result = replace(result, best=problem.evaluate(nearest.x))
         if result.interrupted or last:
             break
         live = _promising(live, paths, number, f"{horizon:.3g} s")
     return replace(result, evaluations=watch.count - baseline), tuple(w.record() for w in ways)
+
+
+def _on_part(
+    problem: Problem, live: list[_Way], horizon: float, whole: float, jobs: int, watch: Watch, *, first: bool,
+    keep: Sequence[int] = (0,),
+) -> tuple[Result, list[Path]]:  # fmt: skip
+    """Fit all that are on their way to the first `horizon` seconds."""
+    last = horizon == whole
+    at = problem if last else problem.until(horizon)
+    options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
+    paths = [Path(came_down=w.came_down) for w in live]
+    descents = [_descent(at, w.x, **options) for w in live]
+    part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
+    result = minimised(at, lockstep(descents, paths, keep=keep), jobs, watch, part)
+    for way, path in zip(live, paths, strict=True):
+        _advance(way, path, live, first, last, f"{horizon:.3g} s")
+    return result, paths
+
+
+def _moved(
+    problem: Problem, way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[float], whole: float,
+    jobs: int, watch: Watch, path: Path,
+) -> tuple[Result | None, Path]:  # fmt: skip
+    """Begin a start whose run fails anew from another point, up to where the others are; as it was if none is left."""
+    for way.origin, way.start in others:
+        way.x, way.came_down = way.start, False
+        for k, horizon in enumerate(parts):
+            result, (path,) = _on_part(problem, [way], horizon, whole, jobs, watch, first=k == 0, keep=())
+            if result.interrupted:
+                return result, path
+            if not _best_cost(path) < np.inf:
+                break
+        else:
+            return result, path
+    return None, path
+
+
+def _best_cost(path: Path) -> float:
+    return np.inf if path.best is None else path.best.cost
 
 
 def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
@@ -148,6 +196,7 @@ def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, u
     if path.best is None:
         return
     way.first_cost = path.first_cost if first else way.first_cost
+    way.came_down = path.came_down
     way.x = path.best.point if np.isfinite(path.best.cost) else way.x
     if path.joined is not None:
         way.joined = live[path.joined].origin
@@ -159,7 +208,7 @@ def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, u
 
 def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> list[_Way]:
     """Those that go on to the next horizon: the first, and who has neither joined another nor fallen far behind."""
-    costs = [p.best.cost if p.best is not None else np.inf for p in paths]
+    costs = [_best_cost(p) for p in paths]
     limit = np.inf if number < PATIENCE else HOPELESS * min(costs)
     survivors = []
     for i, (way, cost) in enumerate(zip(live, costs, strict=True)):
@@ -180,6 +229,7 @@ def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
 def horizons(problem: Problem) -> Iterator[float]:
     """Seconds: one swing of the slowest recording, then each longer by a factor, below the whole record.
 
+    A standstill before the motion, on which every model agrees, comes on top.
     Where samples are uneven, as those of a relaxation are, nothing swings, and there are none.
     """
     if all(e.times is not None for e in problem.experiments):
@@ -187,8 +237,10 @@ def horizons(problem: Problem) -> Iterator[float]:
     whole = max(e.time[-1] for e in problem.experiments)
     known = all(u.kind in ("initial", "time") or u.target in problem.model.rests for u in problem.unknowns)
     horizon = first = max(_first_horizon(e) for e in problem.experiments)
-    while horizon < 0.75 * whole:
-        yield horizon
+    still = max(e.standstill for e in problem.experiments)
+    still = still if still > STILL * first else 0.0
+    while still + horizon < 0.75 * whole:
+        yield still + horizon
         many = horizon >= MANY * first and any(e.means > 1 for e in problem.experiments)
         horizon *= LEAP if many or known else GROWTH
 

@@ -8,8 +8,9 @@ above 1:
 
 1. **Starts** are the given one; that of the linear regression (:func:`fracid.regression.start_values`), where it
    applies; and scrambled Sobol points, drawn eight times as many as asked for.  Initial states stay as measured.
-2. All are **scored on the first swing**; of the Sobol points the best go on.
-3. The **horizon grows** for all together.  A start whose residuals have become those of a better one is left, and
+2. All are **scored on the first swing**; of the Sobol points the best go on.  A standstill before it says nothing of
+   any, so the first horizon is a swing after it.  A start whose run fails, there or later, is moved to the next best.
+3. The **horizon grows** for all together.  A start that has come down to the residuals of a better one is left, and
    so is one that costs many times as much as the best; the given start is not, so many starts never end above one.
 4. Those left are **polished** on the whole record.
 
@@ -52,6 +53,9 @@ __all__ = ["search"]
 
 CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
+
+DRAWS = 4
+"""Times that so many are drawn, where the runs of most fail."""
 
 STRANGE = 1e50
 """What was measured does not reach as far; the regression takes fourth powers of it."""
@@ -104,9 +108,10 @@ def search(
     if at_least("starts", starts, 1, MOST_STARTS) > 1:
         points += _regression_start(problem)
         points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
+    points, spare = points[:starts], points[starts:] if starts > 1 else []
     if executor != "threads" and starts > 1:
-        return _scattered(problem, points[:starts], executor, jobs, watch, journal)
-    result, made = grown_horizon(problem, points[:starts], jobs, watch)
+        return _scattered(problem, points, executor, jobs, watch, journal)
+    result, made = grown_horizon(problem, points, jobs, watch, spare)
     return (result, made) if result.interrupted else _climbing(problem, result, made, jobs, watch)
 
 
@@ -156,21 +161,31 @@ def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
 def _sobol_starts(
     problem: Problem, count: int, rng: np.random.Generator, jobs: int, watch: Watch, candidates: int = CANDIDATES
 ) -> list[tuple[str, FloatArray]]:
-    """Sobol points that come nearest on the first swing; initial states stay as measured."""
+    """Sobol points, `count` at least, those that come nearest on the first swing first; initial states as measured.
+
+    Where the runs of too many fail, more are drawn.
+    """
     if count < 1:
         return []
     measured = np.array([u.kind in ("initial", "time") for u in problem.unknowns])
-    points = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
-    evaluations: list[Evaluation] = []
+    points, evaluations = np.empty((0, len(problem.names))), list[Evaluation]()
     whole = max(float(e.time[-1]) for e in problem.experiments)
+    part = problem.until(next(horizons(problem), whole))
 
-    def score() -> Optimiser:
-        evaluations.extend((yield points))
+    def score(more: FloatArray) -> Optimiser:
+        evaluations.extend((yield more))
         return Outcome.GENERATIONS_DONE
 
-    minimised(problem.until(next(horizons(problem), whole)), score(), jobs, watch, "starts on the first swing")
-    order = sorted(range(len(evaluations)), key=lambda i: evaluations[i].cost)  # an interrupted one has scored nothing
-    return [(f"Sobol {i + 1}", points[i]) for i in order[:count]]
+    for _ in range(DRAWS):
+        more = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
+        points = np.concatenate([points, more])
+        if minimised(part, score(more), jobs, watch, "starts on the first swing").interrupted:
+            break  # what is interrupted has scored nothing
+        if np.count_nonzero([np.isfinite(e.cost) for e in evaluations]) >= count:
+            break
+    order = sorted(range(len(evaluations)), key=lambda i: evaluations[i].cost)
+    order = order[:count] + [i for i in order[count:] if np.isfinite(evaluations[i].cost)]
+    return [(f"Sobol {i + 1}", points[i]) for i in order]
 
 
 # --- each start for itself, wherever there is a processor -----------------------------------------------

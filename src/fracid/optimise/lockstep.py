@@ -5,8 +5,9 @@ often as wide as somebody's ignorance, a friction of 0.002 in −1 … 1: so eac
 :math:`\operatorname{asinh}(x/s)`, s the size of its start; that is x itself near zero and its decades further out.
 
 All searches advance together (:func:`lockstep`): in each round every one hands in its batch, and the batches run
-as one.  So all threads have work, and the result knows nothing of their number.  A search whose fit is the same
-as a better one's, residual for residual, has fallen into a minimum already found and is left.
+as one.  So all threads have work, and the result knows nothing of their number.  A search that has come down, and
+whose fit is now the same as a better one's, residual for residual, has fallen into a minimum already found and is left.
+Where it has not come down, residuals may agree because nothing moves yet.
 
 References
 ----------
@@ -28,6 +29,9 @@ __all__ = ["MOST_STARTS", "OPTIMISER", "Path", "lockstep", "sobol_points"]
 
 MOST_STARTS = 100_000
 """Weeks of work: more is a slip, and the points alone would not go into memory."""
+
+DOWN = 0.98
+"""Of its first cost: what has not come below is where it started."""
 
 SAME = 0.02
 """Two fits whose residuals differ by less than this part of the better one's residual are the same minimum."""
@@ -68,12 +72,15 @@ class Path:
     evaluations: int = 0
     joined: int | None = None
     """The search in whose minimum it was left."""
+    came_down: bool = False
+    """Whether it has lowered its cost, here or on a shorter part before."""
 
     def add(self, batch: list[Evaluation]) -> None:
         """Count a batch and keep the best."""
         self.first_cost = batch[0].cost if not self.evaluations else self.first_cost
         self.evaluations += len(batch)
         self.best = min([*([self.best] if self.best else []), *batch], key=lambda e: e.cost)
+        self.came_down |= self.best.cost < DOWN * self.first_cost
 
 
 def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence[int] = (0,)) -> Optimiser:
@@ -126,8 +133,10 @@ def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence
 def _same_minimum(paths: list[Path], i: int) -> int | None:
     """The first better search, itself not left, whose residuals are those of search i."""
     mine = paths[i].best
+    if mine is None or not paths[i].came_down:
+        return None
     for j, other in enumerate(paths):
-        if j != i and other.joined is None and mine is not None and other.best is not None:
+        if j != i and other.joined is None and other.best is not None:
             better = (other.best.cost, j) < (mine.cost, i)
             if better and _same_residuals(mine.residuals, other.best.residuals):
                 return j

@@ -24,7 +24,7 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
-from fracid.signals.swing import common_period
+from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
 
@@ -199,6 +199,11 @@ class Experiment(CardDisplay):
     def swings(self) -> float:
         """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
         return (len(self.time) - 1) / common_period(self.measured)
+
+    @cached_property
+    def standstill(self) -> float:
+        """Until when no output moves beyond its noise or a hundredth of its range [s]."""
+        return min((self.time[max(0, motion_start(y) - 1)] for y in self.measured.T if np.ptp(y) > 0), default=0.0)
 
     @property
     def longest_delay(self) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.signals.noise import white_noise
-from fracid.signals.resolution import resolution
+from fracid.signals.resolution import Lattice, lattice
 from fracid.signals.swing import tail
 
 __all__ = [
@@ -42,6 +42,9 @@ FAMILIAR_COUNTS = tuple(
 
 PENDULUM = "alpha"
 """The signal that is a pendulum's angle, where no model is there to say which."""
+
+WHOLE = 1e-7
+"""Relative: a number of counts this near to a whole one is it, if its own doubt is no larger."""
 
 UNIFORM = 0.01
 """Largest relative departure from the step on a uniform grid."""
@@ -93,9 +96,9 @@ class SignalReport:
     missing: tuple[float, ...]
     """Times of the samples that are NaN or infinite [s]."""
     resolution: float | None
-    """Spacing of the values seen; None where there is no lattice."""
+    """Spacing of the lattice on which the values lie; None where there is none, or one that noise buries."""
     counts_per_turn: int | None
-    """2π/resolution, to the nearest number that encoders have (within 2 %)."""
+    """2π/resolution, to the nearest number that encoders have (within 2 %), or a whole number; else None."""
     noise: float
     """Standard deviation of what is not motion, quantisation included."""
     rest: float
@@ -161,7 +164,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
     if x.size < 2:
         blanks = tuple(map(float, time[~mask]))
         return SignalReport(name, unit, math.nan, math.nan, blanks, None, None, math.nan, math.nan, False, None)
-    q = resolution(x)
+    q = lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(
         name=name,
@@ -169,7 +172,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
         minimum=float(x.min()),
         maximum=float(x.max()),
         missing=tuple(map(float, time[~mask])),
-        resolution=q,
+        resolution=q and q.step,
         counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
         noise=_noise(time, signal),
         rest=rest,
@@ -191,7 +194,10 @@ def _noise(time: FloatArray, signal: FloatArray) -> float:
     return float(np.sqrt(np.mean(rough**2) / 20))
 
 
-def _counts_per_turn(q: float) -> int:
-    counts = 2 * math.pi / q
+def _counts_per_turn(q: Lattice) -> int | None:
+    counts = 2 * math.pi / q.step
     nearest = min(FAMILIAR_COUNTS, key=lambda n: abs(math.log(n / counts)))
-    return nearest if abs(nearest / counts - 1) < 0.02 else round(counts)
+    if abs(nearest / counts - 1) < 0.02:
+        return nearest
+    doubt = max(3 * q.error / q.step, WHOLE) * counts
+    return round(counts) if abs(counts - round(counts)) < doubt < 0.1 else None

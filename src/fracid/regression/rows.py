@@ -16,7 +16,7 @@ from fracid.models import Model
 from fracid.models.base import LinearTerms
 from fracid.models.pendulum import LINEAR_TERMS
 from fracid.recording import Recording
-from fracid.signals.noise import noise_level
+from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
 from fracid.solver.trajectory import refuse_masked
 

@@ -12,7 +12,7 @@ to know                     call
 how often it swings         :func:`swing_count`
 the period of one signal    :func:`swing_period`; of several together :func:`common_period`
 how large it is over time   :func:`envelope`
-where the motion begins     :func:`release_time`, :func:`swing_start`
+where the motion begins     :func:`release_time`, :func:`swing_start`, :func:`motion_start`
 where it comes to rest      :func:`tail`
 where it stays, or will     :func:`final_value`
 whether it quickens         :func:`quickening`
@@ -23,12 +23,13 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.signals.noise import white_noise
+from fracid.signals.noise import noise_floor, white_noise
 from fracid.signals.resolution import resolution
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "envelope",
     "final_value",
     "half_swings",
+    "motion_start",
     "quickening",
     "release_time",
     "swing_count",
@@ -197,8 +199,28 @@ def swing_start(signal: FloatArray) -> int:
     return int(departure[0]) if departure.size else 0
 
 
-HELD = 0.6
-"""A plateau at least this long against the way to full speed was held."""
+def motion_start(signal: FloatArray) -> int:
+    """The first sample that is a hundredth of the range, and clearly more than the noise, away from the first ones.
+
+    Examples
+    --------
+    >>> motion_start(np.concatenate([np.zeros(50), np.arange(50.0)]))
+    51
+    """
+    noise = noise_floor(signal)
+    first = float(np.median(signal[: max(1, signal.size // 200)]))
+    departure = np.flatnonzero(np.abs(signal - first) > 0.01 * np.ptp(signal) + CLEAR * noise)
+    return int(departure[0]) if departure.size else 0
+
+
+HELD, HELD_IN_NOISE = 0.6, 1.5
+"""A plateau at least this long against the way to full speed was held; where noise hides what is slow, one so long."""
+
+FALLING = (0.1, 0.5)
+"""Of the way to full speed: where a fall has left its noise, and is still free."""
+
+SURE, NOISY = 3.0, 0.15
+"""Standard deviations of noise that are no motion; of the greatest speed, so much of them that none can be told."""
 
 
 def tail(signal: FloatArray) -> tuple[float, float, bool]:
@@ -269,29 +291,75 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     (None, 'the pendulum is not held still before its fastest motion')
     """
     finite = np.isfinite(signal)
-    t, x = time[finite], signal[finite]
-    if x.size < 10 or np.ptp(x) == 0:
+    if np.count_nonzero(finite) < 10 or np.ptp(signal[finite]) == 0:
         return None, "nothing moves"
-    speed = _speed(t, x)
-    fastest = int(np.argmax(speed >= 0.95 * speed.max()))  # the first, should many be alike
-    slow = np.flatnonzero(speed[:fastest] < 0.05 * speed[fastest])
+    t, x = time, np.interp(time, time[finite], signal[finite])  # smoothing would take a gap for a jump
+    speed, level, noise = _speed(t, x)
+    scatter = SURE * noise.speed
+    if scatter > NOISY * speed.max():
+        return None, "its noise hides whether the pendulum is held before its fastest motion"
+    fastest = int(np.argmax(speed >= 0.95 * speed.max() - scatter))  # the first, should many be alike
+    slow = np.flatnonzero(speed[:fastest] < max(0.05 * speed[fastest], scatter))
     mid_swing = "the pendulum is not held still before its fastest motion"
     if not slow.size:
         return None, mid_swing
     last = int(slow[-1])
-    travel, quarter = abs(x[fastest] - x[last]), t[fastest] - t[last]
-    away = np.flatnonzero(np.abs(x[:last] - x[last]) > 0.05 * travel)
-    duration = float(t[last] - t[away[-1] + 1 if away.size else 0])
-    if duration < HELD * quarter:
+    travel, quarter = abs(level[fastest] - level[last]), t[fastest] - t[last]
+    away = np.flatnonzero(np.abs(level[:last] - level[last]) > max(0.05 * travel, CLEAR * noise.level))
+    begin = int(away[-1]) + 1 if away.size else 0
+    release = last if level is x else _fall_begins(t, level, slice(begin, last + 1), fastest)
+    duration = float(min(t[last], t[release]) - t[begin])
+    if duration < (HELD if level is x else HELD_IN_NOISE) * quarter:
         return None, mid_swing
-    return float(t[last]), f"held for {duration:.2f} s before"
+    return float(t[release]), f"held for {duration:.2f} s before"
 
 
-def _speed(t: FloatArray, x: FloatArray) -> FloatArray:
-    """Return |dx/dt| by central differences, zero at the ends."""
+def _fall_begins(t: FloatArray, level: FloatArray, plateau: slice, fastest: int) -> int:
+    """The last sample before a smoothed signal leaves a plateau: a free fall's rise is t², so its root is a line."""
+    rise = np.abs(level - np.mean(level[plateau]))
+    rise, last = rise / rise[fastest], plateau.stop - 1
+    falling = last + np.flatnonzero((rise[last:fastest] > FALLING[0]) & (rise[last:fastest] < FALLING[1]))
+    if falling.size < 2:
+        return last
+    slope, offset = np.polyfit(t[falling], np.sqrt(rise[falling]), 1)
+    moment = -offset / slope if slope > 0 else t[last]
+    return max(plateau.start, min(fastest, int(np.searchsorted(t, moment)) - 1))
+
+
+class _Noise(NamedTuple):
+    """What noise leaves of a smoothed signal."""
+
+    speed: float
+    """Standard deviation of its speed."""
+    level: float
+    """And of itself."""
+
+
+def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise]:
+    """The speed of a signal, and that: by differences over 20 ms, or smoothed until noise is small.
+
+    Smoothed are both ends of the difference, each by as many samples as they are from the middle; that alters neither
+    the shape of a swing nor where it is slow, as long as it is a part of one.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    step = float(np.median(np.diff(t)))
     # over 20 ms: one encoder step within one sample is no motion
-    w = max(1, round(min(0.01 / float(np.median(np.diff(t))), x.size)))
+    w = max(1, round(min(0.01 / step, x.size)))
     w = min(w, (x.size - 1) // 2)
-    speed = np.zeros_like(x)
-    speed[w:-w] = np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w]))
-    return speed
+    noise, level = noise_floor(x), x
+    speed, left = _difference(t, x, w), _Noise(noise / (math.sqrt(2) * w * step), noise)
+    m = 1
+    while SURE * left.speed > 0.05 * speed.max() and 2 * m * step < 0.5 * np.ptp(level) / max(speed.max(), 1e-300):
+        m = min(2 * m, (x.size - 1) // 2)
+        level = uniform_filter1d(x, m)
+        speed = _difference(t, level, m)
+        left = _Noise(noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m))
+        if m == (x.size - 1) // 2:
+            break
+    return speed, level, left
+
+
+def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:
+    """|dx/dt| by central differences over w samples to each side; at the ends as beside them."""
+    return np.pad(np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w])), w, mode="edge")

@@ -29,7 +29,7 @@ from fracid.estimation.derivatives import by_blocks, jacobian
 from fracid.findings import Finding
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
-from fracid.signals.noise import noise_level
+from fracid.signals.resolution import noise_level
 from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
