@@ -22,7 +22,6 @@ from fracid.export.matlab import matlab_model, no_program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.state_space import integer_model
 from fracid.models import Parameter
-from fracid.models.base import Written
 from fracid.runs.saved import load_run
 from fracid.solver.memory import compressed, full, short
 from program import run
@@ -304,23 +303,6 @@ def test_the_c_function_of_a_run_remembers_hours_and_model_m_its_recordings(expo
     assert "good for 10000 steps" in program
 
 
-def own_model(problem):
-    def rhs(t, x, u, p, out):
-        out[0] = -p[0] * x[0]
-
-    return fracid.Model(
-        name="own", rhs=rhs, states=("alpha",), orders=("mu",), outputs={"alpha": 0}, inputs=(),
-        parameters=(Parameter("rate", "1/s", 1.0, "of decay"),), zero="", source="a test",
-    )  # fmt: skip
-
-
-def test_a_users_own_model_has_no_program(tmp_path):
-    swing = fracid.Experiment("own", 0.01, np.zeros((100, 1)), np.zeros((1, 0)))
-    problem = fracid.Problem(own_model(None), (swing,), {"mu": 0.9}, outputs=("alpha",), initial_state="held")
-    with pytest.raises(InputError, match="'own' is a Python program of yours, which fracid does not translate"):
-        matlab_model(*tables_and_case(problem), "run")
-
-
 def test_a_springpot_of_another_order_in_each_recording_has_no_program():
     rig = fracid.rotary_pendulum(springpot_theta=1e-3)
     e = fracid.Experiment("twin", 2e-3, np.zeros((100, 2)), np.zeros((1, 1)))
@@ -332,33 +314,20 @@ def test_a_springpot_of_another_order_in_each_recording_has_no_program():
         assert (reason == "") is not bool(names)
 
 
-def door(seal, lip_written):
-    """A door with a seal, whose code was written before it had one or after."""
+def door(seal):
+    """A door with a seal."""
 
     def rhs(t, x, u, p, out):
         out[0] = x[1]
         out[1] = -p[0] * math.sin(x[0]) - p[1] * x[1] - p[2] * math.tanh(x[1] / 0.05)
 
-    last = " - lip * tanh(x[1] / 0.05)" if lip_written else ""
-    c = f"""
-/* With hinge and lip. */
-static void right_hand_side(const double x[], const double u[], double f[])
-{{
-    f[0] = x[1];  // without lip
-    f[1] = -stiffness * sin(x[0]) - hinge * x[1]{last};
-}}
-"""
-    torque = "-p.stiffness * sin(x(1)) - p.hinge * x(2)" + lip_written * " - p.lip * tanh(x(2) / 0.05)"
-    matlab = f"function [f, rates] = rhs(x, u, p)\n% with lip\n  f = [x(2); {torque}];\n  rates = zeros(0, 1);\nend\n"
     parameters = (Parameter("stiffness", "1/s^2", 9.0, ""), Parameter("hinge", "1/s", 0.2, ""),
                   Parameter("lip", "1/s^2", seal, ""), Parameter("width", "m", 0.8, "in no equation"))  # fmt: skip
-    written = Written(rhs, lambda *_: (), {"c": c, "matlab": matlab})
-    return fracid.Model("door", rhs, ("phi", "rate"), ("nu", "nu"), {"phi": 0}, ("torque",), parameters, "", "",
-                        written=written)  # fmt: skip
+    return fracid.Model("door", rhs, ("phi", "rate"), ("nu", "nu"), {"phi": 0}, ("torque",), parameters, "", "")
 
 
 @pytest.mark.parametrize("write", ["C", "MATLAB", "JavaScript"])
-def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(write):
+def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(write, monkeypatch):
     swing = fracid.Experiment("swing", 1e-2, np.zeros((100, 1)), np.zeros((1, 1)), initial={"phi": 0.3})
 
     def program(model):
@@ -367,15 +336,17 @@ def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(wr
             return javascript_model(p, p.start, swing, "run")
         return {"C": c_model, "MATLAB": matlab_model}[write](*tables_and_case(p), "run")
 
-    with pytest.raises(InputError, match=r"code of the model 'door' lacks lip = 0.003 1/s\^2, which its right-hand"):
-        program(door(seal=3e-3, lip_written=False))
-    assert program(door(seal=0.0, lip_written=False))  # what is 0 may be missing, and what nothing feels: the width
-    assert "lip" in str(program(door(seal=3e-3, lip_written=True)))
+    assert "lip" in str(program(door(seal=3e-3)))
+    whole = door(seal=3e-3).program
+    lacking = replace(whole.body[1], value=whole.body[1].value.operands[0])  # without its last term
+    monkeypatch.setattr(fracid.Model, "program", replace(whole, body=(whole.body[0], lacking)))
+    with pytest.raises(InputError, match=r"of .door. lacks lip = 0.003 1/s\^2, which it runs with"):
+        program(door(seal=3e-3))
 
 
 def test_the_integer_order_model_is_made_of_the_right_hand_side_itself():
     swing = fracid.Experiment("swing", 1e-2, np.zeros((100, 1)), np.zeros((1, 1)), initial={"phi": 0.3})
-    p = fracid.Problem(door(seal=3e-3, lip_written=False), (swing,), {"nu": 1.0}, initial_state="held")
+    p = fracid.Problem(door(seal=3e-3), (swing,), {"nu": 1.0}, initial_state="held")
     np.testing.assert_allclose(integer_model(p).linear["rest"].F, [[0, 1], [-9.0, -0.2 - 3e-3 / 0.05]], rtol=1e-6)
 
 

@@ -8,7 +8,8 @@ import pytest
 import fracid
 from browser import CHROMIUM, Browser
 from fracid.errors import InputError
-from fracid.export.javascript import javascript_model, no_javascript, right_hand_side
+from fracid.export.javascript import javascript_model, no_javascript
+from fracid.export.whole import written
 from fracid.solver.memory import full, short
 
 pytestmark = [pytest.mark.broad, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
@@ -86,11 +87,11 @@ def test_other_orders_and_constants_are_those_of_another_run_of_the_library(brow
 
 def test_what_cannot_be_translated_is_refused_in_one_sentence():
     for problem, words in ((problem_of(method="pi3"), "pi3"), (problem_of(memory=short(50)), "short")):
-        assert words in no_javascript(problem, problem.start)
+        assert words in no_javascript(problem)
         with pytest.raises(InputError, match=words):
             javascript_model(problem, problem.start, problem.experiments[0], "runs/twin")
 
 
 def test_nothing_of_c_is_left_in_the_right_hand_side():
-    text = right_hand_side(fracid.rotary_pendulum())
+    text = written(fracid.rotary_pendulum(), "javascript")
     assert not any(word in text for word in ("double", "static", "void", "fabs", "fmax", "[]"))

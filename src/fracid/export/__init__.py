@@ -147,7 +147,7 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
 def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
 
-    if reason := no_javascript(run.problem, run.x):
+    if reason := no_javascript(run.problem):
         yield f"{reason} There is no fracid_model.mjs."
         return
     first = run.problem.experiments[0]

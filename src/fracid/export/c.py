@@ -10,16 +10,15 @@ they last, that is no difference.
 
 from __future__ import annotations
 
-import re
 from string import Template
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid._version import __version__
-from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
-from fracid.export.whole import not_written
+from fracid.export.whole import words_of, written
+from fracid.models.written.languages import C
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.solver.schemes import UNSETTLED
@@ -77,7 +76,7 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     Raises
     ------
     InputError
-        As :func:`fracid.export.whole.not_written` says.
+        As :func:`fracid.export.whole.written` says.
 
     Examples
     --------
@@ -87,17 +86,15 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
     >>> list(c_model(Recursion.of(problem, problem.start), Case.of(problem, problem.start, swing), "runs/twin"))
     ['fracid_model.h', 'fracid_model.c']
     """
-    if reason := not_written(tables.model, case.parameters, "c"):
-        raise InputError(reason)
-    assert tables.model.written is not None
-    scheme, exported, model, program = tables.scheme, tables.exported, tables.model, tables.model.written.code["c"]
+    scheme, exported, model = tables.scheme, tables.exported, tables.model
     third, gl = scheme.family == "pi3", scheme.family == "gl"
+    source = "model_gl.c.in" if gl else "model_pi.c.in"
     state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
     sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
     words = {
         "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
-        "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": len(model.inputs),
+        "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": max(1, len(model.inputs)),
         "derivatives": len(model.states) + len(model.relaxing),
         "state_names": ", ".join(model.states), "input_names": _comment(", ".join(model.inputs)),
         "order_values": tables.order_values,
@@ -105,13 +102,12 @@ def c_model(tables: Recursion, case: Case, run_name: str) -> dict[str, str]:
         "inputs_when": "u at the end of the step" + ", for the next" * gl,
         "sizes": _sizes(tables), "more_state": state,
         "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes),
-        "tables": _tables(tables, case, gl, program), "rhs": program,
+        "tables": _tables(tables, case, gl), "rhs": written(model, "c", words_of(source)),
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
         "sweeps": 0 if exported.newton else 1, "always": int(third), "unsettled": repr(UNSETTLED),
         "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
-    source = "model_gl.c.in" if gl else "model_pi.c.in"
     return {name: _template(file).substitute(words)
             for name, file in (("fracid_model.h", "fracid_model.h.in"), ("fracid_model.c", source))}  # fmt: skip
 
@@ -120,11 +116,14 @@ def _template(name: str) -> Template:
     return Template(own_text(f"export/{name}"))
 
 
-def _tables(tables: Recursion, case: Case, gl: bool, program: str) -> str:
+def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     """The constants of the model, then those of memory and start."""
-    lines = [f"static const double {p.name} = {value!r};  /* [{p.unit}] {_comment(p.description)} */"
-             for p, value in zip(tables.model.parameters, case.parameters.tolist(), strict=True)
-             if re.search(rf"\b{p.name}\b", program)]  # fmt: skip
+    name, known = C(tables.model.program).name, tables.model.program.constants
+    used = [(p, value) for p, value in zip(tables.model.parameters, case.parameters.tolist(), strict=True)
+            if p.name in known]  # fmt: skip
+    lines = [f"    .{name(p.name)} = {value!r},  /* [{p.unit}] {_comment(p.description)} */" for p, value in used]
+    if used:
+        lines = [f"static const struct {{ double {', '.join(name(p.name) for p, _ in used)}; }} p = {{", *lines, "};"]
     kernels, row = tables.kernels, np.array(tables.row)
     gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
     R, L, M = len(kernels), tables.lags, tables.modes

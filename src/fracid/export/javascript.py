@@ -1,7 +1,7 @@
 """``fracid_model.mjs``: the identified model as one JavaScript module, for browsers and Node; the page's solver.
 
 ``recursion.js`` is fracid's solver in JavaScript, memory and start included, so that orders may be changed while it
-runs.  The right-hand side is the C function's: that is so plain that only types and names of functions differ.
+runs.  The right-hand side is the model's own, written from its source.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import TIGHT, Case
-from fracid.export.whole import not_written
+from fracid.export.whole import not_written, written
 from fracid.models.joints import Complement
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
@@ -22,17 +22,9 @@ from fracid.solver.methods import METHODS, Method
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
-    from fracid.models import Model
     from fracid.problem import Experiment, Problem
 
-__all__ = ["javascript_model", "no_javascript", "program", "right_hand_side", "solver"]
-
-FUNCTIONS = {"fabs": "Math.abs", "fmin": "Math.min", "fmax": "Math.max", "copysign": "copysign"} | {
-    name: f"Math.{name}" for name in ("sin", "cos", "tan", "exp", "tanh", "sqrt", "pow", "log")
-}
-"""Of C's ``math.h`` → what JavaScript calls them."""
-
-COPYSIGN = "const copysign = (size, sign) => (sign < 0 || Object.is(sign, -0) ? -Math.abs(size) : Math.abs(size));\n"
+__all__ = ["javascript_model", "no_javascript", "program", "solver"]
 
 FAMILIES = ("pi", "gl")
 """Whose weights and start ``recursion.js`` makes."""
@@ -78,35 +70,6 @@ def solver() -> str:
     return own_text("export/recursion.js")
 
 
-def right_hand_side(model: Model) -> str:
-    """Write ``model``, a function from the constants to the right-hand side.
-
-    Parameters
-    ----------
-    model : Model
-        With C code (:class:`fracid.models.Written`).
-
-    Examples
-    --------
-    >>> import fracid
-    >>> print(right_hand_side(fracid.rotary_pendulum())[:19])
-    const model = ({ C1
-    """
-    assert model.written is not None
-    code = re.sub(r"static \w+ (\w+)\(([^)]*)\)", _signature, model.written.code["c"])
-    code = re.sub(r"\bconst double\b", "const", code)
-    code = re.sub(r"\bdouble\b", "let", code)
-    code = re.sub(r"\b(\w+)\(", lambda call: f"{FUNCTIONS.get(call[1], call[1])}(", code)
-    names = ", ".join(n for n in model.parameter_names if re.search(rf"\b{n}\b", code))
-    copysign = COPYSIGN if "copysign(" in code else ""
-    return f"const model = ({{ {names} }}) => {{\n{copysign}{code}return right_hand_side;\n}};\n"
-
-
-def _signature(head: re.Match[str]) -> str:
-    names = (re.sub(r"\W", "", part.split()[-1]) for part in head[2].split(","))
-    return f"function {head[1]}({', '.join(names)})"
-
-
 def program(problem: Problem) -> dict[str, Any]:
     """What ``Fracid.simulate`` must know of a problem beside its right-hand side and its values."""
     model = problem.model
@@ -136,20 +99,19 @@ def _tolerance(problem: Problem) -> float | None:
     return float(named[1]) if named else None
 
 
-def no_javascript(problem: Problem, x: FloatArray) -> str:
-    """Why a problem cannot be simulated in JavaScript with the unknowns x; empty if it can.
+def no_javascript(problem: Problem) -> str:
+    """Why a problem cannot be simulated in JavaScript; empty if it can.
 
     Examples
     --------
     >>> import numpy as np, fracid
     >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
     >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95}, initial_state="held")
-    >>> no_javascript(problem, problem.start)
+    >>> no_javascript(problem)
     ''
     """
-    for e in problem.experiments:
-        if reason := not_written(problem.model, problem.unpack(x, e)[1], "c"):
-            return reason
+    if reason := not_written(problem.model, "javascript"):
+        return reason
     if not _scheme(METHODS[problem.method]):
         known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
         return f"The method {problem.method} is not written in JavaScript; {known} are."
@@ -186,7 +148,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     >>> javascript_model(problem, problem.start, swing, "runs/twin").splitlines()[-1]
     '}'
     """
-    if reason := no_javascript(problem, x):
+    if reason := no_javascript(problem):
         raise InputError(reason)
     model, case = problem.model, Case.of(problem, x, e)
     orders = named_orders(problem, x, e)
@@ -197,8 +159,9 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     }  # fmt: skip
     return TEMPLATE.format(
         version=__version__, run=_comment(run_name), case=_comment(repr(case.name)), solver=solver(),
-        rhs=right_hand_side(model), initial=", ".join(f"{v:g}" for v in recording["initial"]), step=f"{case.step:g}",
-        steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"), states=", ".join(model.states),
+        rhs=written(model, "javascript"), initial=", ".join(f"{v:g}" for v in recording["initial"]),
+        step=f"{case.step:g}", steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"),
+        states=", ".join(model.states),
         orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
         recording=json.dumps(recording), order_values=json.dumps(orders),
     )  # fmt: skip

@@ -1,8 +1,7 @@
 """``model.m``: the identified model as one plain file for MATLAB and Octave; ``results.mat``: all that was found.
 
 ``model.m`` steps as fracid does, with the tables of :mod:`fracid.export.recursion` written out: the same scheme, the
-same memory, the same corrections of the start.  Its right-hand side is the rotary pendulum's with the numbers found; a
-user's own model is a Python program, which cannot be translated.
+same memory, the same corrections of the start.  Its right-hand side is the model's own, written from its source.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid._version import __version__
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
 from fracid.export.recursion import Case, Recursion
-from fracid.export.whole import not_written
+from fracid.export.whole import not_written, words_of, written
+from fracid.models.written.languages import Matlab
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
 from fracid.solver.schemes import UNSETTLED
@@ -46,7 +45,7 @@ def no_program(run: SavedRun, language: str) -> str:
                 f"Each recording has its own {order}, and a program has one memory, of one order. Fit the recordings "
                 "apart, or with one order."
             )
-    return not_written(model, run.problem.unpack(run.x, run.problem.experiments[0])[1], language)
+    return not_written(model, language)
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
@@ -67,7 +66,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     Raises
     ------
     InputError
-        As :func:`fracid.export.whole.not_written` says.
+        As :func:`fracid.export.whole.written` says.
 
     Examples
     --------
@@ -79,9 +78,6 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> text.splitlines()[0]
     'function [t, x] = model(x0, u, n, h, p)'
     """
-    if reason := not_written(tables.model, case.parameters, "matlab"):
-        raise InputError(reason)
-    assert tables.model.written is not None
     scheme, exported, model = tables.scheme, tables.exported, tables.model
     third = scheme.family == "pi3"
     template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
@@ -97,7 +93,8 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
         sweeps="0" if exported.newton else "1", always="true" if third else "false", unsettled=repr(UNSETTLED),
         origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
-        rhs=tables.model.written.code["matlab"],
+        rhs=written(model, "matlab", words_of(template)),
+        time_scale="p.time_scale" if "time_scale" in model.parameter_names else "1",
         parameters=_parameters(tables), tables=_tables(tables, rows),
     )  # fmt: skip
 
@@ -110,9 +107,14 @@ _UPDATES = (
 
 
 def _parameters(tables: Recursion) -> str:
-    lines = ["function p = parameters()", "% The constants that were identified, or that the rig has."]
+    name = Matlab(tables.model.program).name
+    lines = [
+        "function p = parameters()",
+        "% The constants that were identified, or that the rig has.",
+        "  p = struct();",
+    ]
     for parameter, value in zip(tables.model.parameters, tables.parameters.tolist(), strict=True):
-        lines.append(f"  p.{parameter.name} = {value!r};  % [{parameter.unit}] {_comment(parameter.description)}")
+        lines.append(f"  p.{name(parameter.name)} = {value!r};  % [{parameter.unit}] {_comment(parameter.description)}")
     return "\n".join([*lines, "end", ""])
 
 

@@ -1,23 +1,27 @@
-"""Whether a model's code in another language says all that its right-hand side does.
+"""A model's right-hand side in another language, held against the one that is solved.
 
-A friction that was added to a right-hand side and forgotten in its code would be found by a fit and silently missing in
-the program.  So of each constant that is not zero the code must have the name, or the right-hand side no use for it.
+What is written comes from the source of the right-hand side.  Before it leaves, the same tree is evaluated beside the
+right-hand side itself, with every constant moved: a file that was changed after it was loaded, or a constant that would
+be missing, would make a program that simulates another model.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import InputError
 from fracid.models import Model
+from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC, Writer
 
-__all__ = ["not_written"]
+__all__ = ["not_written", "words_of", "written"]
 
-LANGUAGES = {"c": ("C", r"(?s)/\*.*?\*/|//[^\n]*"), "matlab": ("MATLAB", r"%[^\n]*")}
-"""What each is called, and its comments: a name there is no use of it."""
+LANGUAGES: dict[str, type[Writer]] = {"c": C, "c-single": SingleC, "matlab": Matlab, "javascript": JavaScript}
 
 SIZES = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 """Of the states and inputs at which a right-hand side is looked at, each with :data:`POINTS` of them: joints that slide
@@ -25,68 +29,89 @@ and joints that hardly move, voltages within a dead zone and beyond a limit."""
 
 POINTS = 10
 
-CHANGE = 1.001
-"""Times its value is a constant moved, and it is taken away, to see whether the right-hand side feels it."""
+MOVED = 0.01
+"""Part of its value by which a constant is moved; what is 0 becomes as much."""
 
 
-def not_written(model: Model, parameters: FloatArray, language: str) -> str:
-    """Why there is no program of a model with these constants in ``c`` or ``matlab``; empty if there is one.
+def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
+    """The right-hand side of a model in ``c``, ``c-single``, ``matlab`` or ``javascript``.
 
     Parameters
     ----------
     model : Model
-    parameters : ndarray, shape (n_parameters,)
     language : str
-        A key of :attr:`fracid.models.Written.code`; JavaScript is made of C.
+    taken : sequence of str
+        Words of the text around it, which none of its functions may be called.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, or would not be the right-hand side that is solved.
 
     Examples
     --------
     >>> import fracid
-    >>> from dataclasses import replace
-    >>> rig = fracid.rotary_pendulum(drag_alpha=1e-5)
-    >>> not_written(rig, rig.parameter_vector(), "c")
-    ''
-    >>> without = rig.written.code["c"].replace("drag_alpha", "0")
-    >>> older = replace(rig, written=replace(rig.written, code={"c": without}))
-    >>> not_written(older, older.parameter_vector(), "c")[:77]
-    "The C code of the model 'rotary-pendulum' lacks drag_alpha = 1e-05 N m s^2/ra"
+    >>> "p.drag_alpha * fabs(alpha_rate)" in written(fracid.rotary_pendulum(), "c")
+    True
     """
-    if model.written is None or language not in model.written.code:
-        return f"The model {model.name!r} is a Python program of yours, which fracid does not translate."
-    called, comments = LANGUAGES[language]
-    code = re.sub(comments, "", model.written.code[language])
-    lacking = [
-        f"{p.name} = {parameters[k]:.6g}{'' if p.unit in ('', '1', '-') else f' {p.unit}'}"
-        for k, p in enumerate(model.parameters)
-        if parameters[k] != 0.0 and not re.search(rf"\b{p.name}\b", code) and _felt(model, parameters, k)
-    ]
-    if not lacking:
-        return ""
-    return (
-        f"The {called} code of the model {model.name!r} lacks {' and '.join(lacking)}, which its right-hand side has: "
-        f'it would simulate another model. Write that into the code, Written(..., code={{"{language}": ...}}).'
-    )
+    lacking = _lacking(model)
+    if lacking is not None:
+        what = f"lacks {' and '.join(lacking)}, which it runs with" if lacking else "reads otherwise than it runs"
+        raise InputError(
+            f"The source of the right-hand side of {model.name!r} {what}: it was changed after it was loaded, "
+            "or refers to something that changes. Load the model again; refer to constants only."
+        )
+    zero = f"; {model.pendulum} = 0 is {model.zero}" if model.pendulum and model.zero else ""
+    title = f"Right-hand side of the model {' '.join(model.name.split())}{zero}."
+    return LANGUAGES[language](model.program, taken, title).text()
 
 
-def _felt(model: Model, parameters: FloatArray, k: int) -> bool:
-    """Whether the right-hand side changes with a constant at any of a few states and inputs."""
-    random, n = np.random.default_rng(1), len(model.states)
-    others = [np.where(np.arange(len(parameters)) == k, value, parameters) for value in (0.0, CHANGE * parameters[k])]
-    for size in np.repeat(SIZES, POINTS):
-        x, u = size * random.standard_normal(n), size * random.standard_normal(max(1, len(model.inputs)))
-        here = _derivatives(model, x, u, parameters)
-        if not all(np.array_equal(here, _derivatives(model, x, u, p), equal_nan=True) for p in others):
-            return True
-    return False
+def not_written(model: Model, language: str) -> str:
+    """Why there is no program of a model; empty if there is one.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> not_written(fracid.rotary_pendulum(), "c")
+    ''
+    """
+    try:
+        written(model, language)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
-def _derivatives(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
-    """What the right-hand side writes, rates of relaxing states included; NaN where it cannot be computed."""
-    rhs: Any = getattr(model.rhs, "py_func", model.rhs)
+def words_of(template: str) -> tuple[str, ...]:
+    """All words of a template of this package."""
+    return tuple(set(re.findall(r"\w+", (files("fracid.export") / template).read_text(encoding="utf-8"))))
+
+
+def _lacking(model: Model) -> list[str] | None:
+    """None where tree and right-hand side compute the same; else the constants that the tree lacks."""
+    n, p, random = len(model.states), model.parameter_vector(), np.random.default_rng(1)
+    kept, read = [*range(n), *(n + i for i in model.relaxing_states)], Python(model.program).made()
+    for scale in np.repeat(SIZES, POINTS):
+        x, u = scale * random.standard_normal(n), scale * random.standard_normal(max(1, len(model.inputs)))
+        moved = np.where(p == 0.0, MOVED, p) * (1.0 + MOVED * random.random(len(p)))
+        solved = _derivatives(model, model.rhs, x, u, moved)[kept]
+        if np.array_equal(solved, _derivatives(model, read, x, u, moved)[kept], equal_nan=True):
+            continue
+        lacking = []
+        for k, q in enumerate(model.parameters):
+            without = _derivatives(model, model.rhs, x, u, np.where(np.arange(len(p)) == k, p[k], moved))[kept]
+            if q.name not in model.program.constants and not np.array_equal(solved, without, equal_nan=True):
+                lacking.append(f"{q.name} = {p[k]:.6g}{'' if q.unit in ('', '1', '-') else f' {q.unit}'}")
+        return lacking
+    return None
+
+
+def _derivatives(model: Model, rhs: Any, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+    """What a right-hand side writes, rates of relaxing states included; NaN where it cannot be computed."""
     out = np.zeros(len(x) * (1 + bool(model.relaxing)))
     try:
         with np.errstate(all="ignore"):
-            rhs(0.0, x, u, p, out)
-    except (ArithmeticError, ValueError):
+            getattr(rhs, "py_func", rhs)(0.0, x, u, p, out)
+    except (ArithmeticError, ValueError, TypeError):
         return np.full_like(out, np.nan)
     return out

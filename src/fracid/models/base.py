@@ -62,6 +62,8 @@ from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.geometry import RigGeometry
 from fracid.models.joints import Complement
+from fracid.models.written.reading import read
+from fracid.models.written.tree import Program
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -150,8 +152,6 @@ class Written:
     equations: Callable[[Any, Model, Mapping[str, Any], bool], Iterable[tuple[Any, ...]]]
     """(writer, model, orders, driven) → for each equation its left side and the rows of its right side;
     :class:`fracid.report.equations.Writer` is what writes them."""
-    code: Mapping[str, str] = field(default_factory=dict)
-    """Language, ``matlab`` or ``c`` → the function, as the templates of :mod:`fracid.export` call it."""
 
 
 @dataclass(frozen=True)
@@ -342,6 +342,25 @@ class Model(CardDisplay):
                 f"entries, u has {len(self.inputs)}, p has {len(self.parameters)}."
             ) from error
         return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and self.orders[i] == self.orders[j]}
+
+    @cached_property
+    def program(self) -> Program:
+        """The right-hand side as a tree, of which every other language is written.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read: with file, line, and what to write instead.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> [f.name for f in rotary_pendulum().program.functions]
+        ['stribeck', 'sliding', 'gap', 'saturated']
+        """
+        if isinstance(written := getattr(self.rhs, "tree", None), Program):
+            return written
+        return read(self.rhs, self.parameter_names, self.states, self.relaxing_states, len(self.inputs))
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.

@@ -95,7 +95,7 @@ from fracid.models.friction import (
 )
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
-from fracid.models.pendulum_written import code, equations
+from fracid.models.pendulum_written import equations
 from fracid.models.rigs import RIGS
 
 __all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
@@ -473,7 +473,7 @@ def __getattr__(name: str) -> RightHandSide:
 @cache
 def _written(zero: str, own: tuple[str, ...]) -> Written:
     """The same for people and other languages."""
-    return Written(_right_hand_side(zero, own), equations, code(zero, own))
+    return Written(_right_hand_side(zero, own), equations)
 
 
 def _grown(model: Model, on: frozenset[str]) -> Model:

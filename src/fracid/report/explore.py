@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.export.javascript import no_javascript, program, right_hand_side, solver
+from fracid.export.javascript import no_javascript, program, solver
+from fracid.export.whole import written
 from fracid.problem import Free
 from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
@@ -43,7 +44,7 @@ WIDE = 0.15
 def not_explored(material: Material) -> str:
     """Why the model cannot be simulated on the page; empty if it can."""
     problem = material.project.problem
-    if reason := no_javascript(problem, material.x):
+    if reason := no_javascript(problem):
         return reason
     if functions := [n for n in problem.outputs if n not in problem.model.output_states]:
         return f"{functions[0]} is a function of the states, which is not written in JavaScript."
@@ -84,7 +85,7 @@ def explore_scripts(material: Material) -> list[str]:
     if not_explored(material):
         return []
     own = own_text("report/explore.js")
-    return [solver(), right_hand_side(material.project.problem.model), own]
+    return [solver(), written(material.project.problem.model, "javascript"), own]
 
 
 def explore(material: Material) -> dict[str, Any] | None:

@@ -1,0 +1,544 @@
+"""A tree written as C, JavaScript, MATLAB and Python: programs that compute the same, to the last bit.
+
+What a language lacks of Python's functions is Python here, :mod:`fracid.models.written.portable`, and translated with
+the rest.  ``p.C1`` is a constant in each, so that no name of a model can be one of the language's or of a template's.
+"""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, ClassVar
+
+from fracid.models.written import portable
+from fracid.models.written.reading import FUNCTIONS, Untranslatable, read_functions
+from fracid.models.written.tree import (
+    COMPARISONS,
+    Assign,
+    Call,
+    Choice,
+    Entry,
+    Expression,
+    Function,
+    If,
+    Loop,
+    Name,
+    Number,
+    Operation,
+    Program,
+    Return,
+    Statement,
+    is_truth,
+    mentioned,
+    parts,
+)
+
+__all__ = ["C", "JavaScript", "Matlab", "Python", "SingleC", "Writer"]
+
+PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
+"""Function or operation → what stands for it where a language has none of the same meaning."""
+
+LEVELS = {"or": 1, "and": 1, "not": 7, **dict.fromkeys(COMPARISONS, 3), "+": 5, "-": 5, "*": 6, "/": 6, "neg": 7}
+"""How tightly each binds; what binds less than its place asks for stands in brackets."""
+
+ATOM = 9
+
+
+def _what(e: object) -> str:
+    """The function or operation that an expression is."""
+    return e.function if isinstance(e, Call) else e.sign if isinstance(e, Operation) else type(e).__name__
+
+
+class Writer:
+    """One language, as C has it where nothing else is said."""
+
+    signs: ClassVar[dict[str, str]] = {"and": "&&", "or": "||", "not": "!", "neg": "-"}
+    functions: ClassVar[dict[str, str]] = {}
+    """Function → its name in the language, where that is another."""
+    lacks: ClassVar[dict[str, str]] = PORTABLE
+    never: ClassVar[frozenset[str]] = frozenset()
+    """Functions that the language has not and that are not portable."""
+    words: ClassVar[str] = ""
+    """That a variable cannot be called."""
+    comment: ClassVar[tuple[str, str]] = ("/* ", " */")
+    ends: ClassVar[tuple[str, str]] = (";", "}")
+    """Of a statement, and of a block."""
+    indent: ClassVar[str] = "    "
+    real: ClassVar[str] = "double"
+    cast: ClassVar[str] = ""
+    """Before an integer that is used as a number."""
+
+    def __init__(self, program: Program, taken: Sequence[str] = (), title: str = "") -> None:
+        """Take a program; its functions are not called like `taken`, the names of what is written around it."""
+        self.program, self.title = program, title
+        self.counters = {s.variable.name for s in parts((program.body, program.functions))
+                         if isinstance(s, Loop) and s.variable}  # fmt: skip
+        self.reserved = {*portable.__all__, *FUNCTIONS, *self.words.split()}
+        self.taken = self.reserved.union(taken)
+
+    def text(self) -> str:
+        """The functions that are called, then the right-hand side."""
+        if unknown := self.never.intersection(self.program.calls):
+            raise Untranslatable(f"{type(self).__name__} has no {min(unknown)}, which the right-hand side calls.")
+        own = [self._function(f, self._called(f.name)) for f in self.program.functions]
+        borrowed = [self._function(f, f.name) for f in self._borrowed()]
+        return "\n".join([*borrowed, *own, self._main()])
+
+    def _borrowed(self) -> tuple[Function, ...]:
+        """The portable functions that are called, also by each other."""
+        found: tuple[Function, ...] = ()
+        while True:
+            used = {_what(e) for e in parts((self.program.body, self.program.functions, found))}
+            needed = read_functions(*(getattr(portable, f) for n, f in self.lacks.items() if n in used))
+            if needed == found:
+                return found
+            found = needed
+
+    # --- expressions
+
+    def number(self, v: float) -> str:
+        """To the last bit."""
+        return repr(v) if math.isfinite(v) else "NAN" if v != v else "INFINITY" if v > 0 else "-INFINITY"
+
+    def entry(self, e: Entry) -> str:
+        """Of an array, or a constant by its name."""
+        if e.array == "p":
+            return f"p.{self.name(e.name)}"
+        if isinstance(e.index, Number):
+            array, index = (
+                ("f", self.program.slot(int(e.index.value))) if e.array == "out" else (e.array, e.index.value)
+            )
+            return self._at(array, str(index))
+        return self._at(e.array, f"(int)({self.expression(e.index)})")
+
+    def _at(self, array: str, index: str) -> str:
+        return f"{array}[{index}]"
+
+    def name(self, name: str) -> str:
+        """As the language takes it."""
+        plain = "".join(c if c.isascii() else f"u{ord(c):x}" for c in name).lstrip("_") or "v"
+        return f"{plain}_" if plain in self.reserved else plain
+
+    def expression(self, e: Expression, level: int = 0) -> str:
+        """In brackets where it binds less tightly than asked for."""
+        text, own = self._expression(e)
+        return text if own >= level else f"({text})"
+
+    def _expression(self, e: Expression) -> tuple[str, int]:
+        match e:
+            case Number(bool() as v):
+                return self.signs.get(repr(v), str(int(v))), ATOM
+            case Number(v):
+                return self.number(v), ATOM if math.copysign(1.0, v) > 0 else LEVELS["neg"]
+            case Name(n):
+                return (f"{self.cast}{self.name(n)}", 8) if n in self.counters and self.cast else (self.name(n), ATOM)
+            case Entry():
+                return self.entry(e), ATOM
+            case Call(f, arguments):
+                return self.call(f, arguments), ATOM
+            case Choice(test, yes, no):
+                return self.choice(test, yes, no)
+            case Operation(sign, operands) if sign in self.lacks:
+                return self.call(sign, operands), ATOM
+            case Operation("**", operands):
+                return self.power(*operands)
+            case Operation(sign, operands):
+                return self.operation(sign, *operands)
+
+    def operation(self, sign: str, *operands: Expression) -> tuple[str, int]:
+        """With one operand or two."""
+        word, level = self.signs.get(sign, sign), LEVELS.get(sign, 6)
+        if len(operands) == 1:
+            return f"{word}{self.expression(operands[0], 8)}", level
+        a, b = operands
+        if sign in ("and", "or"):
+            return f"{self.expression(a, 3)} {word} {self.expression(b, 3)}", level
+        if sign in COMPARISONS:
+            return f"{self.expression(a, 5)} {word} {self.expression(b, 5)}", level
+        return f"{self.quantity(a, level)} {word} {self.expression(b, level + 1)}", level
+
+    def quantity(self, e: Expression, level: int) -> str:
+        """Left of a sign; C divides truth values as integers."""
+        return self.expression(e, level)
+
+    def power(self, base: Expression, exponent: Expression) -> tuple[str, int]:
+        """A function in most languages."""
+        return self.call("pow", (base, exponent)), ATOM
+
+    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+        """One of two."""
+        return f"{self.expression(test, 3)} ? {self.expression(yes, 1)} : {self.expression(no, 1)}", 0
+
+    def call(self, f: str, arguments: Sequence[Expression]) -> str:
+        """Of a function of the language, of a portable one, or of the program's."""
+        return f"{self._called(f)}({', '.join(map(self.expression, arguments))})"
+
+    def _called(self, f: str) -> str:
+        if f in self.lacks:
+            return self.lacks[f]
+        if f in {g.name for g in self.program.functions}:
+            plain = self.name(f)
+            return f"{plain}_" if plain in self.taken else plain
+        return self.functions.get(f, f)
+
+    # --- statements
+
+    def block(self, body: Sequence[Statement], pending: set[str], depth: int, loops: bool = False) -> Iterator[str]:
+        """Lines; `pending` are the variables to be declared here or further in."""
+        pending, names = set(pending), [self._names(s) for s in body]
+        for k, s in enumerate(body):
+            here, later = pending & names[k], set().union(*names[k + 1 :])
+            inner = {n for n in here - later if not loops and isinstance(s, If) and self._in_one_branch(s, n)}
+            first = isinstance(s, Assign) and isinstance(s.target, Name) and s.target.name in here
+            before = sorted(here - inner - ({s.target.name} if first else set()))  # type: ignore[union-attr]
+            pad = self.indent * depth
+            yield from (pad + line for line in self.declared(before))
+            pending -= here
+            match s:
+                case Assign(target, value, note):
+                    once = not loops and not (
+                        isinstance(target, Name) and target.name in later & self._assigned(body[k + 1 :])
+                    )
+                    word = self.declares(once) if first else ""
+                    yield pad + self._remark(word + self.assigned(target, value) + self.ends[0], note)
+                case If(test, yes, no, note):
+                    yield pad + self._remark(self.opens("if", self.expression(test)), note)
+                    yield from self.block(yes, inner, depth + 1, loops)
+                    while len(no) == 1 and isinstance(no[0], If) and not inner:
+                        yield pad + self._remark(self.opens("else if", self.expression(no[0].test)), no[0].note)
+                        yield from self.block(no[0].body, inner, depth + 1, loops)
+                        no = no[0].orelse
+                    if no:
+                        yield pad + self.opens("else", "")
+                        yield from self.block(no, inner, depth + 1, loops)
+                    yield from self._closed(pad)
+                case Loop(inside, test, variable):
+                    head = self.opens("while", self.expression(test)) if variable is None else self.counted(s)
+                    yield pad + head
+                    yield from self.block(inside, set(), depth + 1, True)
+                    yield from self._closed(pad)
+                case Return(value):
+                    yield from (pad + line for line in self.returned(value, k == len(body) - 1 and depth == 1))
+                case _:
+                    yield f"{pad}{s.word}{self.ends[0]}"
+
+    def assigned(self, target: Name | Entry, value: Expression) -> str:
+        """``a = b``, or ``a += b`` where that says it."""
+        match value:
+            case Operation(sign, (first, more)) if first == target and sign in ("+", "-", "*", "/"):
+                return f"{self.expression(target)} {sign}= {self.expression(more)}"
+        return f"{self.expression(target)} = {self.expression(value)}"
+
+    def _closed(self, pad: str) -> Iterator[str]:
+        if self.ends[1]:
+            yield pad + self.ends[1]
+
+    def _remark(self, line: str, note: str) -> str:
+        note = note.replace("*/", "* /").replace("/*", "/ *")
+        return f"{line}  {self.comment[0]}{note}{self.comment[1]}" if note else line
+
+    @staticmethod
+    def _names(node: object) -> set[str]:
+        loops = {s.variable.name for s in parts(node) if isinstance(s, Loop) and s.variable}
+        return set(mentioned(node)) - loops
+
+    @staticmethod
+    def _assigned(body: Sequence[Statement]) -> set[str]:
+        return {s.target.name for s in parts(tuple(body)) if isinstance(s, Assign) and isinstance(s.target, Name)}
+
+    def _in_one_branch(self, s: If, name: str) -> bool:
+        return name not in self._names(s.test) and (name in self._names(s.body)) != (name in self._names(s.orelse))
+
+    def declares(self, once: bool) -> str:
+        """Before a variable's first assignment."""
+        return f"{'const ' * once}{self.real} "
+
+    def declared(self, names: Sequence[str]) -> list[str]:
+        """Variables that are assigned further in."""
+        return (
+            [f"{self.declares(False)}{', '.join(f'{self.name(n)} = {self.number(0.0)}' for n in names)};"]
+            if names
+            else []
+        )
+
+    def opens(self, word: str, test: str) -> str:
+        """The line above a block."""
+        return f"{'} ' * word.startswith('else')}{word}{f' ({test})' * bool(test)} {{"
+
+    def counted(self, s: Loop) -> str:
+        """A loop with a number that counts."""
+        assert s.variable is not None
+        k, ends = self.name(s.variable.name), [f"(int)({self.expression(e)})" for e in (s.start, s.stop)]
+        return f"for (int {k} = {ends[0]}; {k} {'<' if s.step > 0 else '>'} {ends[1]}; {k} += {s.step}) {{"
+
+    def returned(self, value: Expression | None, last: bool) -> list[str]:  # noqa: ARG002
+        """From a function."""
+        return [f"return {self.expression(value)};" if value else "return;"]
+
+    # --- functions
+
+    def _function(self, f: Function, name: str) -> str:
+        own = self._names(f.body) - set(f.arguments)
+        lines = self.block(f.body, own, 1)
+        about = [f"{self.comment[0]}{f.about}{self.comment[1]}"] if f.about else []
+        head = self.head(name, [self.name(a) for a in f.arguments])
+        return "\n".join([*self.function(about, head, [*lines]), ""])
+
+    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
+        """With what its author says of it."""
+        return [*about, head, "{", *lines, "}"]
+
+    def head(self, name: str, arguments: list[str]) -> str:
+        """First line of a function of numbers."""
+        return f"static {self.real} {name}({', '.join(f'{self.real} {a}' for a in arguments)})"
+
+    def _main(self) -> str:
+        lines = [*self.block(self.program.body, self._names(self.program.body), 1)]
+        return "\n".join([*self.main(lines), ""])
+
+    def main(self, lines: list[str]) -> list[str]:
+        """The right-hand side itself."""
+        used = {e.array for e in parts(self.program.body) if isinstance(e, Entry)}
+        unused = [f"{self.indent}(void){a};" for a in ("x", "u") if a not in used]
+        head = f"static void right_hand_side(const {self.real} x[], const {self.real} u[], {self.real} f[])"
+        return [*self._about(), head, "{", *unused, *lines, "}"]
+
+    def _about(self) -> list[str]:
+        return [f"{self.comment[0]}{self.title}{self.comment[1]}"] if self.title else []
+
+
+class C(Writer):
+    """C99 with ``math.h``: ``right_hand_side(x, u, f)``, its constants in a struct ``p``."""
+
+    functions: ClassVar[dict[str, str]] = {"abs": "fabs", "gamma": "tgamma"}
+    lacks: ClassVar[dict[str, str]] = {n: f for n, f in PORTABLE.items() if n != "copysign"}
+    words: ClassVar[str] = (
+        "auto break case char const continue default do double else enum extern float for goto if inline int long "
+        "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
+        "S T D KNOTS fabs pow j0 j1 jn y0 y1 yn tgamma right_hand_side NAN INFINITY"
+    )
+
+    cast: ClassVar[str] = "(double)"
+
+    def number(self, v: float) -> str:
+        """An integer would divide as one."""
+        return super().number(float(v))
+
+    def quantity(self, e: Expression, level: int) -> str:
+        """A truth value as a number."""
+        return f"{self.cast}({self.expression(e)})" if is_truth(e) else super().quantity(e, level)
+
+
+class SingleC(C):
+    """C99 in single precision, for processors without a double unit."""
+
+    real: ClassVar[str] = "float"
+    cast: ClassVar[str] = "(float)"
+
+    def number(self, v: float) -> str:
+        """With its suffix."""
+        return super().number(v) + "f" * math.isfinite(v)
+
+    def _called(self, f: str) -> str:
+        own = {g.name for g in self.program.functions} | {*self.lacks, *self.lacks.values()}
+        return super()._called(f) + "f" * (f not in own)
+
+
+class JavaScript(Writer):
+    """A function from the constants ``p`` to ``right_hand_side(x, u, f)``."""
+
+    signs: ClassVar[dict[str, str]] = {**Writer.signs, "True": "true", "False": "false"}
+    functions: ClassVar[dict[str, str]] = {n: f"Math.{n}" for n in (*FUNCTIONS, "abs", "pow")}
+    never: ClassVar[frozenset[str]] = frozenset(("erf", "erfc", "gamma", "lgamma"))
+    comment: ClassVar[tuple[str, str]] = ("// ", "")
+    indent: ClassVar[str] = "  "
+    words: ClassVar[str] = (
+        "await break case catch class const continue debugger default delete do else enum export extends false finally "
+        "for function if implements import in instanceof interface let new null package private protected public "
+        "return static super switch this throw true try typeof undefined var void while with yield arguments eval "
+        "Math Infinity NaN model Fracid right_hand_side"
+    )
+
+    def number(self, v: float) -> str:
+        """As Python writes it."""
+        return super().number(v).replace("INFINITY", "Infinity").replace("NAN", "NaN")
+
+    def entry(self, e: Entry) -> str:
+        """Any name may follow a point."""
+        return f"p.{e.name}" if e.array == "p" else super().entry(e).replace("(int)", "")
+
+    def call(self, f: str, arguments: Sequence[Expression]) -> str:
+        """A remainder is an operation."""
+        if f == "fmod":
+            return f"({self.expression(arguments[0], 6)} % {self.expression(arguments[1], 7)})"
+        return super().call(f, arguments)
+
+    def declares(self, once: bool) -> str:
+        """Before a variable's first assignment."""
+        return "const " if once else "let "
+
+    def counted(self, s: Loop) -> str:
+        """A loop with a number that counts."""
+        return super().counted(s).replace("(int)", "").replace("int ", "let ", 1)
+
+    def head(self, name: str, arguments: list[str]) -> str:
+        """First line of a function of numbers."""
+        return f"function {name}({', '.join(arguments)})"
+
+    def main(self, lines: list[str]) -> list[str]:
+        """The right-hand side itself."""
+        return [*self._about(), "function right_hand_side(x, u, f)", "{", *lines, "}"]
+
+    def text(self) -> str:
+        """All of it within a function of the constants."""
+        return f"const model = (p) => {{\n{super().text()}return right_hand_side;\n}};\n"
+
+
+class Plain(Writer):
+    """A language without declarations and braces."""
+
+    def declares(self, once: bool) -> str:  # noqa: ARG002
+        """Nothing."""
+        return ""
+
+    def declared(self, names: Sequence[str]) -> list[str]:  # noqa: ARG002
+        """Nothing."""
+        return []
+
+
+class Matlab(Plain):
+    """MATLAB and Octave: ``[f, rates] = rhs(x, u, p)``."""
+
+    signs: ClassVar[dict[str, str]] = {"and": "&&", "or": "||", "not": "~", "neg": "-", "!=": "~=", "True": "true",
+                                       "False": "false"}  # fmt: skip
+    functions: ClassVar[dict[str, str]] = {"trunc": "fix", "lgamma": "gammaln", "fmod": "rem"}
+    lacks: ClassVar[dict[str, str]] = {n: f for n, f in PORTABLE.items() if n != "sign"} | {"Choice": "choice"}
+    comment: ClassVar[tuple[str, str]] = ("% ", "")
+    ends: ClassVar[tuple[str, str]] = (";", "end")
+    indent: ClassVar[str] = "  "
+    words: ClassVar[str] = (
+        "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return "
+        "spmd switch try until do endif endwhile endfor endfunction end_try_catch unwind_protect while value rates rhs "
+        "fix gammaln rem nthroot imag zeros NaN Inf i j e pi eps ans abs min max sign true false"
+    )
+    complex: ClassVar[frozenset[str]] = frozenset(("sqrt", "log", "log2", "log10", "log1p", "asin", "acos", "acosh",
+                                                   "atanh", "**"))  # fmt: skip
+    """What may be complex here, where others say that there is no value."""
+
+    def number(self, v: float) -> str:
+        """As Python writes it."""
+        return super().number(v).replace("INFINITY", "Inf").replace("NAN", "NaN")
+
+    def _at(self, array: str, index: str) -> str:
+        return f"{array}({int(index) + 1})" if index.isdigit() else f"{array}({index.removeprefix('(int)')} + 1)"
+
+    def power(self, base: Expression, exponent: Expression) -> tuple[str, int]:
+        """An operation, which is done from left to right."""
+        return f"{self.expression(base, ATOM)} ^ {self.expression(exponent, ATOM)}", 8
+
+    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+        """A function, which evaluates both."""
+        return self.call("Choice", (test, yes, no)), ATOM
+
+    def call(self, f: str, arguments: Sequence[Expression]) -> str:
+        """The cube root has a name for all roots."""
+        return super().call("nthroot", (*arguments, Number(3))) if f == "cbrt" else super().call(f, arguments)
+
+    def assigned(self, target: Name | Entry, value: Expression) -> str:
+        """In full."""
+        return f"{self.expression(target)} = {self.expression(value)}"
+
+    def opens(self, word: str, test: str) -> str:
+        """The line above a block."""
+        return f"{word.replace(' ', '')} {test}".rstrip()
+
+    def counted(self, s: Loop) -> str:
+        """A loop with a number that counts."""
+        assert s.variable is not None
+        start, stop, past = self.expression(s.start), self.expression(s.stop, 6), "-" if s.step > 0 else "+"
+        return f"for {self.name(s.variable.name)} = {start}:{s.step}:{stop} {past} 1"
+
+    def returned(self, value: Expression | None, last: bool) -> list[str]:
+        """The value has a name."""
+        return [*([f"value = {self.expression(value)};"] if value else []), *([] if last else ["return"])]
+
+    def head(self, name: str, arguments: list[str]) -> str:
+        """First line of a function of numbers."""
+        return f"function value = {name}({', '.join(arguments)})"
+
+    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
+        """What its author says of it stands within."""
+        return [head, *about, *lines, "end"]
+
+    def main(self, lines: list[str]) -> list[str]:
+        """The right-hand side itself, and the rates of states that relax."""
+        n, kept = len(self.program.states), len(self.program.relaxing)
+        used = {_what(e) for e in parts((self.program.body, self.program.functions))}
+        real = [] if self.complex.isdisjoint(used) else ["  f(imag(f) ~= 0) = NaN;"]
+        return ["function [f, rates] = rhs(x, u, p)", *self._about(), f"  f = zeros({n + kept}, 1);", *lines, *real,
+                f"  rates = f({n + 1}:end);  f = f(1:{n});  % with which states that relax forget", "end"]  # fmt: skip
+
+
+class Python(Plain):
+    """Python in Numba's language: ``rhs(t, x, u, p, out)``, with the constants at their places in p."""
+
+    signs: ClassVar[dict[str, str]] = {"neg": "-", "True": "True", "False": "False"}
+    functions: ClassVar[dict[str, str]] = {n: f"math.{n}" for n in FUNCTIONS}
+    lacks: ClassVar[dict[str, str]] = {"sign": "signum"}
+    comment: ClassVar[tuple[str, str]] = ("# ", "")
+    ends: ClassVar[tuple[str, str]] = ("", "")
+    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math range"))
+
+    def entry(self, e: Entry) -> str:
+        """By its place."""
+        return f"{e.array}[{self.expression(e.index)}]"
+
+    def number(self, v: float) -> str:
+        """As it is."""
+        return f"math.{repr(v).replace('-', '')}" if not math.isfinite(v) else repr(v)
+
+    def operation(self, sign: str, *operands: Expression) -> tuple[str, int]:
+        """``not`` binds less tightly than elsewhere."""
+        return (f"(not {self.expression(operands[0])})", ATOM) if sign == "not" else super().operation(sign, *operands)
+
+    def power(self, base: Expression, exponent: Expression) -> tuple[str, int]:
+        """An operation."""
+        return f"{self.expression(base, ATOM)} ** {self.expression(exponent, ATOM)}", 8
+
+    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+        """One of two."""
+        return f"{self.expression(yes, 1)} if {self.expression(test, 1)} else {self.expression(no, 1)}", 0
+
+    def opens(self, word: str, test: str) -> str:
+        """The line above a block."""
+        return f"{word.replace('else if', 'elif')} {test}".rstrip() + ":"
+
+    def counted(self, s: Loop) -> str:
+        """A loop with a number that counts."""
+        assert s.variable is not None
+        start, stop = (f"int({self.expression(e)})" for e in (s.start, s.stop))
+        return f"for {self.name(s.variable.name)} in range({start}, {stop}, {s.step}):"
+
+    def returned(self, value: Expression | None, last: bool) -> list[str]:
+        """With its value."""
+        return [super().returned(value, last)[0].rstrip(";")]
+
+    def head(self, name: str, arguments: list[str]) -> str:
+        """First line of a function of numbers."""
+        return f"def {name}({', '.join(arguments)}):"
+
+    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
+        """What its author says of it stands within."""
+        return [head, *(self.indent + line for line in about), *lines]
+
+    def main(self, lines: list[str]) -> list[str]:
+        """The right-hand side itself."""
+        return ["def rhs(t, x, u, p, out):", *(lines or ["    pass"])]
+
+    def made(self, name: str = "rhs") -> Callable[..., Any]:
+        """The right-hand side, or one of the functions, to be called."""
+        there: dict[str, Any] = {"math": math}
+        exec(self.text(), there)  # text of a tree: numbers, names of the tree and functions of mathematics
+        function: Callable[..., Any] = there[name]
+        return function

@@ -1,0 +1,109 @@
+"""Models of one's own leave as programs too: what C, JavaScript and Octave simulate is what fracid simulates."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+import fracid
+from fracid.export.c import c_model
+from fracid.export.javascript import javascript_model
+from fracid.export.matlab import matlab_model
+from fracid.export.recursion import Case, Recursion
+from languages import GCC, NODE, OCTAVE
+from own_models import own_models
+
+NAMES = ("duffing", "flexible link", "supercapacitor", "cart-pole", "model maxwell1")
+ORDERS = {"r": 0.8, "q": 0.93, "lambda": 0.95, "mu": 0.9}  # whose first steps are not solved together with later ones
+STEPS = 300
+
+MAIN = """
+#include <stdio.h>
+#include "fracid_model.h"
+static fracid_state s;
+int main(void)
+{
+    double x[FRACID_STATES], u[FRACID_INPUTS];
+    if (fread(x, sizeof x, 1, stdin) != 1 || fread(u, sizeof u, 1, stdin) != 1) return 2;
+    fracid_init(&s, x, u);
+    do fwrite(x, sizeof x, 1, stdout);
+    while (fread(u, sizeof u, 1, stdin) == 1 && !fracid_step(&s, u, x));
+    return 0;
+}
+"""
+
+
+def problem_of(name):
+    """Driven by a smooth input from rest."""
+    model = own_models()[name]
+    t = np.linspace(0, 3, STEPS + 1)[:, None]
+    u = 0.5 * np.sin(3.0 * t) * np.ones(len(model.inputs))
+    if "length" in model.inputs:
+        u = np.hstack([1.0 + 0.1 * np.sin(t) ** 2, 0.2 * np.sin(t) * np.cos(t)])
+    e = fracid.Experiment("twin", 1e-2, np.zeros((STEPS + 1, len(model.outputs))), u)
+    orders = {n: ORDERS[n] for n in model.order_names}
+    return fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held")
+
+
+@pytest.fixture(scope="module")
+def problems():
+    found = {name: problem_of(name) for name in NAMES if name in own_models()}
+    return {name: (p, p.simulate(p.start, p.experiments[0]).states) for name, p in found.items()}
+
+
+def same(found, ours, name):
+    np.testing.assert_allclose(found, ours, rtol=0, atol=1e-9 * np.ptp(ours, axis=0).max(), err_msg=name)
+    assert np.all(np.abs(found - ours).max(axis=0) <= 1e-9 * np.ptp(ours, axis=0)), name
+
+
+def tables_and_case(p):
+    return Recursion.of(p, p.start), Case.of(p, p.start, p.experiments[0])
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_in_c_they_step_as_fracid_does(problems, tmp_path):
+    for name, (p, ours) in problems.items():
+        tables, case = tables_and_case(p)
+        for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
+        done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
+                              capture_output=True, text=True, check=False)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        given = np.concatenate([case.past[-1], case.inputs.ravel()]).tobytes()
+        done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
+        same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
+
+
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+def test_in_javascript_they_simulate_as_fracid_does(problems, tmp_path):
+    for k, (p, _) in enumerate(problems.values()):
+        (tmp_path / f"m{k}.mjs").write_text(javascript_model(p, p.start, p.experiments[0], "run"), encoding="utf-8")
+    lines = [f'import {{ simulate as s{k} }} from "./m{k}.mjs";' for k in range(len(problems))]
+    runs = ", ".join(f"s{k}().states.map((x) => Array.from(x))" for k in range(len(problems)))
+    (tmp_path / "run.mjs").write_text("\n".join([*lines, f"process.stdout.write(JSON.stringify([{runs}]));"]))
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for (name, (_, ours)), found in zip(problems.items(), json.loads(done.stdout), strict=True):
+        same(np.array(found), ours, name)
+
+
+@pytest.mark.broad
+@pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
+def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
+    lines = []
+    for k, (p, _) in enumerate(problems.values()):
+        tables, case = tables_and_case(p)
+        (tmp_path / str(k)).mkdir()
+        (tmp_path / str(k) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
+        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        lines.append(
+            f"clear all; cd {tmp_path / str(k)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 'x');"
+        )
+    (tmp_path / "script.m").write_text("\n".join(lines) + "\n")
+    done = subprocess.run([OCTAVE, "-q", "script.m"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for k, (name, (_, ours)) in enumerate(problems.items()):
+        same(loadmat(tmp_path / str(k) / "out.mat")["x"], ours, name)
