@@ -545,13 +545,13 @@ def _claim(analysis: _Findings, jobs: int) -> None:
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
-    slow = any(order.least_damping > FLOOR for order in orders) and all(e.explained for e in left.values())
+    slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())
     nearest = integer_alternatives(
         part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
         own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
         starts=analysis.multi_start, seed=analysis.seed,
     )  # fmt: skip
-    element = None if all(e.explained for e in left.values()) else fractional_element(
+    element = None if all(e.noise for e in left.values()) else fractional_element(
         part, beside, goal=nearest.cost if nearest else None, jobs=jobs
     )  # fmt: skip
     if nearest is not None and part is not problem:

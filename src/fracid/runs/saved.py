@@ -52,7 +52,7 @@ from fracid.schemas.result import (
     StartBlock,
 )
 from fracid.selection.doubts import claimed, doubts
-from fracid.selection.integer_rival import Alternative, Trial
+from fracid.selection.integer_rival import Alternative, alternative_of
 from fracid.selection.opened_bounds import OpenedBound, reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.discretisation import Discretisation
@@ -169,7 +169,7 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     def alternative(self) -> Alternative | None:
         """The integer-order model that comes nearest, where one was tried."""
         entry = self.result.get("alternative")
-        return None if entry is None else _alternative(AlternativeBlock.model_validate(entry))
+        return None if entry is None else alternative_of(AlternativeBlock.model_validate(entry))
 
     @property
     def starts(self) -> tuple[Start, ...]:
@@ -429,11 +429,6 @@ def _finding(entry: Mapping[str, Any]) -> Finding:
     return Finding(
         **dict(block) | {n: math.nan if (v := getattr(block, n)) is None else v for n in ("number", "limit")}
     )
-
-
-def _alternative(block: AlternativeBlock) -> Alternative:
-    """What result.json says of the integer-order model."""
-    return Alternative(**dict(block) | {"trials": tuple(Trial(**dict(trial)) for trial in block.trials)})
 
 
 def _start(entry: Mapping[str, Any], problem: Problem) -> Start:

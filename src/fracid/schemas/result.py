@@ -106,6 +106,15 @@ class TrialBlock(Block):
     as_well: bool
 
 
+class FiniteMemoryBlock(Block):
+    """Relaxations in the place of the orders, all else equal."""
+
+    relaxations: int
+    cost: Infinite
+    gain: Infinite = Field(alias="bic_gain_of_the_fractional_model")
+    settles: bool
+
+
 class AlternativeBlock(Block):
     """The integer-order model that comes nearest."""
 
@@ -117,6 +126,8 @@ class AlternativeBlock(Block):
     effective_samples: Number
     warning: str
     trials: Annotated[tuple[TrialBlock, ...], Field(strict=False)] = ()
+    settles: bool = True
+    memories: Annotated[tuple[FiniteMemoryBlock, ...], Field(strict=False)] = ()
 
 
 class StartBlock(Block):

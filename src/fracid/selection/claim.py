@@ -6,12 +6,13 @@ A tool for fractional orders is worth as much as its "no".  So **fractional** is
    like a damping ratio of :math:`|ζ| = \tfrac{π}{2}|1 - q|`, and less than that a clock, a cable or a bearing may do;
 2. what is left over is noise or the encoder's rounding (:mod:`fracid.signals.left_over`): where a model lacks
    something, its orders stand in for that;
-3. nothing of integer order does as well (:mod:`fracid.selection.integer_alternatives`);
+3. nothing of integer order does as well (:mod:`fracid.selection.integer_alternatives`), nor a finite memory in the
+   place of the order (:mod:`fracid.selection.finite_memory`);
 4. no other finding contradicts it, and recordings that were held out agree.
 
-**Integer** is said where the intervals of the orders hold their integers, or where an integer-order model does as well
-or better; **undecided** otherwise, with what would decide it.  Of a model that does not follow half of a motion nothing
-is said: its orders mean nothing.
+**Integer** is said where the intervals of the orders hold their integers, or where an integer-order model that itself
+explains the recordings, at no limit of its own, does as well or better; **undecided** otherwise, with what would decide
+it.  Of a model that does not follow half of a motion nothing is said: its orders mean nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from fracid.estimation.covariance import Uncertainty
 from fracid.problem import Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
-from fracid.selection.integer_rival import OFF, Alternative, claimable, integers_of
+from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
 from fracid.units import GREEK, half_width, in_letters, plain, to_second_digit
 
@@ -56,6 +57,14 @@ LONGER = "What would decide it: longer recordings, or larger swings."
 
 NO_RECORDING = "No recording of this kind would decide it."
 """Said of orders that are off their integers by less than a bearing may do, beside noise."""
+
+UNSETTLED = "It is at a limit of its own, or leaves more than noise itself, which settles nothing."
+"""Said of an integer-order model that does as well as the orders where neither explains the recordings."""
+
+DECADES = "What would decide it: recordings that show more decades of time, sampled faster or longer, or less noise."
+"""Said of orders that a few relaxations imitate."""
+
+COUNTS = ("none", "one", "two", "three")
 
 NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid compare --rung all looks for it."
 """Said of integer orders beside a misfit."""
@@ -176,14 +185,18 @@ def claim_of(
                                    "Look at their columns, zeros, signs, units and clock, or type --multi-start "
                                    "16."))  # fmt: skip
     off = [order for order in orders if order.off]
-    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.explained})
+    unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
+    coloured = _coloured({where: e for where, e in left_over.items() if e.noise and not e.explained})
     if element is not None:
         found = " and ".join(map(str, orders))
         return Claim("undecided", (f"{found}, but {LACKS}.", *unexplained, str(element),
                                    element.remedy))  # fmt: skip
-    open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []))
+    open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
-        return Claim("integer", (alternative.warning, *open_question))
+        if alternative.settles:
+            return Claim("integer", (alternative.warning, *open_question))
+        decides = f"What would decide it: a model that leaves noise alone{'' if compared else COMPARE}."
+        return Claim("undecided", (alternative.warning, UNSETTLED, *open_question, decides))
     if not off:
         claim, decides = _not_off(orders), LONGER
         if unexplained:
@@ -205,7 +218,11 @@ def claim_of(
                                    f"What would decide it: a fit without {without}."))  # fmt: skip
     if alternative is None:
         return Claim("undecided", (f"No integer-order model was compared with {orders_off}.",))
-    return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *support))
+    memories = alternative.memories
+    if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
+        return _no_more_than(memories[-1], orders_off, coloured)
+    return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *_worth(memories),
+                                *coloured, *support))  # fmt: skip
 
 
 def _not_off(orders: Sequence[OrderFound]) -> Claim:
@@ -260,6 +277,14 @@ def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
     return [f"{what}: {LACKS}."]
 
 
+def _coloured(left_over: Mapping[str, LeftOver]) -> list[str]:
+    """One sentence on all residuals that are correlated as noise is."""
+    each = " and ".join(left_over)
+    return [f"The residual of {each} is correlated as the noise of a filter, a camera or a bus is, alike wherever the "
+            "motion goes: correlated noise, or a model that lacks something. The intervals allow for "
+            "it."] if left_over else []  # fmt: skip
+
+
 def _size(e: LeftOver) -> str:
     if e.known:
         return f"{plain(e.rms)} of the standard deviations that the recording has"
@@ -273,16 +298,45 @@ def _effect(order: OrderFound) -> str:
     )
 
 
+def _no_more_than(memory: FiniteMemory, orders: str, coloured: Sequence[str]) -> Claim:
+    """What is claimed of orders that a few relaxations do as well as."""
+    count = f"{COUNTS[memory.relaxations]} relaxation{'s' * (memory.relaxations > 1)}"
+    if not math.isfinite(memory.gain):
+        return Claim("undecided", (f"{orders}, but no run of the model with {count} in the place of an order ended, "
+                                   "with which that must be compared.",))  # fmt: skip
+    instead = f"{count} in the place of an order, all else equal, cost{'s' * (memory.relaxations == 1)}"
+    bic = f"{memory.cost:.6g} and {'have' if memory.relaxations > 1 else 'has'} a BIC that is {abs(memory.gain):.3g}"
+    if memory.gain <= -STRONG and memory.settles:
+        return Claim("integer", (f"{orders}: no evidence of fractional dynamics, for the order is worth no more than "
+                                 f"{count}. {instead.capitalize()} {bic} lower.", *coloured))  # fmt: skip
+    why = "" if memory.settles else f" {UNSETTLED}"
+    return Claim("undecided", (f"{orders}, but the order is worth no more than {count}. {instead.capitalize()} {bic} "
+                               f"{'lower' if memory.gain <= 0 else 'higher'}.{why}", *coloured, DECADES))  # fmt: skip
+
+
+def _worth(memories: Sequence[FiniteMemory]) -> Iterator[str]:
+    """How many relaxations an order is worth."""
+    if memories:
+        tried = ", ".join(COUNTS[m.relaxations] for m in memories)
+        higher = ", ".join(_higher(m.gain) for m in memories)
+        yield (f"The order is worth as many as {COUNTS[len(memories)]} relaxations: with {tried} in its place the BIC "
+               f"is {higher} higher.")  # fmt: skip
+
+
 def _in_short(structure: str) -> str:
     """What an alternative has, without the names of its parameters, which its elements say in words."""
     parts = structure.split("; ")
     return "; ".join([part for part in parts if not part.endswith(" free") or len(parts) < 3])
 
 
+def _higher(gain: float) -> str:
+    return f"{gain:,.0f}" if gain >= MANY else f"{gain:.3g}"
+
+
 def _beaten(alternative: Alternative) -> tuple[str, ...]:
     tried = [t.name for t in alternative.trials if t.tried]
     untried = [t.name for t in alternative.trials if not t.tried]
-    worse = f"{alternative.gain:,.0f}" if alternative.gain >= MANY else f"{alternative.gain:.3g}"
+    worse = _higher(alternative.gain)
     reasons = [f"No integer-order model fits as well. Tried: {', '.join(tried)}. The nearest "
                f"({_in_short(alternative.structure)}) has a BIC that is {worse} higher."]  # fmt: skip
     return tuple(map(in_letters, (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))))

@@ -23,8 +23,9 @@ an elastic arm        ``arm_stiffness`` … free                      the same
 
 each from the best of those before it, the cheap ones first; where a record has a past, which tells the states of the
 model as it is alone, none that changes a channel or adds states.  What lowers Schwarz's criterion stays for those that
-follow, as a rig may have several of them; the first that does as well as the orders ends it.  Those that add states to
-the model take many times as long: they are tried where nothing else contradicts the orders.
+follow, as a rig may have several of them; the first that does as well as the orders, at no limit of its own, ends it.
+Those that add states to the model take many times as long: they are tried where nothing else contradicts the orders,
+and last of all, what every model has, a finite memory (:mod:`fracid.selection.finite_memory`).
 
 Before them come the models of integer order that a project names (``[[alternative]]``): who writes a model knows what
 it is held against, as a springpot is against Maxwell elements.
@@ -47,6 +48,7 @@ from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
 from fracid.selection.bic import STRONG
+from fracid.selection.finite_memory import finite_memories
 from fracid.selection.integer_rival import (
     Alternative,
     Rival,
@@ -263,17 +265,19 @@ def integer_alternatives(
             trials.append(Trial(element.name, there.evaluation.cost, gain_there, as_well))
             if as_well or (element.whole is None and gain_there < gain - STRONG):
                 here, n, gain = there, samples, gain_there
-            if as_well:
+            if as_well and not there.limited:
                 settled = True
                 break
     for there, trial in others:
         if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
             here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
+    as_well = any(t.as_well for t in trials)
     return Alternative(
         here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
         here.evaluation.cost, here.parameters, gain, n,
-        warning_of(here, best.cost, gain) if settled else "", tuple(trials),
-        here.nested_in(problem),
+        warning_of(here, best.cost, gain) if as_well else "", tuple(trials),
+        here.nested_in(problem), here.settles,
+        () if as_well or not slow else finite_memories(problem, best, [*here.off], jobs=jobs),
     )  # fmt: skip
 
 

@@ -37,11 +37,14 @@ from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.bic import STRONG, schwarz
+from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
 from fracid.units import GREEK
 
 __all__ = [
+    "FEW",
     "Alternative",
+    "FiniteMemory",
     "Rival",
     "Trial",
     "alternative_of",
@@ -64,6 +67,12 @@ STILL = 1e-2
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
+
+FEW = 2
+"""Relaxations that an order must beat by 10 of BIC."""
+
+AT_END = 1e-3
+"""Part of a range, within which of an end a value is at its limit."""
 
 OFF = 1e-3
 """Orders nearer to their integer value than this are integer."""
@@ -89,6 +98,25 @@ class Trial:
 
 
 @dataclass(frozen=True)
+class FiniteMemory:
+    """What a few relaxations do in the place of the orders (:mod:`fracid.selection.finite_memory`)."""
+
+    relaxations: int
+    """Of each order."""
+    cost: float
+    """Infinite where no run of it ends."""
+    gain: float
+    """BIC of it minus that of the fractional fit."""
+    settles: bool = True
+    """Whether no time constant is at its limit, and nothing but noise is left."""
+
+    @property
+    def as_well(self) -> bool:
+        """Whether the orders are not strongly better; of many relaxations, which imitate any order, not better."""
+        return self.gain <= (STRONG if self.relaxations <= FEW else 0.0)
+
+
+@dataclass(frozen=True)
 class Alternative:
     """The integer-order model that comes nearest, beside the fractional one that was asked for."""
 
@@ -110,6 +138,11 @@ class Alternative:
     """All that was tried."""
     values: Mapping[str, float] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
+    settles: bool = True
+    """Whether it is at no limit of its own, and leaves nothing but noise."""
+    memories: tuple[FiniteMemory, ...] = ()
+    """One relaxation, two, three in the place of the orders, up to the first that does as well; empty where something
+    else does, or contradicts the orders."""
 
 
 def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Alternative:
@@ -126,13 +159,15 @@ def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Al
         return math.hypot(factor * cost, noise)
 
     trials = tuple(replace(t, cost=scaled(t.cost)) for t in nearest.trials)
-    return replace(nearest, cost=scaled(nearest.cost), trials=trials)
+    memories = tuple(replace(m, cost=scaled(m.cost)) for m in nearest.memories)
+    return replace(nearest, cost=scaled(nearest.cost), trials=trials, memories=memories)
 
 
 def alternative_of(block: AlternativeBlock) -> Alternative:
     """The record of what a file has."""
     trials = tuple(Trial(**dict(trial)) for trial in block.trials)
-    return Alternative(**dict(block) | {"trials": trials})
+    memories = tuple(FiniteMemory(**dict(m)) for m in block.memories)
+    return Alternative(**dict(block) | {"trials": trials, "memories": memories})
 
 
 @dataclass(frozen=True)
@@ -151,6 +186,18 @@ class Rival:
     """What it has beside friction, in words."""
     nested: bool = True
     """Whether it is the fractional model where its orders are integer; not one that the project names."""
+
+    @property
+    def limited(self) -> bool:
+        """Whether something that it has beside the model is at a limit, other than off."""
+        at = zip(self.problem.unknowns, self.evaluation.point.tolist(), strict=True)
+        return any(abs(v - end) <= AT_END * (u.range.upper - u.range.lower) for u, v in at if u.target in self.own
+                   for end in (u.range.lower, u.range.upper) if end != 0.0)  # fmt: skip
+
+    @property
+    def settles(self) -> bool:
+        """Whether it explains the recordings: it is at no limit, and leaves nothing but noise."""
+        return not self.limited and all(e.noise for e in leftovers(self.problem, self.evaluation.point).values())
 
     @property
     def structure(self) -> str:
@@ -221,7 +268,7 @@ def integer_alternative(
         rival.structure, (*rival.off, *(n for n, to in problem.ties.items() if to in rival.off)),
         rival.evaluation.cost, rival.parameters, gain, n, warning_of(rival, best.cost, gain),
         (Trial("friction" if rival.own else "the same model", rival.evaluation.cost, gain, gain <= STRONG),),
-        rival.nested_in(problem),
+        rival.nested_in(problem), rival.settles,
     )  # fmt: skip
 
 
@@ -406,9 +453,12 @@ def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dic
     return observable
 
 
-def gain_over(rival: Rival, problem: Problem, fractional: Evaluation) -> tuple[float, float]:
-    """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion."""
-    integer = rival.evaluation
+def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int | None = None) -> tuple[float, float]:
+    """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion.
+
+    The rival has so many parameters `more`; as many as it has more unknowns if nothing is said.
+    """
+    integer, more = rival.evaluation, len(rival.problem.names) - len(problem.names) if more is None else more
     better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival.problem, integer.point)
     errors = better.errors(x)
     assert not isinstance(errors, Failure)
@@ -418,7 +468,7 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation) -> tuple[f
         assert e.residuals is not None
         return schwarz(float(e.residuals @ e.residuals), unknowns, n, problem.cost_function)
 
-    return n, criterion(integer, len(rival.problem.names)) - criterion(fractional, len(problem.names))
+    return n, criterion(integer, len(problem.names) + more) - criterion(fractional, len(problem.names))
 
 
 def warning_of(rival: Rival, cost: float, gain: float) -> str:

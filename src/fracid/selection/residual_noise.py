@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.records import fit_percent
 from fracid.problem import Experiment, Problem
+from fracid.signals.coloured import is_coloured_noise
+from fracid.signals.correlation import longest_stretch
 from fracid.signals.left_over import LeftOver, left_over
 from fracid.units import GREEK
 
@@ -16,19 +22,36 @@ __all__ = ["leftovers"]
 
 def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     """Recording and output, in words → what is left over of it; empty where a run fails."""
+
+    @cache
+    def derivatives() -> list[FloatArray]:
+        J = None if problem.blocks is not None else jacobian(problem, x, np.arange(len(x)))
+        none = [np.zeros((*e.measured.shape, 0)) for e in problem.experiments]
+        return J if isinstance(J, list) else none
+
+    def of(number: int, output: int, simulated: FloatArray) -> LeftOver:
+        return _left_over(problem.experiments[number], simulated, output, lambda: derivatives()[number][:, output])
+
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     return {
-        f"{e.name}, {GREEK.get(output, output)}": _left_over(e, e.measured[:, k], y[:, k], k)
-        for e, y in zip(problem.experiments, fitted, strict=True) if not isinstance(y, Failure)
+        f"{e.name}, {GREEK.get(output, output)}": of(number, k, y)
+        for number, (e, y) in enumerate(zip(problem.experiments, fitted, strict=True)) if not isinstance(y, Failure)
         for k, output in enumerate(problem.outputs)
     }  # fmt: skip
 
 
-def _left_over(e: Experiment, measured: FloatArray, fitted: FloatArray, output: int) -> LeftOver:
+def _left_over(
+    e: Experiment, simulated: FloatArray, output: int, unknowns: Callable[[], FloatArray]
+) -> LeftOver:  # fmt: skip
     """Of one output: what counts of it, in standard deviations where these are known."""
+    measured, fitted = e.measured[:, output], simulated[:, output]
     counts = np.ones(len(measured), dtype=bool) if e.scored is None else e.scored
     residual = np.where(counts, measured - fitted, np.nan)
-    deviation = None if e.deviation is None else e.deviation[:, output]
-    left = left_over(residual if deviation is None else residual / deviation, measured, known=deviation is not None)
+    residual = residual if e.deviation is None else residual / e.deviation[:, output]
+    left = left_over(residual, measured, known=e.deviation is not None)
+    if not left.explained:
+        at = longest_stretch(np.isfinite(residual))
+        motion = np.hstack([simulated, e.inputs]) if len(e.inputs) == len(measured) else simulated
+        left = left._replace(coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))
     moves = np.ptp(measured[counts]) > 0.0
     return left._replace(fit=fit_percent(measured[counts], fitted[counts])) if moves else left

@@ -44,6 +44,13 @@ class LeftOver(NamedTuple):
     """Whether it is in standard deviations that the recording has; its floor is then one of them."""
     fit: float = 100.0
     """Of the motion, 100·(1 − residual/motion) [%]."""
+    coloured: bool = False
+    """Whether it is correlated as noise is, alike wherever the motion goes (:mod:`fracid.signals.coloured`)."""
+
+    @property
+    def noise(self) -> bool:
+        """Whether nothing says that a model lacks something: it is explained, or correlated as noise is."""
+        return self.explained or self.coloured
 
     @property
     def white(self) -> bool:

@@ -1,0 +1,125 @@
+"""The finite memory that every order is held against, and what is claimed then."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from fracid import Experiment, Free, Model, Parameter, Problem, identify, simulate
+from fracid.selection.claim import OrderFound, claim_of
+from fracid.selection.finite_memory import with_relaxations
+from fracid.selection.integer_rival import Alternative, FiniteMemory, Trial
+from fracid.signals.left_over import LeftOver
+
+STEP, COUNT = 0.1, 400
+WHITE = {"twin, T": LeftOver(1e-3, 0.0, 1.0)}
+LACKS = {"twin, T": LeftOver(1e-3, 0.0, 0.1)}
+COLOURED = {"twin, T": LeftOver(1e-3, 0.0, 0.1, coloured=True)}
+OFF = [OrderFound("q", 0.8, 0.01)]
+
+
+def body(t, x, u, p, out):
+    out[0] = (u[0] - p[1] * x[0]) / p[0]
+
+
+MODEL = Model("body", body, ("T",), ("q",), {"T": 0}, ("power",),
+              (Parameter("C", "J/K", 1.0, "capacity"), Parameter("h", "W/K", 0.2, "loss")), "", "a test")  # fmt: skip
+
+
+def two_lumps(coupling, capacity):
+    """A body of capacity 1 and loss 0.2 with another behind it, heated from 2 s on, exactly."""
+    A = np.array([[-0.2 - coupling, coupling], [coupling / capacity, -coupling / capacity]])
+    step, T = expm(STEP * A), np.zeros((COUNT, 2))
+    gain = np.linalg.solve(A, (step - np.eye(2)) @ np.array([1.0, 0.0]))
+    for n in range(COUNT - 1):
+        T[n + 1] = step @ T[n] + (gain if n >= 20 else 0.0)
+    return T[:, 0]
+
+
+def problem_of(T, between="hold"):
+    heat = (np.arange(COUNT) >= 20).astype(float)[:, None]
+    twin = Experiment("twin", STEP, T[:, None], heat, initial={"T": 0.0}, between={"power": between})
+    return Problem(MODEL, (twin,), {"q": Free(0.9, 0.3, 1.4)},
+                   {"C": Free(1.0, 0.05, 20.0), "h": Free(0.2, 0.0, 5.0)}, initial_state="held")  # fmt: skip
+
+
+def noise(seed, ρ=0.0):
+    rng, e = np.random.default_rng(seed), np.zeros(COUNT + 100)
+    for n, white in enumerate(rng.standard_normal(e.size)):
+        e[n] = ρ * e[n - 1] + np.sqrt(1 - ρ**2) * white
+    return e[100:]
+
+
+def test_a_model_with_one_relaxation_is_a_body_with_a_second_lump():
+    coupling, capacity = 0.3, 0.5
+    fade = coupling * (1 + 1 / capacity)  # of what flows between the two
+    rest = capacity / (1 + capacity)
+    relaxed = with_relaxations(MODEL, {"q": [0]}, 1)
+    heat = (np.arange(10 * COUNT) >= 200).astype(float)[:, None]
+    values = {"share0_q": 1 - rest, "share1_q": rest, "ln_tau1_q": -np.log(fade)}
+    run = simulate(relaxed, orders={}, parameters=values, initial={}, step=STEP / 10, end=STEP * (COUNT - 1),
+                   inputs=heat[: 10 * (COUNT - 1) + 1])  # fmt: skip
+    assert np.max(np.abs(run.states[::10, 0] - two_lumps(coupling, capacity))) < 0.01
+
+
+def test_a_body_with_a_weak_second_lump_is_not_called_fractional():
+    T = two_lumps(0.3, 0.5)
+    fit = identify(problem_of(T + 0.06 * np.std(T) * noise(1)))
+    assert fit.orders["q"].interval95[1] < 0.98
+    assert fit.claim != "fractional"
+    memories = fit.alternative.memories
+    assert [m.relaxations for m in memories] == [1]
+    assert memories[0].gain < 10
+    assert "worth no more than one relaxation" in fit.claim_reasons[0]
+
+
+@pytest.mark.parametrize(("ρ", "size"), [(0.0, 0.01), (0.9, 0.004)])
+def test_an_order_is_worth_more_than_two_relaxations_in_white_and_in_coloured_noise(ρ, size):
+    heat = np.interp(np.arange(8 * (COUNT - 1) + 1) / 8, np.arange(COUNT), np.arange(COUNT) >= 20)
+    fine = np.column_stack([heat])
+    run = simulate(MODEL, orders={"q": 0.6}, parameters={}, initial={}, step=STEP / 8, end=STEP * (COUNT - 1),
+                   inputs=fine)  # fmt: skip
+    T = run.states[::8, 0]
+    fit = identify(problem_of(T + size * np.std(T) * noise(2, ρ), "line"), fixed_step=False)
+    assert fit.claim == "fractional"
+    assert any("as many as three relaxations" in reason for reason in fit.claim_reasons)
+    assert [m.relaxations for m in fit.alternative.memories] == [1, 2, 3]
+    assert any("correlated noise, or a model that lacks something" in r for r in fit.claim_reasons) == (ρ > 0)
+
+
+def alternative(*memories, **changes):
+    worse = Alternative("every order 1", ("q",), 2e-3, {}, 50.0, 300.0, trials=(Trial("the same model", 2e-3, 50.0),))
+    return replace(worse, memories=memories, **changes)
+
+
+@pytest.mark.parametrize(
+    ("gain", "settles", "claim"),
+    [(30.0, True, "fractional"), (9.0, True, "undecided"), (-5.0, True, "undecided"), (-15.0, True, "integer"),
+     (-15.0, False, "undecided"), (np.inf, True, "undecided")],
+)  # fmt: skip
+def test_what_one_relaxation_does_decides_the_claim(gain, settles, claim):
+    found = claim_of(OFF, alternative(FiniteMemory(1, 1e-3, gain, settles)), WHITE)
+    assert found.claim == claim
+
+
+def test_three_relaxations_need_only_be_no_better():
+    assert not FiniteMemory(3, 1e-3, 1.0).as_well
+    assert FiniteMemory(3, 1e-3, -1.0).as_well
+    assert FiniteMemory(2, 1e-3, 1.0).as_well
+
+
+def test_a_rival_that_explains_nothing_itself_settles_nothing():
+    as_well = (Trial("a delay of T", 1e-3, 1.0, as_well=True),)
+    settled = alternative(warning="A delay does as well.", trials=as_well)
+    assert claim_of(OFF, settled, WHITE).claim == "integer"
+    unsettled = claim_of(OFF, replace(settled, settles=False), LACKS)
+    assert unsettled.claim == "undecided"
+    assert any("settles nothing" in reason for reason in unsettled.reasons)
+
+
+def test_coloured_noise_forbids_no_claim_and_is_said():
+    assert claim_of(OFF, alternative(), LACKS).claim == "undecided"
+    found = claim_of(OFF, alternative(), COLOURED)
+    assert found.claim == "fractional"
+    assert "correlated noise, or a model that lacks something" in found.reasons[-1]
