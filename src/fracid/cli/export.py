@@ -54,6 +54,8 @@ def export(
 
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
+    toml: model.toml, the model as equations of a project file.
+
     csv: a table for each recording.
 
     json: the result with its curves.

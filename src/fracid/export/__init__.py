@@ -6,6 +6,7 @@ format           files                                          module
 ``matlab``       ``results.mat``, ``model.m``                   :mod:`fracid.export.matlab`
 ``c``            ``fracid_model.c``, ``fracid_model.h``         :mod:`fracid.export.c`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
+``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
 ``state-space``  ``state_space.json``, step and Bode figures    :mod:`fracid.export.state_space`
 ``json``         ``export.json``: the result with its curves    :mod:`fracid.export.table`
@@ -71,7 +72,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'javascript', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -160,6 +161,23 @@ def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pat
         yield f"fracid_model.mjs starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
+def _toml(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+    from fracid.export.equations import toml_model
+    from fracid.export.matlab import of_recording
+    from fracid.safety.door import write_text
+
+    first, model = run.problem.experiments[0], run.problem.model
+    values = dict(zip(model.parameter_names, of_recording(run, first.name).parameters.tolist(), strict=True))
+    orders = {n: run.result["orders"][n]["value"] for n in model.order_names}
+    try:
+        text = toml_model(model, values, orders, run.folder.name)
+    except InputError as error:
+        yield f"{error} There is no model.toml."
+        return
+    write_text(folder / "model.toml", text)
+    yield folder / "model.toml"
+
+
 def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
     from fracid.export.table import csv_tables
 
@@ -192,6 +210,8 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     yield from sentences(run, system)
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {"matlab": _matlab, "c": _c,
-           "javascript": _javascript, "csv": _csv, "json": _json, "state-space": _state_space}  # fmt: skip
+FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {
+    "matlab": _matlab, "c": _c, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
+    "state-space": _state_space,
+}  # fmt: skip
 """(run, folder, longest run) → the files that it wrote, and sentences."""

@@ -51,11 +51,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, unknown_name
-from fracid.models import Model, model_from_name
+from fracid.models import MODELS, Model, Parameter, model_from_name
+from fracid.models.written.equations import Equation, model_of
+from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
@@ -71,7 +73,7 @@ from fracid.safety.door import text_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
-from fracid.safety.user_code import refuse_untrusted
+from fracid.safety.user_code import is_own, refuse_untrusted
 from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
@@ -118,10 +120,19 @@ class _Prior(_Table):
     sd: float
 
 
+class _Constant(_Table):
+    """Of a model of equations."""
+
+    value: float
+    unit: str
+
+
 class _Range(_Table):
     start: float
     lower: float
     upper: float
+    unit: str = ""
+    """Of a model of equations; any other has its own."""
     prior: _Prior | None = None
     scale: float | None = None
     hard: bool = False
@@ -132,10 +143,19 @@ def _untied(table: Any) -> Any:
     if not isinstance(table, dict):
         return table
     ties = {n: v["tie"] for n, v in table.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
-    return table | {n: v for n, v in ties.items() if isinstance(v, str)}
+    fixed = {n: _Constant(**v) for n, v in table.items() if isinstance(v, dict) and v.keys() == {"value", "unit"}}
+    return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 
-_Values = Annotated[dict[str, float | _Range | str], BeforeValidator(_untied)]
+_Values = Annotated[dict[str, float | _Range | InstanceOf[_Constant] | str], BeforeValidator(_untied)]
+
+
+class _Equation(_Table):
+    """A state's derivative, or an output."""
+
+    equals: str
+    order: float | str = 1.0
+    unit: str = ""
 
 
 class _Model(_Table):
@@ -143,6 +163,11 @@ class _Model(_Table):
     rig: str | None = None
     zero: str | None = None
     actuation: Literal["voltage", "torque"] | None = None
+    inputs: dict[str, str] = {}
+    """Each one's unit; like the next three of a model of equations."""
+    definitions: dict[str, str] = {}
+    equations: dict[str, str | _Equation] = {}
+    outputs: dict[str, str | _Equation] = {}
     parameters: _Values = {}
     orders: _Values = {}
 
@@ -319,6 +344,8 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
         return _project(path, text, content, preset or content.fit.preset, trust)
     except NotTrusted:
         raise
+    except FormulaError as error:
+        raise InputError(f"{path}: {error}") from None
     except InputError as error:
         raise InputError(f"{path}: {_short(error)}") from None
 
@@ -476,6 +503,13 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
                       if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
     starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
+    if spec.equations:
+        return _of_equations(spec, parameters), parameters
+    for key in ("inputs", "definitions", "outputs"):
+        if getattr(spec, key):
+            raise InputError(
+                f"[model.{key}] belongs to a model of equations; give its [model.equations], or leave it out."
+            )
     model = model_from_name(spec.name, spec.rig, spec.zero, spec.actuation, parameters=starts, folder=folder)
     for name, value in parameters.items():
         if isinstance(value, Tied):
@@ -485,6 +519,28 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
                 f"{name} is converted and cannot be fitted; free one of {', '.join(model.parameter_names)} instead."
             )
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
+
+
+def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
+    """The model that the file's own equations are; nothing of them is run."""
+    if spec.name in MODELS or is_own(spec.name):
+        raise InputError(
+            f"[model] name = {spec.name!r} stands for another model; give the equations a name of their own."
+        )
+    for key in ("rig", "zero", "actuation"):
+        if getattr(spec, key) is not None:
+            raise InputError(f"[model] {key} means nothing for a model of equations; leave it out.")
+    roots = {n: parameters.get(v.to, v) if isinstance(v, Tied) else v for n, v in parameters.items()}
+    values = {n: v.start if isinstance(v, Free) else v for n, v in roots.items()}
+    units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, _Range | _Constant)}
+    constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
+    return model_of(
+        spec.name, _equations(spec.equations), _equations(spec.outputs), spec.inputs, constants, spec.definitions
+    )
+
+
+def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:
+    return {n: Equation(e) if isinstance(e, str) else Equation(e.equals, e.order, e.unit) for n, e in table.items()}
 
 
 def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:
@@ -656,7 +712,7 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
     ]
 
 
-def _orders(specs: Mapping[str, float | _Range | str], model: Model) -> dict[str, Value]:
+def _orders(specs: Mapping[str, float | _Range | _Constant | str], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
     for name in specs:
         if name not in model.order_names:
@@ -688,9 +744,11 @@ def _number_or_free(name: str, spec: float | _Range) -> float | Free:
     return value
 
 
-def _value(name: str, spec: float | _Range | str | Free) -> Value:
+def _value(name: str, spec: float | _Range | _Constant | str | Free) -> Value:
     if isinstance(spec, str):
         return Tied(spec)
+    if isinstance(spec, _Constant):
+        return spec.value
     if not isinstance(spec, _Range):
         return spec
     try:
@@ -721,7 +779,8 @@ TABLES = EXPECTED | {
 
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
-    faults = faults_by_place(error, alternatives=["_Range"])
+    found = faults_by_place(error, alternatives=["_Range", "is-instance[_Constant]", "_Equation"])
+    faults = {p: kept for p, of_one in found.items() if (kept := [f for f in of_one if f["type"] != "is_instance_of"])}
     outer = {p[:k] for p in faults for k in range(len(p))}
     inner = [p for p in faults if p not in outer]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first
@@ -742,7 +801,7 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
 
 def _keys(fault: Any) -> str:
     """What the table must hold that a fault misses: ``mean = ..., sd = ...``."""
-    tables: dict[str, type[_Table]] = {"_Range": _Range, "_Prior": _Prior}
+    tables: dict[str, type[_Table]] = {"_Range": _Range, "_Prior": _Prior, "_Equation": _Equation}
     table = tables.get(fault.get("ctx", {}).get("class_name", ""), _Table)
     required = [n for n, f in table.model_fields.items() if f.is_required()]
     return ", ".join(f"{n} = ..." for n in required) or "..."

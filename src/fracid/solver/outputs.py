@@ -61,8 +61,9 @@ def output_along(h: Output, times: FloatArray, states: FloatArray, inputs: Float
 
 @once_for_equals
 def _compiled(h: Any) -> Any:
-    teach_helpers(h)
-    one = nb.njit(nogil=True, error_model="numpy", boundscheck=True)(getattr(h, "py_func", h))
+    function = getattr(h, "py_func", h)
+    teach_helpers(function)
+    one = nb.njit(nogil=True, error_model="numpy", boundscheck=True)(function)
 
     @nb.njit(nogil=True, error_model="numpy", boundscheck=True)  # type: ignore[untyped-decorator]
     def along(times: FloatArray, states: FloatArray, inputs: FloatArray, p: FloatArray) -> FloatArray:

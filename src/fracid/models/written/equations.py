@@ -1,0 +1,435 @@
+"""A model from equations, as a project file has them, and equations from a model.
+
+Units are checked as far as they are given: what has none, and a number, may be anything.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, count
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.models.base import Model, Parameter
+from fracid.models.joints import Complement
+from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
+from fracid.models.written.languages import Python
+from fracid.models.written.reading import Untranslatable, operation
+from fracid.models.written.tree import (
+    COMPARISONS,
+    Assign,
+    Call,
+    Choice,
+    Entry,
+    Expression,
+    Function,
+    If,
+    Name,
+    Number,
+    Operation,
+    Program,
+    Return,
+    Statement,
+    mentioned,
+)
+
+__all__ = ["Equation", "equations_of", "model_of"]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """What a state's derivative, or an output, equals."""
+
+    equals: str
+    order: float | str = 1.0
+    """Of the derivative: a number, a name, or ``1 - nu`` of a springpot."""
+    unit: str = ""
+    """Of the state or the output."""
+
+
+def model_of(
+    name: str,
+    equations: Mapping[str, Equation],
+    outputs: Mapping[str, Equation],
+    inputs: Mapping[str, str],
+    parameters: Sequence[Parameter],
+    definitions: Mapping[str, str] | None = None,
+) -> Model:
+    """Make a model.
+
+    Parameters
+    ----------
+    name : str
+    equations : mapping
+        State → the equation of its derivative.
+    outputs : mapping
+        All states where there is none.
+    inputs : mapping
+        Input → its unit.
+    parameters : sequence of Parameter
+    definitions : mapping
+        Name → an expression that later ones may use.
+
+    Raises
+    ------
+    InputError
+        With the equation and the place in it.
+
+    Examples
+    --------
+    >>> mass = Parameter("m", "kg", 2.0, "")
+    >>> axis = {"position": Equation("speed"), "speed": Equation("force/m", "mu")}
+    >>> model = model_of("axis", axis, {}, {"force": "N"}, [mass])
+    >>> model.orders, model.rates, model.program.constants
+    ((1.0, 'mu'), {}, frozenset({'m'}))
+    """
+    definitions = definitions or {}
+    _check_names({"[model.equations]": equations, "[model.inputs]": inputs, "[model.definitions]": definitions,
+                  "[model.parameters]": [p.name for p in parameters]})  # fmt: skip
+    names: dict[str, Expression] = {n: Entry("x", Number(i)) for i, n in enumerate(equations)}
+    names |= {n: Entry("u", Number(i)) for i, n in enumerate(inputs)}
+    names |= {p.name: Entry("p", Number(k), p.name) for k, p in enumerate(parameters)}
+    units = _Units(names, {p.name: p.unit for p in parameters} | {**inputs} | {n: e.unit for n, e in equations.items()})
+    for e in outputs.values():
+        if e.unit and e.equals.strip() in equations:
+            units.given(e.equals.strip(), e.unit)
+    texts = {f"[model.definitions] {n}": text for n, text in definitions.items()}
+    texts |= {f"[model.equations] {n}": e.equals for n, e in equations.items()}
+    targets: list[Name | Entry] = [*map(Name, definitions), *(Entry("out", Number(i)) for i in range(len(equations)))]
+    body: list[Assign] = []
+    for target, (where, text) in zip(targets, texts.items(), strict=True):
+        body.append(Assign(target, _placed(where, formula, text, names, units.columns)))
+        if isinstance(target, Name):
+            names[target.name] = target
+    units.spread(dict(zip(equations, (s.value for s in body[len(definitions) :]), strict=True)))
+    for s, (where, text) in zip(body, texts.items(), strict=True):
+        _placed(where, units.check, s, text)
+    states = tuple(equations)
+    return Model(
+        name=name, rhs=Formula(Program(states, (), (), tuple(body))), states=states,
+        orders=tuple(_order(n, e.order) for n, e in equations.items()),
+        outputs={n: _output(n, e, names, units, body) for n, e in outputs.items()}
+        or {n: i for i, n in enumerate(states)},
+        inputs=tuple(inputs), parameters=tuple(parameters), zero="", source="equations",
+        input_units={n: unit for n, unit in inputs.items() if unit},
+    )  # fmt: skip
+
+
+def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
+    seen: dict[str, str] = {}
+    for kind, names in kinds.items():
+        for n in names:
+            if not n.isidentifier() or n in (*KNOWN, *CONSTANTS, *WORDS):
+                raise InputError(
+                    f"{kind} {n!r} cannot be a name in equations; expected letters, digits and _, as in speed_1."
+                )
+            if n in seen:
+                raise InputError(f"{n} stands in {seen[n]} and in {kind}; give each its own name.")
+            seen[n] = kind
+
+
+def _order(name: str, order: float | str) -> float | str | Complement:
+    if isinstance(order, str) and (match := re.fullmatch(r"\s*1\s*-\s*([^\W\d]\w*)\s*", order)):
+        return Complement(match[1])
+    if isinstance(order, str) and not order.isidentifier():
+        raise InputError(f'[model.equations] {name}: order = {order!r}; expected a number, a name or "1 - nu".')
+    return order
+
+
+def _placed(where: str, read: Callable[..., Any], *arguments: Any) -> Any:
+    """What is wrong with an equation is said with its place in the file."""
+    try:
+        return read(*arguments)
+    except FormulaError as error:
+        raise error.at(where) from None
+
+
+def _output(
+    name: str, e: Equation, names: Mapping[str, Expression], units: _Units, body: Sequence[Assign]
+) -> int | Formula:
+    """A state's index, or a function."""
+    value = _placed(f"[model.outputs] {name}", formula, e.equals, names, units.columns)
+    match value:
+        case Entry("x", Number(i)):
+            return int(i)
+    _placed(f"[model.outputs] {name}", units.check, Assign(Name(name), value), e.equals, _dimension(e.unit))
+    definitions = [s for s in body if isinstance(s.target, Name)]
+    return Formula(Function(name, ("t", "x", "u", "p"), (*definitions, Return(value))))
+
+
+# --- units ---------------------------------------------------------------------------------------------
+
+Dimension = tuple[float, ...]
+"""Powers of kg, m, s, A, K and mol; an angle has none."""
+
+UNITS: dict[str, Dimension] = {
+    "1": (0,) * 6, "-": (0,) * 6, "rad": (0,) * 6, "kg": (1, 0, 0, 0, 0, 0), "m": (0, 1, 0, 0, 0, 0),
+    "s": (0, 0, 1, 0, 0, 0), "A": (0, 0, 0, 1, 0, 0), "K": (0, 0, 0, 0, 1, 0), "mol": (0, 0, 0, 0, 0, 1),
+    "Hz": (0, 0, -1, 0, 0, 0), "N": (1, 1, -2, 0, 0, 0), "Pa": (1, -1, -2, 0, 0, 0), "J": (1, 2, -2, 0, 0, 0),
+    "W": (1, 2, -3, 0, 0, 0), "C": (0, 0, 1, 1, 0, 0), "V": (1, 2, -3, -1, 0, 0), "Ohm": (1, 2, -3, -2, 0, 0),
+    "S": (-1, -2, 3, 2, 0, 0), "F": (-1, -2, 4, 2, 0, 0), "H": (1, 2, -2, -2, 0, 0),
+}  # fmt: skip
+
+NONE = UNITS["1"]
+SECOND = UNITS["s"]
+
+
+def _dimension(unit: str) -> Dimension | None:
+    """None where it is not known.
+
+    Examples
+    --------
+    >>> _dimension("N s/m") == _dimension("kg/s"), _dimension("F s^(q-1)")
+    (True, None)
+    """
+    total = NONE if unit else None
+    for part in re.sub(r"\s*([/*·])\s*", r" \1", unit).split():
+        name, _, power = part.lstrip("/*·").partition("^")
+        if name not in UNITS or not re.fullmatch(r"-?\d+(\.\d+)?|", power):
+            return None
+        total = _times(total or NONE, UNITS[name], (-1 if part[0] == "/" else 1) * float(power or 1))
+    return total
+
+
+def _times(a: Dimension, b: Dimension, power: float = 1.0) -> Dimension:
+    return tuple(x + power * y for x, y in zip(a, b, strict=True))
+
+
+def _shown(d: Dimension) -> str:
+    names = ("kg", "m", "s", "A", "K", "mol")
+    return " ".join(f"{n}^{p:g}" if p != 1 else n for n, p in zip(names, d, strict=True) if p) or "a plain number"
+
+
+class _Units:
+    """What is known of units, and whether equations agree with it."""
+
+    def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
+        self.columns: dict[int, int] = {}
+        self.known: dict[Expression, Dimension | None] = {names[n]: _dimension(unit) for n, unit in units.items()}
+        self.names, self.text = names, ""
+
+    def given(self, name: str, unit: str) -> None:
+        """Of a state, by its output."""
+        self.known[self.names[name]] = self.known.get(self.names[name]) or _dimension(unit)
+
+    def spread(self, rates: Mapping[str, Expression]) -> None:
+        """Where a state is the derivative of another, the unit of one says the other's."""
+        pairs = [
+            (self.names[n], value) for n, value in rates.items() if isinstance(value, Entry) and value.array == "x"
+        ]
+        for _ in pairs:
+            for state, rate in pairs:
+                if (unit := self.known.get(state)) and not self.known.get(rate):
+                    self.known[rate] = _times(unit, SECOND, -1)
+                elif (unit := self.known.get(rate)) and not self.known.get(state):
+                    self.known[state] = _times(unit, SECOND)
+
+    def check(self, s: Assign, text: str, expected: Dimension | None = None) -> None:
+        """One equation: its parts among each other, and with what it is to be."""
+        self.text = text
+        unit = self.of(s.value)
+        if isinstance(s.target, Name):
+            self.known[s.target] = unit
+        else:
+            state = self.known.get(Entry("x", s.target.index))
+            expected = _times(state, SECOND, -1) if state else None
+        if unit and expected and unit != expected:
+            raise FormulaError(text, 0, f"This is in {_shown(unit)}; expected {_shown(expected)}.")
+
+    def of(self, e: Expression) -> Dimension | None:
+        """Its unit; None where that is not known."""
+        match e:
+            case Number():
+                return None
+            case Name() | Entry():
+                return self.known.get(e)
+            case Choice(test, yes, no):
+                self.of(test)
+                return self._same(e, "chooses between", yes, no)
+            case Operation("*" | "/" as sign, (a, b)):
+                over, under = self.of(a), self.of(b)
+                return _times(over, under, 1 if sign == "*" else -1) if over and under else None
+            case Operation("**", (a, Number(power))):
+                base = self.of(a)
+                return _times(NONE, base, power) if base else None
+            case Operation(sign, operands):
+                unit = self._same(e, {"+": "adds", "-": "subtracts"}.get(sign, "compares"), *operands)
+                return NONE if sign in (*COMPARISONS, "and", "or", "not") else unit
+            case Call("min" | "max" | "abs" | "floor" | "ceil" | "trunc" | "fmod" | "hypot" | "atan2" as f, arguments):
+                unit = self._same(e, f"takes for {f}", *arguments)
+                return NONE if f == "atan2" else unit
+            case Call("sqrt" | "cbrt" as f, (a,)):
+                base = self.of(a)
+                return _times(NONE, base, 1 / 2 if f == "sqrt" else 1 / 3) if base else None
+            case Call("sign" | "copysign" as f, (a, *_)):
+                unit = self.of(a)
+                return NONE if f == "sign" else unit
+            case Call(f, arguments):
+                for a in arguments:
+                    if (unit := self.of(a)) and unit != NONE:
+                        self._wrong(e, f"`{f}` takes a plain number or an angle, not {_shown(unit)}.")
+                return NONE
+        return None
+
+    def _same(self, e: Expression, does: str, *operands: Expression) -> Dimension | None:
+        units = [unit for a in operands if (unit := self.of(a))]
+        if units and units[0] != units[-1]:
+            self._wrong(e, f"It {does} {_shown(units[0])} and {_shown(units[-1])}.")
+        return units[0] if units else None
+
+    def _wrong(self, e: Expression, why: str) -> None:
+        raise FormulaError(self.text, self.columns.get(id(e), 0), why)
+
+
+# --- a model as equations ------------------------------------------------------------------------------
+
+
+class _Text(Python):
+    """Expressions as a project file has them."""
+
+    def __init__(self, program: Program, names: Mapping[Expression, str]) -> None:
+        super().__init__(program)
+        self.names = names
+
+    def entry(self, e: Entry) -> str:
+        """By its name."""
+        return self.names[Entry(e.array, e.index)]
+
+    def name(self, name: str) -> str:
+        """As it is."""
+        return name
+
+    def _called(self, f: str) -> str:
+        return f
+
+
+def equations_of(model: Model) -> tuple[dict[str, str], dict[str, str]]:
+    """A model's definitions, in order, and the equation of each state, by names that equations may have.
+
+    Raises
+    ------
+    InputError
+        Where it has loops, or states that relax with a step of their own.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> definitions, equations = equations_of(fracid.rotary_pendulum())
+    >>> definitions["M12"], equations["theta"]
+    ('C3 * cos_2', 'theta_rate')
+    """
+    program = model.program
+    if program.relaxing:
+        raise Untranslatable(
+            f"{program.states[program.relaxing[0]]} relaxes with a step of its own, which equations do not say."
+        )
+    return _Flat(model).result()
+
+
+class _Flat:
+    """Statements as definitions: what a branch assigns becomes a choice, what a function gives stands in its place."""
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.program = model, model.program
+        self.functions = {f.name: f for f in self.program.functions}
+        self.values: dict[str, Expression] = {}
+        self.definitions: dict[str, Expression] = {}
+        self.taken = {*model.parameter_names, *model.inputs, *KNOWN, *CONSTANTS, *WORDS}
+        self.states = tuple(self._new(n) for n in self._named())
+
+    def result(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Texts of the definitions that are used, and of the equations."""
+        n = len(self.states)
+        here = self._run(self.program.body, {})
+        rates = [here[f"out {i}"] for i in range(n)]
+        while unused := {*self.definitions} - {*mentioned((*self.definitions.values(), *rates))}:
+            self.definitions = {k: v for k, v in self.definitions.items() if k not in unused}
+        names: dict[Expression, str] = {Entry("x", Number(i)): s for i, s in enumerate(self.states)}
+        names |= {Entry("u", Number(i)): s for i, s in enumerate(self.model.inputs)}
+        names |= {Entry("p", Number(i)): s for i, s in enumerate(self.model.parameter_names)}
+        write = _Text(self.program, names).expression
+        return {k: write(v) for k, v in self.definitions.items()}, {
+            s: write(r) for s, r in zip(self.states, rates, strict=True)
+        }
+
+    def _new(self, name: str) -> str:
+        plain = re.sub(r"\W+", "_", name).strip("_") or "v"
+        plain = plain if plain[0].isalpha() else f"v{plain}"
+        found = next(n for n in chain([plain], (f"{plain}_{k}" for k in count(2))) if n not in self.taken)
+        self.taken.add(found)
+        return found
+
+    def _named(self) -> list[str]:
+        """A state is called as its output is, or as the variable that it is given to."""
+        names = {i: n for n, i in self.model.output_states.items()}
+        for s in self.program.body:
+            match s:
+                case Assign(Name(n), Entry("x", Number(i))):
+                    names.setdefault(int(i), n)
+        return [names.get(i, n) for i, n in enumerate(self.model.states)]
+
+    def _run(self, body: Sequence[Statement], here: dict[str, Expression]) -> dict[str, Expression]:
+        """What each variable and entry of out is afterwards."""
+        for s in body:
+            match s:
+                case Assign(Name(n), value):
+                    here = here | {n: self._defined(n, self._within(value, here))}
+                case Assign(Entry("out", Number(i)), value):
+                    here = here | {f"out {i}": self._within(value, here)}
+                case If(test, yes, no):
+                    when = self._within(test, here)
+                    a, b = self._run(yes, here), self._run(no, here)
+                    for n in {**a, **b}:
+                        if a.get(n) != b.get(n):
+                            either = Choice(when, a.get(n, Number(0.0)), b.get(n, Number(0.0)))
+                            here = here | {n: either if n.startswith("out ") else self._defined(n, either)}
+                case _:
+                    raise Untranslatable("A loop cannot be written as an equation.")
+        return here
+
+    def _defined(self, name: str, value: Expression) -> Expression:
+        """A name for it, but for what is short."""
+        if isinstance(value, Number | Entry | Name):
+            return value
+        own = self._new(name)
+        self.definitions[own] = value
+        return Name(own)
+
+    def _within(self, e: Expression, here: Mapping[str, Expression]) -> Expression:
+        """With what each name stands for."""
+        match e:
+            case Name(n):
+                return here.get(n, Number(0.0))
+            case Entry("out", Number(i)):
+                return here[f"out {i}"]
+            case Call(f, arguments) if f in self.functions:
+                function = self.functions[f]
+                given = dict(zip(function.arguments, (self._within(a, here) for a in arguments), strict=True))
+                return self._given(function.body, given)
+            case Call(f, arguments):
+                return Call(f, tuple(self._within(a, here) for a in arguments))
+            case Operation(sign, operands):
+                return operation(sign, *(self._within(a, here) for a in operands))
+            case Choice(test, yes, no):
+                when, a, b = (self._within(part, here) for part in (test, yes, no))
+                return (a if when.value else b) if isinstance(when, Number) else Choice(when, a, b)
+        return e
+
+    def _given(self, body: Sequence[Statement], here: dict[str, Expression]) -> Expression:
+        """What a function returns."""
+        for k, s in enumerate(body):
+            match s:
+                case Return(value) if value is not None:
+                    return self._within(value, here)
+                case Assign(Name(n), value):
+                    here = here | {n: self._within(value, here)}
+                case If(test, yes, no):
+                    when, rest = self._within(test, here), [*body[k + 1 :]]
+                    if isinstance(when, Number):
+                        return self._given([*(yes if when.value else no), *rest], here)
+                    return Choice(when, self._given([*yes, *rest], here), self._given([*no, *rest], here))
+                case _:
+                    break
+        raise Untranslatable("A loop cannot be written as an equation.")

@@ -1,0 +1,295 @@
+"""Equations as text, read by a whitelist: numbers, names, ``+ - * / **``, comparisons, ``if else``, functions of math.
+
+Nothing here is evaluated as Python.  A text becomes tokens, tokens a tree of :mod:`fracid.models.written.tree`, and of
+the tree the function is made that is compiled: so a project file with equations needs no trust.  Length and depth are
+bounded before anything is built.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from fracid.errors import InputError
+from fracid.models.written.languages import Python
+from fracid.models.written.reading import FUNCTIONS, call, operation, truth
+from fracid.models.written.tree import Choice, Expression, Function, Number, Program
+
+__all__ = ["Formula", "FormulaError", "formula"]
+
+LONGEST = 2000
+"""Characters of an equation."""
+
+DEEPEST = 60
+"""Operations and brackets within each other."""
+
+SHOWN = 100
+"""Characters of an equation in a message, about the place that is wrong."""
+
+KNOWN = (*FUNCTIONS, "abs", "min", "max", "sign")
+
+ARGUMENTS = {"atan2": 2, "hypot": 2, "copysign": 2, "fmod": 2}
+
+CONSTANTS = {"pi": math.pi}
+
+WORDS = ("if", "else", "and", "or", "not")
+
+TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])|(?P<name>[^\W\d]\w*)"
+                   r"|(?P<sign>\*\*|<=|>=|==|!=|[-+*/()<>,]))", re.ASCII)  # fmt: skip
+
+BINDS = {"or": 1, "and": 2, **dict.fromkeys(("<", "<=", ">", ">=", "==", "!="), 4), "+": 5, "-": 5, "*": 6, "/": 6}
+
+
+class FormulaError(InputError):
+    """An equation that cannot be read: the equation, and below it the place."""
+
+    def __init__(self, text: str, column: int, why: str, where: str = "") -> None:
+        """Show a piece of the text, a caret and the reason."""
+        start = max(0, min(column - SHOWN // 2, len(text) - SHOWN))
+        piece = "".join(c if c.isprintable() else "?" for c in text[start : start + SHOWN])
+        super().__init__(f"{where}\n    {piece}\n    {' ' * (column - start)}^ {why}")
+        self.parts = text, column, why
+
+    def at(self, where: str) -> FormulaError:
+        """The same with its place in a file."""
+        return FormulaError(*self.parts, where)
+
+
+@dataclass
+class _Token:
+    kind: str
+    text: str
+    column: int
+
+
+def formula(text: str, names: Mapping[str, Expression], columns: dict[int, int] | None = None) -> Expression:
+    """Read an expression.
+
+    Parameters
+    ----------
+    text : str
+    names : mapping
+        What each name stands for.
+    columns : dict, optional
+        Takes id(operation) → the column of its sign, for messages.
+
+    Raises
+    ------
+    FormulaError
+
+    Examples
+    --------
+    >>> from fracid.models.written.tree import Name
+    >>> formula("2*v", {"v": Name("v")})
+    Operation(sign='*', operands=(Number(value=2.0), Name(name='v')))
+    >>> formula("tahn(v)", {"v": Name("v")})
+    Traceback (most recent call last):
+    fracid.models.written.formulas.FormulaError: ...tahn(v)... ^ `tahn` is no function; did you mean `tanh`?
+    """
+    return _Parser(text, names, {} if columns is None else columns).whole()
+
+
+class _Parser:
+    """Precedence climbing over the tokens."""
+
+    def __init__(self, text: str, names: Mapping[str, Expression], columns: dict[int, int]) -> None:
+        self.text, self.names, self.columns, self.depth, self.at = text, names, columns, 0, 0
+        if len(text) > LONGEST:
+            raise self.wrong(
+                0, f"It has {len(text):,} characters; {LONGEST:,} are read. Write parts of it as definitions."
+            )
+        self.tokens = self._tokens()
+
+    def wrong(self, column: int, why: str) -> FormulaError:
+        return FormulaError(self.text, column, why)
+
+    def _tokens(self) -> list[_Token]:
+        found, place, end = [], 0, len(self.text.rstrip())
+        while place < end:
+            match = TOKEN.match(self.text, place)
+            if match is None:
+                place += len(self.text[place:]) - len(self.text[place:].lstrip())
+                hint = {"^": "; a power is **", "[": "; only ( ) are brackets"}.get(self.text[place], "")
+                hint = "; is a * missing after the number?" if self.text[place].isdigit() else hint
+                raise self.wrong(place, f"`{self.text[place]}` means nothing here{hint}.")
+            kind = str(match.lastgroup)
+            text = match[kind]
+            found.append(_Token("word" if text in WORDS else kind, text, match.start(kind)))
+            place = match.end()
+        return [*found, _Token("end", "", end)]
+
+    @property
+    def now(self) -> _Token:
+        return self.tokens[self.at]
+
+    def take(self, text: str) -> bool:
+        if self.now.kind in ("sign", "word") and self.now.text == text:
+            self.at += 1
+            return True
+        return False
+
+    def need(self, text: str, why: str) -> None:
+        if not self.take(text):
+            raise self.wrong(self.now.column, why)
+
+    def whole(self) -> Expression:
+        result = self.choice()
+        if self.now.kind != "end":
+            raise self.wrong(self.now.column, f"`{self.now.text}` is one too many here; is a sign missing before it?")
+        return result
+
+    def choice(self) -> Expression:
+        self._deeper(1)
+        result = self.binary(1)
+        if self.take("if"):
+            test = truth(self.binary(1))
+            self.need("else", "`else` is missing: yes if test else no.")
+            no = self.choice()
+            result = (result if test.value else no) if isinstance(test, Number) else Choice(test, result, no)
+        self._deeper(-1)
+        return result
+
+    def _deeper(self, more: int) -> None:
+        self.depth += more
+        if self.depth > DEEPEST:
+            raise self.wrong(
+                self.now.column, f"More than {DEEPEST} operations lie within each other; write parts as definitions."
+            )
+
+    def binary(self, least: int) -> Expression:
+        result, rounds, compared = self.unary(), 0, None
+        while self.now.kind in ("sign", "word") and BINDS.get(self.now.text, 0) >= least:
+            token = self.now
+            self.at += 1
+            level, rounds = BINDS[token.text], rounds + 1
+            self._deeper(1)  # what stands left of it lies within it
+            right = self.binary(level + 1)
+            if level == 4 and compared is not None:  # a < b < c
+                result = operation("and", result, self._made(token, compared, right))
+            elif level <= 2:
+                result = operation(token.text, truth(result), truth(right))
+            else:
+                result = self._made(token, result, right)
+            compared = right if level == 4 else None
+        self.depth -= rounds
+        return result
+
+    def _made(self, token: _Token, *operands: Expression) -> Expression:
+        result = operation(token.text, *operands)
+        self.columns[id(result)] = token.column
+        return result
+
+    def unary(self) -> Expression:
+        token = self.now
+        if self.take("-") or self.take("+") or self.take("not"):
+            self._deeper(1)
+            inner = self.binary(3) if token.text == "not" else self.unary()
+            self._deeper(-1)
+            return inner if token.text == "+" else (
+                operation("not", truth(inner)) if token.text == "not" else operation("neg", inner))  # fmt: skip
+        base = self.atom()
+        token = self.now
+        if self.take("**"):
+            self._deeper(1)
+            base = self._made(token, base, self.unary())
+            self._deeper(-1)
+        return base
+
+    def atom(self) -> Expression:
+        token = self.now
+        self.at += 1
+        if token.kind == "number":
+            return Number(float(token.text))
+        if token.kind == "sign" and token.text == "(":
+            inner = self.choice()
+            self.need(")", "A bracket is not closed here.")
+            return inner
+        if token.kind == "name" and self.take("("):
+            return self._called(token)
+        if token.kind == "name":
+            return self._named(token)
+        self.at -= 1
+        raise self.wrong(token.column, "A value is missing here: a number, a name or a bracket.")
+
+    def _named(self, token: _Token) -> Expression:
+        if token.text in self.names:
+            return self.names[token.text]
+        if token.text in CONSTANTS:
+            return Number(CONSTANTS[token.text])
+        if token.text in KNOWN:
+            raise self.wrong(token.column, f"`{token.text}` is a function: {token.text}(…).")
+        raise self.wrong(
+            token.column, f"`{token.text}` is no state, input or parameter; {_close(token.text, self.names)}"
+        )
+
+    def _called(self, token: _Token) -> Expression:
+        if token.text not in KNOWN:
+            if token.text in self.names:
+                raise self.wrong(token.column, f"`{token.text}` is no function; is a * missing after it?")
+            raise self.wrong(token.column, f"`{token.text}` is no function; {_close(token.text, KNOWN)}")
+        arguments = [self.choice()]
+        while self.take(","):
+            arguments.append(self.choice())
+        self.need(")", f"The bracket of {token.text} is not closed here.")
+        several = token.text in ("min", "max")
+        wanted = ARGUMENTS.get(token.text, 1)
+        if (
+            (len(arguments) < 2)
+            if several
+            else (len(arguments) != wanted and (token.text, len(arguments)) != ("log", 2))
+        ):
+            raise self.wrong(
+                token.column,
+                f"`{token.text}` takes {'two values or more' if several else wanted}, not {len(arguments)}.",
+            )
+        result = call(token.text, arguments)
+        self.columns[id(result)] = token.column
+        return result
+
+
+def _close(name: str, known: Collection[str]) -> str:
+    same_letters = [k for k in known if sorted(k) == sorted(name)]
+    close = same_letters or difflib.get_close_matches(name, known, 1)
+    return f"did you mean `{close[0]}`?" if close else f"the known ones are {', '.join([*known][:20])}."
+
+
+# --- what is compiled ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A right-hand side or an output that is a tree: pickled, compared and hashed as one, and Numba compiles it.
+
+    Examples
+    --------
+    >>> from fracid.models.written.tree import Entry, Operation, Return
+    >>> twice = Operation("*", (Number(2.0), Entry("x", Number(0))))
+    >>> Formula(Function("double", ("t", "x", "u", "p"), (Return(twice),)))(0.0, [3.0], [], [])
+    6.0
+    """
+
+    tree: Program | Function
+
+    @cached_property
+    def py_func(self) -> Any:
+        """The function, in Numba's language."""
+        writer = Python(self.tree if isinstance(self.tree, Program) else Program((), (), (self.tree,), ()))
+        return writer.made("rhs" if isinstance(self.tree, Program) else self.tree.name)
+
+    @property
+    def __name__(self) -> str:
+        """What messages call it."""
+        return "of the equations" if isinstance(self.tree, Program) else self.tree.name
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The tree alone; each process makes its own function."""
+        return Formula, (self.tree,)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        return self.py_func(*arguments)

@@ -1,0 +1,239 @@
+"""Equations of a project file: read by a whitelist, never run as Python, checked with their units, compiled as any."""
+
+import math
+import pickle
+import random
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.export.equations import toml_model
+from fracid.models import Parameter
+from fracid.models.written.equations import Equation, equations_of, model_of
+from fracid.models.written.formulas import DEEPEST, LONGEST, FormulaError, formula
+from fracid.models.written.tree import Entry, Number
+from fracid.problem.project import project_from_text
+from own_models import own_models
+
+AXIS = {"position": Equation("speed"),
+        "speed": Equation("(force - b*speed - f*tanh(speed/1e-3) - offset)/m", "mu")}  # fmt: skip
+UNITS = {"m": "kg", "b": "N s/m", "f": "N", "offset": "N"}
+
+
+def axis(outputs=None, **changed):
+    constants = [Parameter(n, unit, 2.0, "") for n, unit in UNITS.items()]
+    outputs = {"position": Equation("position", unit="m")} if outputs is None else outputs
+    return model_of("linear-axis", AXIS | changed, outputs, {"force": "N"}, constants)
+
+
+NAMES = {n: Entry("x", Number(i)) for i, n in enumerate(("a", "b", "c"))}
+
+
+def value(text, a=0.3, b=-1.7, c=2.5):
+    model = model_of("one", {"y": Equation(text)}, {}, dict.fromkeys(NAMES, ""), [])
+    out = np.zeros(1)
+    model.rhs(0.0, np.zeros(1), np.array([a, b, c]), np.zeros(0), out)
+    return out[0]
+
+
+@pytest.mark.parametrize("text", [
+    "a + b*c - -a/2", "-a**2", "2**-a**2", "a if b < 0 else c if a > 1 else 3", "min(a, b, c) + max(a, 1e-3)",
+    "(a < b) * c + (b <= a < c)", "not a > b and c > 0 or b > 0", "tanh(a/.5) + atan2(b, c) + hypot(a, b)",
+    "abs(b)**0.5*pi", "log(c, 2.0) + exp(-a) - +a", "1.5e-3 * a", "(((a)))", "c - a - b", "c / a / b",
+])  # fmt: skip
+def test_an_equation_means_what_it_means_in_python(text):
+    there = {"a": 0.3, "b": -1.7, "c": 2.5, **vars(math)}
+    assert value(text) == eval(text, there)
+
+
+def test_sign_is_a_function():
+    assert [value("sign(a)", a=v) for v in (-2.0, 0.0, 3.0)] == [-1.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(("text", "column", "why"), [
+    ("a + tahn(b)", 4, "`tahn` is no function; did you mean `tanh`?"),
+    ("a + bb", 4, "`bb` is no state, input or parameter; did you mean `b`?"),
+    ("a^2", 1, "a power is \\*\\*"),
+    ("2a", 0, "is a \\* missing after the number"),
+    ("a(b)", 0, "is a \\* missing after it"),
+    ("(a + b", 6, "A bracket is not closed here"),
+    ("a +", 3, "A value is missing here"),
+    ("a b", 2, "is one too many here"),
+    ("sin", 0, "is a function: sin"),
+    ("atan2(a)", 0, "`atan2` takes 2, not 1"),
+    ("a if b", 6, "`else` is missing"),
+    ("__import__('os')", 11, "means nothing here"),
+    ("a.real", 1, "means nothing here"),
+    ("a[0]", 1, "only \\( \\) are brackets"),
+    ("λ", 0, "means nothing here"),
+    ("", 0, "A value is missing here"),
+])  # fmt: skip
+def test_what_is_no_equation_is_said_under_the_place(text, column, why):
+    with pytest.raises(FormulaError, match=why) as told:
+        formula(text, NAMES)
+    _, shown, caret = str(told.value).split("\n")
+    assert shown == f"    {text}"
+    assert caret.index("^") - 4 == column
+
+
+HOSTILE = ["(" * 5000, "a+" * 900 + "a", "-" * 1900 + "a", "not " * 400 + "a", "a**" * 600 + "a",
+           "a if a else " * 150 + "a",
+           "9" * 1900, "1e" + "9" * 1000, "9**9**9**9**9", "a" * 2000, "max(" * 400 + "a", "\x00", "a\n;import os",
+           "().__class__.__bases__", "lambda: a", "a := b", "a, b", "{a}", "f'{a}'", "é" * 1900,
+           "a<" * 900 + "b"]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_text_ends_soon_in_a_sentence(text, monkeypatch):
+    run = []
+    with monkeypatch.context() as patch:
+        for name in ("eval", "exec", "compile"):
+            patch.setattr(f"builtins.{name}", lambda *_, name=name, **__: run.append(name))
+        began = time.process_time()
+        with suppress(FormulaError):
+            formula(text, NAMES)
+        took = time.process_time() - began
+    assert not run
+    assert took < 0.05
+
+
+ALPHABET = (*"abc+-*/()<>=!., 0123456789e_'[λ", "\\", "\n", "**", "tanh(", "min(", " if ", " else ", " and ", " not ")
+
+
+def test_random_text_ends_soon_in_a_tree_or_a_sentence():
+    rng, slowest = random.Random(7), 0.0
+    for _ in range(3000):
+        text = "".join(rng.choice(ALPHABET) for _ in range(rng.randrange(1, 120)))
+        began = time.process_time()
+        with suppress(FormulaError):
+            formula(text, NAMES)
+        slowest = max(slowest, time.process_time() - began)
+    assert slowest < 0.05
+
+
+def test_what_is_too_long_or_too_deep_is_refused():
+    with pytest.raises(FormulaError, match=f"{LONGEST:,} are read"):
+        formula("a" * (LONGEST + 1), NAMES)
+    with pytest.raises(FormulaError, match=f"More than {DEEPEST} operations"):
+        formula("+".join("a" * (DEEPEST + 2)), NAMES)
+
+
+@pytest.mark.parametrize(("equation", "why"), [
+    ("(force - b*speed)/m + position", "It adds m s^-2 and m"),
+    ("(force - b*speed - m)/m", "It subtracts kg m s^-2 and kg"),
+    ("sin(force)/m", "`sin` takes a plain number or an angle, not kg m s^-2"),
+    ("force", "This is in kg m s^-2; expected m s^-2"),
+    ("force/m if force < m else 0", "It compares kg m s^-2 and kg"),
+])  # fmt: skip
+def test_units_that_do_not_agree_are_said_under_the_place(equation, why):
+    with pytest.raises(FormulaError, match=r"^\[model.equations\] speed\n") as told:
+        axis(speed=Equation(equation))
+    told.match(why.replace("^", r"\^"))
+
+
+def test_what_has_no_unit_may_have_any():
+    constants = [Parameter(n, "", 2.0, "") for n in UNITS]
+    assert model_of("axis", AXIS, {}, {"force": ""}, constants).outputs == {"position": 0, "speed": 1}
+
+
+def test_a_model_of_equations_is_the_same_model_in_another_process():
+    model = axis({"power": Equation("force*speed", unit="W")})
+    other = pickle.loads(pickle.dumps(model))
+    assert other.rhs == model.rhs
+    assert hash(other.rhs) == hash(model.rhs)
+    x, u, out = np.array([0.1, 0.2]), np.array([3.0]), np.zeros(2)
+    other.rhs(0.0, x, u, other.parameter_vector(), out)
+    np.testing.assert_array_equal(out, [0.2, (3.0 - 2 * 0.2 - 2 * math.tanh(0.2 / 1e-3) - 2.0) / 2])
+    assert other.outputs["power"](0.0, x, u, other.parameter_vector()) == 3.0 * 0.2
+
+
+WRITABLE = {"pendulum": fracid.rotary_pendulum(),
+            "two bodies, springpot": fracid.rotary_pendulum(play_theta=0.01, springpot_alpha=1e-3, tilt_x=0.01),
+            **{n: m for n, m in own_models().items() if not m.relaxing and m.output_states}}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_a_model_written_out_as_equations_and_read_again_is_the_same(name):
+    model, rng = WRITABLE[name], np.random.default_rng(2)
+    definitions, equations = equations_of(model)
+    constants = [Parameter(p.name, p.unit, p.value, "") for p in model.parameters]
+    inputs = dict.fromkeys(model.inputs, "")
+    written = {n: Equation(e) for n, e in equations.items()}
+    again = model_of("again", written, {}, inputs, constants, definitions)
+    for _ in range(10):
+        x, u, p = (
+            rng.standard_normal(len(model.states)),
+            rng.standard_normal(max(1, len(inputs))),
+            model.parameter_vector(),
+        )
+        one, other = np.zeros(len(x)), np.zeros(len(x))
+        model.rhs(0.0, x, u, p, one)
+        again.rhs(0.0, x, u, p, other)
+        np.testing.assert_allclose(other, one, rtol=1e-13)
+
+
+PROJECT = """
+[model]
+name = "linear-axis"
+inputs = { force = "N" }
+[model.equations]
+position = "speed"
+speed = { equals = "(force - b*speed)/m", order = "mu" }
+[model.outputs]
+position = { equals = "position", unit = "m" }
+[model.parameters]
+m = { start = 95.0, lower = 1.0, upper = 1e3, unit = "kg" }
+b = { value = 3.0, unit = "N s/m" }
+[model.orders]
+mu = { start = 1.0, lower = 0.6, upper = 1.2 }
+[[recording]]
+file = "axis.csv"
+force = { column = "force", unit = "N" }
+position = { column = "position", unit = "m" }
+"""
+
+
+@pytest.fixture
+def project(tmp_path):
+    t = np.arange(0, 2, 0.01)
+    columns = np.column_stack([t, np.sin(t), 0.01 * np.sin(t) ** 2])
+    np.savetxt(tmp_path / "axis.csv", columns, delimiter=",", header="time,force,position", comments="")
+    return lambda text: project_from_text(text, tmp_path / "axis.toml").problem
+
+
+def test_a_project_of_equations_needs_no_trust(project):
+    problem = project(PROJECT)
+    assert (problem.model.name, problem.outputs, problem.model.inputs) == ("linear-axis", ("position",), ("force",))
+    assert set(problem.names) >= {"mu", "m"}
+    assert "b" not in problem.names
+    assert {p.name: p.unit for p in problem.model.parameters} == {"m": "kg", "b": "N s/m"}
+
+
+@pytest.mark.parametrize(("old", "new", "why"), [
+    ("(force - b*speed)/m", "(force - b*sped)/m", "`sped` is no state, input or parameter; did you mean `speed`"),
+    ('name = "linear-axis"', 'name = "rotary-pendulum"', "give the equations a name of their own"),
+    ('name = "linear-axis"', 'name = "linear-axis"\nrig = "srv02-rotpen"', "rig means nothing for a model of eq"),
+    ('position = "speed"', 'b = "speed"', "b stands in .* give each its own name"),
+    ('position = "speed"', 'sin = "speed"', "'sin' cannot be a name in equations"),
+    ('"mu" }', '"1 - nu mu" }', "expected a number, a name or"),
+])  # fmt: skip
+def test_what_is_wrong_in_the_file_is_said_with_its_place(project, old, new, why):
+    with pytest.raises(fracid.InputError, match=r"axis.toml: (?s:.*)" + why):
+        project(PROJECT.replace(old, new))
+
+
+def test_a_model_written_as_toml_is_read_as_the_same_model(project):
+    rig = fracid.rotary_pendulum(springpot_alpha=1e-3)
+    values, orders = dict(zip(rig.parameter_names, rig.parameter_vector(), strict=True)), {"lambda": 0.9, "mu": 0.95}
+    recording = '[[recording]]\nfile = "axis.csv"\ntheta = { column = "position", unit = "rad" }\n'
+    model = project(toml_model(rig, values, orders, "run") + recording).model
+    assert model.orders == rig.orders
+    assert model.inputs == rig.inputs
+    np.testing.assert_array_equal(model.parameter_vector(), rig.parameter_vector())
+    x, out, other = np.random.default_rng(1).standard_normal(5), np.zeros(5), np.zeros(5)
+    rig.rhs(0.0, x, np.ones(1), rig.parameter_vector(), out)
+    model.rhs(0.0, x, np.ones(1), rig.parameter_vector(), other)
+    np.testing.assert_allclose(other, out, rtol=1e-13)
