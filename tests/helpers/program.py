@@ -13,7 +13,6 @@ lambda = 1.0
 mu = { start = 1.0, lower = 0.9, upper = 1.1 }
 [fit]
 initial_state = "held"
-substeps = 1
 [[recording]]
 file = "swing.csv"
 theta = { column = "theta", unit = "rad" }

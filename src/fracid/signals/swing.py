@@ -317,13 +317,13 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
 def _fall_begins(t: FloatArray, level: FloatArray, plateau: slice, fastest: int) -> int:
     """The last sample before a smoothed signal leaves a plateau: a free fall's rise is t², so its root is a line."""
     rise = np.abs(level - np.mean(level[plateau]))
-    rise, last = rise / rise[fastest], plateau.stop - 1
+    rise, last = rise / rise[fastest], int(plateau.stop) - 1
     falling = last + np.flatnonzero((rise[last:fastest] > FALLING[0]) & (rise[last:fastest] < FALLING[1]))
     if falling.size < 2:
         return last
     slope, offset = np.polyfit(t[falling], np.sqrt(rise[falling]), 1)
     moment = -offset / slope if slope > 0 else t[last]
-    return max(plateau.start, min(fastest, int(np.searchsorted(t, moment)) - 1))
+    return int(max(plateau.start, min(fastest, np.searchsorted(t, moment) - 1)))
 
 
 class _Noise(NamedTuple):

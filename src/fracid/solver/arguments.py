@@ -56,6 +56,10 @@ class StepWarning(UserWarning):
     """The step was shortened so that the end is a whole number of them."""
 
 
+class AtRestWarning(UserWarning):
+    """A state of order above 1 was given one initial value, so its first derivative is taken as 0."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
     """What :func:`fracid.solve_fde` is given beside the right-hand side, unchecked; it documents each."""
@@ -188,6 +192,13 @@ def check_initial_and_orders(
     for i in np.flatnonzero((slope != 0) & (q <= 1)):
         raise InputError(f"initial[{i}, 1] = {slope[i]:g}, but a state of order {q[i]:g} has no initial derivative "
                          "(only orders above 1 have); give 0 there.")  # fmt: skip
+    above = np.flatnonzero(q > 1)
+    if states is None and values.ndim == 1 and above.size:
+        i = above[0]
+        pairs = ", ".join(f"[{x:g}, 0]" for x in x0[:3]) + ", …" * (len(x0) > 3)
+        warnings.warn(f"State {i} of order {q[i]:g} starts at rest: an order above 1 has two initial values, and "
+                      f"initial gives one, so the first derivative is taken as 0. Type initial=[{pairs}], with the "
+                      "derivatives in place of the zeros.", AtRestWarning, stacklevel=4)  # fmt: skip
     return x0, slope, q
 
 

@@ -151,15 +151,16 @@ def sensitivities(
     x0, p = vector("initial", initial), vector("parameters", parameters)
     q = np.array(np.broadcast_to(vector("orders", orders), len(x0)))
     states = np.atleast_2d(x0.T)[0]
+    moving = np.column_stack([x0, np.zeros(len(x0))]) if x0.ndim == 1 else x0  # a neighbour of order 1 is above it
     points = [(kind, i) for kind, values in (("orders", q), ("parameters", p), ("initial", states))
               for i in range(len(values))]  # fmt: skip
     steps = {"orders": _order_steps(q), "parameters": _steps(p), "initial": _steps(states)}
     runs: list[dict[str, Any]] = [{}]
     for kind, i in points:
         for side in STENCIL:
-            values = {"orders": q, "parameters": p, "initial": x0}[kind].copy()
+            values = {"orders": q, "parameters": p, "initial": moving}[kind].copy()
             values[(i, 0) if values.ndim == 2 else i] += side * steps[kind][i]
-            runs.append({kind: values})
+            runs.append({"initial": moving, kind: values})
     common = {"orders": q, "initial": x0, "parameters": p, "tolerance": tolerance, **options}
     run, *neighbours = solve_fde_batch(rhs, runs, jobs=jobs, **common)
     for (kind, i), near in zip(np.repeat(np.array(points, object), len(STENCIL), 0), neighbours, strict=True):

@@ -98,7 +98,8 @@ def solve_fde(
     orders : float or array_like, shape (n_states,)
         Strictly between 0 and 2; a scalar holds for all states.
     initial : array_like, shape (n_states,) or (n_states, 2)
-        x(start), and in the second column the first derivatives where an order exceeds 1.
+        x(start), and in the second column the first derivatives where an order exceeds 1.  Without it these are taken
+        as 0, and an :class:`AtRestWarning` says so.
     step, end : float
         h and the last time [s].  Where `end` is not a whole number of steps away, the step is shortened so
         that it is, with a :class:`StepWarning`; :attr:`Trajectory.step` is the one used.
