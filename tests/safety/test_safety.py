@@ -47,6 +47,10 @@ ALLOWED = {
         "solver/compilation.py",
         "pickle.loads",
     ): "compiled code that fracid kept, in a caller's folder, with its digest",
+    (
+        "models/written/languages.py",
+        "exec",
+    ): "the text of a tree that a whitelist read: numbers, its own names and functions of mathematics",
     ("tasks/job.py", "pickle.loads"): "what this process's own pool, or the scheduler that the caller named, sends",
 }
 """File and call → why it may stay."""

@@ -201,7 +201,8 @@ class Uncertainty:
 
     def with_start(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
         """Wider by a start that moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
-        wider = np.nan_to_num(np.hypot(1.0, shift / self.standard_error), nan=1.0, posinf=1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            wider = np.nan_to_num(np.hypot(1.0, shift / self.standard_error), nan=1.0, posinf=1.0)
         ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
         return replace(
             self, standard_error=self.standard_error * wider, covariance=self.covariance * np.outer(wider, wider),

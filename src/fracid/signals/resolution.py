@@ -48,6 +48,12 @@ BURIED = 100.0
 EVEN = 1e-3
 """Of a step: as far again."""
 
+RAMP = 0.8
+"""Of the samples that move: from there on a signal is an even ramp."""
+
+EXACT, FEWEST = 1e-4, 8
+"""Parts of a step by which spacings of whole counts may be off, and how many spacings say so."""
+
 SEEN, COPIES = 500, 3.0
 """Values that a q is sought with at a time; how often a cell counts at most."""
 
@@ -82,22 +88,24 @@ def lattice(signal: FloatArray) -> Lattice | None:
     --------
     4096 counts a turn, printed in degrees with two digits, one of them with more:
 
-    >>> degrees = np.round(np.arange(-200, 200) * 360 / 4096, 2)
+    >>> degrees = np.round(np.round(200 * np.sin(np.arange(2000) / 60)) * 360 / 4096, 2)
     >>> q, error = lattice(np.append(degrees, degrees[7] + 1e-7))
     >>> bool(abs(q - 360 / 4096) < 4 * error < 1e-4)
     True
     """
     way = np.diff(signal, prepend=np.nan, append=np.nan)
-    steady = np.abs(np.diff(way)) <= EVEN * np.abs(way[1:])  # of an even ramp any rate of samples makes a lattice
-    values, count = np.unique(signal[(way[:-1] != 0) & ~steady], return_counts=True)
+    steady, moving = np.abs(np.diff(way)) <= EVEN * np.abs(way[1:]), way[:-1] != 0
+    values, count = np.unique(signal[moving], return_counts=True)
     copies = count.astype(np.float64)
-    if values.size < 2:
-        return None
+    if values.size < 2 or np.count_nonzero(moving & steady) > RAMP * np.count_nonzero(moving):
+        return None  # of an even ramp any rate of samples makes a lattice
     spacings = np.diff(values)
     spacings = spacings[spacings > max(1e-9 * max(abs(values[0]), abs(values[-1])), 1e-12)]  # one value, written twice
     if values.size == 2:
         return Lattice(float(f"{spacings[0]:.12g}"), 0.0) if spacings.size else None
     whole = Lattice(1.0, 0.0) if np.array_equal(values, np.rint(values)) else None  # a counter's, whatever its noise
+    if (exact := _exact(spacings)) is not None and noise_floor(signal) < BURIED * exact.step:
+        return exact
     for octave in _octaves(spacings):
         q = _agreed(values, np.minimum(copies, COPIES), octave)
         found = None if q is None else _believed(values, copies, q)
@@ -123,6 +131,15 @@ def noise_level(signal: FloatArray, step: float | None = None) -> float:
     q = (resolution(signal) or 0.0) if step is None else step
     white = white_noise(signal)
     return max(0.0 if math.isnan(white) else white, q / math.sqrt(12.0), 1e-9)
+
+
+def _exact(spacings: FloatArray) -> Lattice | None:
+    """The lattice of the smallest spacing, where all are multiples of it to the last digits: counts as they are."""
+    k = np.rint(spacings / spacings.min())
+    q = float(spacings.sum() / k.sum())
+    if spacings.size < FEWEST or np.max(np.abs(spacings - q * k)) > EXACT * q:
+        return None
+    return Lattice(float(f"{q:.12g}"), 0.0)
 
 
 def _octaves(spacings: FloatArray) -> Iterator[float]:
