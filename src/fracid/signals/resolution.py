@@ -48,8 +48,8 @@ BURIED = 100.0
 EVEN = 1e-3
 """Of a step: as far again."""
 
-RAMP = 0.8
-"""Of the samples that move: from there on a signal is an even ramp."""
+RAMP, STILL = 0.8, 1e-6
+"""Of the samples that move by more than that part of all: from there on a signal is an even ramp."""
 
 EXACT, FEWEST = 1e-4, 8
 """Parts of a step by which spacings of whole counts may be off, and how many spacings say so."""
@@ -97,7 +97,8 @@ def lattice(signal: FloatArray) -> Lattice | None:
     steady, moving = np.abs(np.diff(way)) <= EVEN * np.abs(way[1:]), way[:-1] != 0
     values, count = np.unique(signal[moving], return_counts=True)
     copies = count.astype(np.float64)
-    if values.size < 2 or np.count_nonzero(moving & steady) > RAMP * np.count_nonzero(moving):
+    going = np.abs(way[:-1]) > STILL * np.ptp(signal)
+    if values.size < 2 or np.count_nonzero(going & steady) > RAMP * np.count_nonzero(going):
         return None  # of an even ramp any rate of samples makes a lattice
     spacings = np.diff(values)
     spacings = spacings[spacings > max(1e-9 * max(abs(values[0]), abs(values[-1])), 1e-12)]  # one value, written twice
