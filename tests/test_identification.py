@@ -491,7 +491,7 @@ def test_the_result_holds_what_other_programs_rely_on():
     mu = content["orders"]["mu"]
     assert mu["interval_method"] == "sandwich"
     assert mu["white95"][0] < mu["value"] < mu["white95"][1]
-    assert content["interval_methods"] == {n: METHODS[n] for n in ("sandwich", "white")}
+    assert content["interval_methods"] == {n: METHODS[n] for n in ("sandwich", "white", "walk")}
     swing = content["recordings"]["swing"]
     assert (swing["use"], swing["samples"], swing["from"], swing["to"]) == ("fit", 751, 9.85, pytest.approx(12.85))
     assert swing["rmse"]["alpha"] == pytest.approx(1e-3, rel=0.1)
